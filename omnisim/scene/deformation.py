@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.scene.keyframes import Keyframes
 from omnisim.scene.node_motion import AnimatedNode
+from omnisim.scene.node_poses import NodePoses
 
 Matrix = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -39,13 +40,28 @@ class Skeleton:
         """Transforms (joints, 4, 4) from the bound mesh to the world."""
         found = self._latest.get(time_s)
         if found is None:
-            rest = np.eye(4)
-            nodes = [rest if one is None else one.transform_at(time_s) for one in self.nodes]
-            found = np.stack(nodes) @ self.node_from_bind
+            found = self._poses.at(time_s) @ self.node_from_bind
             # meshes of one skin share them at the instant of a picture
             self._latest.clear()
             self._latest[time_s] = found
         return found
+
+    def scales_at(self, time_s: float) -> Matrix:
+        """Largest scales (joints,) of the transforms."""
+        found = self._latest_scales.get(time_s)
+        if found is None:
+            found = np.linalg.norm(self.matrices_at(time_s)[:, :3, :3], 2, axis=(1, 2))
+            self._latest_scales.clear()
+            self._latest_scales[time_s] = found
+        return found
+
+    @cached_property
+    def _latest_scales(self) -> dict[float, Matrix]:
+        return {}
+
+    @cached_property
+    def _poses(self) -> NodePoses:
+        return NodePoses(self.nodes)
 
     @cached_property
     def _latest(self) -> dict[float, Matrix]:
@@ -167,8 +183,7 @@ class Deformation:
         longest = 0.0
         if self.targets is not None:
             longest = float(np.abs(self.weights_at(time_s)) @ self.targets.longest)
-        scales = np.linalg.norm(matrices[:, :3, :3], 2, axis=(1, 2))
-        reach = scales * (np.maximum(radii, 0.0) + longest)
+        reach = self._scale * self.skeleton.scales_at(time_s) * (np.maximum(radii, 0.0) + longest)
         used = np.flatnonzero(radii >= 0.0)
         at, reach = at[used], reach[used]
         low, high = (at - reach[:, None]).min(axis=0), (at + reach[:, None]).max(axis=0)
@@ -182,6 +197,11 @@ class Deformation:
         bounds = np.stack((low[used], high[used]), axis=1)
         corners = bounds[:, np.indices((2, 2, 2)).reshape(3, 8).T, [0, 1, 2]]
         return used, corners
+
+    @cached_property
+    def _scale(self) -> float:
+        """Largest scale from what the skeleton leads to."""
+        return float(np.linalg.norm(self.mesh_from_world[:3, :3], 2))
 
     @cached_property
     def _joint_bounds(self) -> tuple[Matrix, Matrix]:

@@ -28,9 +28,9 @@ class Keyframes:
 
     Attributes:
         times_s: (n,), of which none is before the one that it follows.
-        values: (n, k); of rotations quaternions (x, y, z, w).
+        values: (n, k), or (n, m, k) of several; of rotations quaternions (x, y, z, w).
         interpolation: between two times.
-        in_tangents, out_tangents: (n, k), by the second, of cubic splines.
+        in_tangents, out_tangents: as the values, by the second, of cubic splines.
         are_rotations: values are quaternions, along the shorter way between two.
 
     Source: glTF 2.0, appendix C.
@@ -54,7 +54,7 @@ class Keyframes:
         )
 
     def at(self, time_s: float) -> Values:
-        """Value (k,) at a time; a quaternion may be of another length than 1."""
+        """Value (k,) or values (m, k) at a time; a quaternion may be of another length than 1."""
         times_s = self.times_s
         last = int(np.searchsorted(times_s, time_s, side="right")) - 1
         if last < 0 or last + 1 == len(times_s) or self.interpolation is Interpolation.STEP:
@@ -66,7 +66,9 @@ class Keyframes:
             return self._along_spline(last, share, step_s)
         first, second = self.values[last], self.values[last + 1]
         if self.are_rotations:
-            return _slerp(first, second, share)
+            return (
+                _slerp(first, second, share) if first.ndim == 1 else _slerps(first, second, share)
+            )
         straight: Values = first + share * (second - first)
         return straight
 
@@ -98,3 +100,16 @@ def _slerp(first: Values, second: Values, share: float) -> Values:
         math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second
     ) / math.sin(angle)
     return turned
+
+
+def _slerps(first: Values, second: Values, share: float) -> Values:
+    """Unit quaternions (m, 4) at a share of the shorter way between two each."""
+    first, second = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (first, second))
+    second = np.where(np.einsum("mk,mk->m", first, second)[:, None] < 0.0, -second, second)
+    lengths = np.linalg.norm(second - first, axis=1), np.linalg.norm(second + first, axis=1)
+    angles = 2.0 * np.arctan2(*lengths)[:, None]
+    sines = np.where(angles == 0.0, 1.0, np.sin(angles))
+    turned: Values = (
+        np.sin((1.0 - share) * angles) * first + np.sin(share * angles) * second
+    ) / sines
+    return np.where(angles == 0.0, first, turned)

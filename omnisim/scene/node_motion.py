@@ -13,6 +13,7 @@ from omnisim.scene.keyframes import Keyframes
 from omnisim.world import Pose
 
 Matrix = NDArray[np.float64]
+NO_TURN = 1e-7  # length of a quaternion that turns nothing
 SHEAR_TOLERANCE = 1e-4  # far above the rounding of a file's float32
 
 
@@ -101,7 +102,7 @@ class NodeMotion:
 def local_transform(translation: Matrix, quaternion: Matrix, scale: Matrix) -> Matrix:
     """Transform (4, 4): translation (3,) · rotation · scale (3,); a quaternion 0 turns nothing."""
     result = np.eye(4)
-    if np.linalg.norm(quaternion) > 1e-7:
+    if np.linalg.norm(quaternion) > NO_TURN:
         result[:3, :3] = rotation_from_quaternion(quaternion)
     result[:3, :3] *= scale
     result[:3, 3] = translation

@@ -230,3 +230,13 @@ def test_an_object_plays_the_animation_that_it_names(tmp_path):
     (tmp_path / "scene.toml").write_text(text)
     with pytest.raises(SceneError, match="animation = 'swim': unknown"):
         load_scene(tmp_path / "scene.toml")
+
+
+def test_nodes_together_are_nodes_one_by_one(tmp_path):
+    scene = load_scene(Figure().write(tmp_path / "a.glb"))
+    (deformation,) = [one.deformation for one in scene.meshes if one.deformation is not None]
+    skeleton = deformation.skeleton
+    for time_s in (0.0, 0.123, 0.9999, 17.3):
+        alone = np.stack([node.transform_at(time_s) for node in skeleton.nodes])
+        expected = alone @ skeleton.node_from_bind
+        np.testing.assert_allclose(skeleton.matrices_at(time_s), expected, atol=1e-12)
