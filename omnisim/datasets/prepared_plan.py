@@ -123,8 +123,8 @@ class PreparedPlan:
             table = self.plan.scenes[number]
             source = self._scene_file(table)
             scene = load_scene(source, table.up_axis, table.meters_per_unit)
-            if table.name is not None:
-                scene = dataclasses.replace(scene, name=table.name)
+            # its own name would be the path by which the plan was found
+            scene = dataclasses.replace(scene, name=table.title)
             if table.labels is not None:
                 rules = read_label_file(self.path.parent / table.labels)
                 scene = dataclasses.replace(scene, labels=rules)
@@ -251,6 +251,7 @@ class PreparedPlan:
         scene = load_scene(
             self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
         )
+        scene = dataclasses.replace(scene, name=table.title)
         low, high = scene.bounds_m()
         return PlanObject(
             table.title,

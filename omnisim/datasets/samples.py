@@ -125,15 +125,20 @@ class Shards:
                 if shard not in self._members:
                     self._members[shard] = _by_key(tar)
                 keys = list(self._members[shard])
-                first = self._ends[shard] - len(keys)
-                key = keys[row - first]
+                count = self.manifest.shards[shard].statistics.samples
+                if len(keys) != count:
+                    raise PlanError(
+                        f"{path}: is damaged: expected {count} samples, got {len(keys)}: "
+                        "`omnisim dataset check` finds what to remove and make again"
+                    )
+                key = keys[row - self._ends[shard]]  # counted from the last
                 for member in self._members[shard][key]:
                     if only and member.name != key + only:
                         continue
                     content = tar.extractfile(member)
                     assert content is not None
                     (folder / Path(member.name).name).write_bytes(content.read())
-        except (OSError, tarfile.TarError, IndexError) as reason:
+        except (OSError, tarfile.TarError) as reason:
             raise PlanError(f"{path}: cannot be read: {reason}") from None
         return folder
 

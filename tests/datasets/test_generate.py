@@ -4,6 +4,7 @@ import io
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -234,10 +235,12 @@ def test_a_killed_worker_loses_nothing(tmp_path):
 def test_ray_makes_the_same_bytes(made, tmp_path):
     pytest.importorskip("ray", reason="the extra ray is not installed")
     plan, out = made
-    process = _started(plan, tmp_path / "out", "--engine", "ray")
+    plan = os.path.relpath(plan)  # workers are in other folders
+    process = _started(plan, os.path.relpath(tmp_path / "out"), "--engine", "ray")
     _, errors = process.communicate(timeout=300)
     assert process.returncode == 0, errors
     assert _tars(tmp_path / "out") == _tars(out)
+    assert (tmp_path / "out" / "manifest.json").is_file()
 
 
 @pytest.mark.slow
@@ -343,6 +346,24 @@ def test_a_network_learns_depth_better_than_the_mean(tmp_path):
         ((one - logs[test]).abs() * hit[test]).sum() / hit[test].sum() for one in (found, mean)
     ]
     assert errors[0] < 0.9 * errors[1]
+
+
+def test_a_damaged_shard_is_named_and_made_again(made, tmp_path):
+    plan, whole = made
+    out = tmp_path / "out"
+    shutil.copytree(whole, out)
+    content = bytearray((out / "shard-000001.tar").read_bytes())
+    with tarfile.open(out / "shard-000001.tar") as tar:
+        second = tar.getmember("000000004.channels.json")
+    content[second.offset] ^= 0xFF  # a header: what follows is lost
+    (out / "shard-000001.tar").write_bytes(content)
+    for words in (("view", out, "-o", tmp_path / "v.png"), ("check", out)):
+        done = _omnisim("dataset", *words)
+        assert isinstance(done.exception, OmnisimError)
+        assert "shard-000001.tar: is damaged: expected " in str(done.exception)
+    (out / "shard-000001.tar").unlink()
+    assert _omnisim("generate", plan, "-o", out).exit_code == 0
+    assert _tars(out) == _tars(whole)
 
 
 def test_free_floors_are_found_once_for_all_processes(tmp_path, monkeypatch):

@@ -1,6 +1,9 @@
 """Plans: faults in one line each, naming file, key and value."""
 
+from pathlib import Path
+
 import pytest
+import trimesh
 
 from omnisim.datasets.plan import read_plan
 from omnisim.datasets.prepared_plan import PreparedPlan
@@ -102,3 +105,14 @@ def test_the_fingerprint_is_of_what_pictures_depend_on(tmp_path):
         fingerprint("[vary]\npitch_deg = 1.0"), fingerprint(pictures_per_shard=4),
     }  # fmt: skip
     assert len({first, *others}) == 6
+
+
+def test_the_fingerprint_is_the_same_from_every_folder(tmp_path, monkeypatch):
+    trimesh.creation.box((4.0, 4.0, 0.1)).export(tmp_path / "floor.glb")
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.glb")
+    plan = write_plan(tmp_path, '[[objects]]\nfile = "box.glb"', scene="floor.glb")
+    first = PreparedPlan.read(plan)
+    monkeypatch.chdir(tmp_path)
+    for path in (Path("plan.toml"), Path("..", tmp_path.name, "plan.toml")):
+        assert PreparedPlan.read(path).fingerprint == first.fingerprint
+    assert first.scene(0).name == "floor"
