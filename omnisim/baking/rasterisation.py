@@ -34,7 +34,7 @@ def rasterise(
 ) -> Samples:
     """Samples of triangles on a grid of `GRID` × `GRID` in each texel.
 
-    A triangle that has none of its own gets one in its middle.
+    A slim triangle has them along its middle line, too, so that it has some all over its length.
 
     Args:
         corners_px: (m, 3, 2) of all triangles.
@@ -47,7 +47,8 @@ def rasterise(
     high = np.floor(corners.max(axis=1) + 1e-9).astype(np.intp)
     spans = np.maximum(high - low + 1, 0)
     ends = np.cumsum(spans.prod(axis=1))
-    starts = np.searchsorted(ends, np.arange(0, ends[-1] if len(ends) else 0, _BATCH))
+    total = int(ends[-1]) if len(ends) else 0
+    starts = np.searchsorted(ends, np.arange(0, max(total, 1), _BATCH))
     has_sample = np.zeros(len(triangles), dtype=np.bool_)
     for first, last in zip(starts, [*starts[1:], len(triangles)], strict=True):
         some = np.arange(first, last)
@@ -65,11 +66,36 @@ def rasterise(
                 weights.astype(np.float32),
             )
         )
-    rest = triangles[~has_sample]
-    middles = np.floor(corners_px[rest].mean(axis=1)).astype(np.intp)
-    third = np.full((len(rest), 3), 1.0 / 3.0, dtype=np.float32)
-    found.append(Samples(middles[:, 1] * width_px + middles[:, 0], rest.astype(np.int32), third))
+    found.append(_slim_samples(corners_px, triangles, has_sample, width_px))
     return Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _slim_samples(
+    corners_px: NDArray[np.float32],
+    triangles: NDArray[np.intp],
+    has_sample: NDArray[np.bool_],
+    width_px: int,
+) -> Samples:
+    """Samples from a corner to the middle of the shortest edge, of triangles that are slim."""
+    corners = corners_px[triangles].astype(np.float64)
+    edges = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)  # opposite to each corner
+    lengths = np.linalg.norm(edges, axis=2)
+    area = np.abs(_cross(edges[:, 0], edges[:, 1]))
+    is_slim = ~has_sample | (area < lengths.max(axis=1))
+    slim = np.flatnonzero(is_slim)
+    apex = lengths[slim].argmin(axis=1)
+    counts = np.ceil(GRID * lengths[slim].max(axis=1)).astype(np.intp) + 1
+    mine = np.repeat(np.arange(len(slim)), counts)
+    within = np.arange(len(mine)) - np.repeat(np.cumsum(counts) - counts, counts)
+    away = (within + 0.5) / counts[mine]
+    weights = np.repeat(0.5 * away[:, None], 3, axis=1)
+    weights[np.arange(len(mine)), apex[mine]] = 1.0 - away
+    points = np.floor(np.einsum("nk,nkc->nc", weights, corners[slim[mine]])).astype(np.intp)
+    return Samples(
+        points[:, 1] * width_px + points[:, 0],
+        triangles[slim[mine]].astype(np.int32),
+        weights.astype(np.float32),
+    )
 
 
 def _candidates(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_write, write_text
 from omnisim.errors import OutputError
+from omnisim.npz_file import read_arrays
 
 Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
@@ -71,8 +72,7 @@ class TileFolder:
         path = self.path / f"{name}.npz"
         if not path.is_file():
             return None
-        with np.load(path, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
+        return read_arrays(path, OutputError, "tile of a bake", f"remove {self.path}")
 
     def store(self, name: str, arrays: Arrays) -> None:
         """Keep the arrays of a tile.

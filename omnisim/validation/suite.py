@@ -77,6 +77,13 @@ CHECKS = (
         oracles=("mitsuba",),
         is_quick=False,
     ),
+    Check(
+        "baked",
+        "Baked light, traced by another renderer",
+        "baked.check",
+        oracles=("mitsuba", "embreex", "xatlas"),
+        is_quick=False,
+    ),
     Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
     Check("quality", "Quality of the picture, and shimmer", "picture_quality.check"),
     Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),

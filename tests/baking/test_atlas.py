@@ -92,3 +92,11 @@ def test_backs_are_seen_of_sheets_and_of_rooms_with_cameras():
     )
     assert hollow_triangles(lit_by(_double_sided(sheet))).all()
     assert instances_of(room, hollow_triangles(room)).tolist() == [True]
+
+
+def test_slim_triangles_have_samples_all_over_their_length():
+    corners = np.array([[[1.2, 1.3], [30.0, 1.3], [30.0, 1.45]]], dtype=np.float32)
+    samples = rasterise(corners, np.arange(1), 32)
+    assert set(range(32 + 1, 32 + 30)) <= set(samples.texels.tolist())
+    np.testing.assert_allclose(samples.weights.sum(axis=1), 1.0, rtol=1e-6)
+    assert samples.weights.min() >= 0.0

@@ -13,11 +13,10 @@ from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import load_scene
 from omnisim.sensors import Renderer
-from omnisim.srgb import srgb_from_linear
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.psnr import psnr_db
-from omnisim.validation.traced_mirror import inside_mirror, small_mirror, traced_in_mirror
+from omnisim.validation.traced_mirror import beside, inside_mirror, small_mirror, traced_in_mirror
 
 FOLDER = Path(__file__).parents[1] / "lit"
 SCENES, QUICK_SCENES = ("soccer", "courtyard"), ("soccer",)
@@ -44,7 +43,7 @@ def check(fixture: Fixture, title: str) -> Section:
         measures.append(
             Measure(f"{name}, default quality", found_db, "dB", BOUND_DB, at_least=True)
         )
-        pictures |= _shown(name, traced, ours, inside)
+        pictures |= beside(name, traced, ours, inside)
     measures += [Measure("size", size_px, "px"), Measure("samples per pixel", samples)]
     return Section(
         title,
@@ -62,19 +61,6 @@ def check(fixture: Fixture, title: str) -> Section:
             ),
         ),
     )
-
-
-def _shown(
-    name: str, traced: NDArray[np.float32], ours: NDArray[np.float32], inside: NDArray[np.bool_]
-) -> dict[str, NDArray[np.generic]]:
-    one, other = (np.where(inside[..., None], values, 0.0) for values in (traced, ours))
-    off = np.abs(srgb_from_linear(one) - srgb_from_linear(other))
-    enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)
-    return {
-        f"{name}, traced by Mitsuba": one,
-        f"{name}, by omnisim": other,
-        f"{name}, difference × 8": enhanced,
-    }
 
 
 def _figure(pictures: dict[str, NDArray[np.generic]]) -> Figure:

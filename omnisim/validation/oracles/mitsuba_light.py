@@ -1,7 +1,7 @@
-"""Direct light with shadows in a mirror, traced by Mitsuba 3.
+"""Light of lamps in a mirror, traced by Mitsuba 3.
 
 Surfaces are diffuse on both sides, or of glTF's materials without maps; lamps are Mitsuba's own.
-Light that bounces is left out, but for the one reflection of the mirror: paths have three parts.
+Direct light has paths of three parts, with the reflection of the mirror; light that bounces, more.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from omnisim.validation.oracles.mitsuba_scene import (
 from omnisim.validation.oracles.mitsuba_tracer import RIM_UNITS, mirror_of_metal, pinhole
 from omnisim.validation.oracles.surfaces import opaque_only
 
-_LAMP_MIRROR_SURFACE = 3  # parts of a path
+DIRECT_DEPTH = 3  # parts of a path: from a lamp by a surface and the mirror
+ALL_DEPTH = 24
 
 
 def matte_on_both_sides(scene: Scene) -> Scene:
@@ -60,6 +61,7 @@ def trace_lit_mirror(
     world_from_optical: ArrayLike,
     samples: int,
     seed: int = 0,
+    depth: int = DIRECT_DEPTH,
 ) -> NDArray[np.float32]:
     """Trace the picture (height, width, 3), linear RGB, of a mirror in a scene lit by its lamps.
 
@@ -67,6 +69,7 @@ def trace_lit_mirror(
         scene: of `matte_on_both_sides`, or of materials of `principled`, without ambient light, on
             black or under an environment map.
         camera, world_from_optical, samples, seed: see `trace_mirror`.
+        depth: most parts of a path, that of the mirror and of the lamp among them.
 
     Raises:
         OmnisimError: a matrix that is not a pose.
@@ -76,7 +79,7 @@ def trace_lit_mirror(
     units_per_m = RIM_UNITS / camera.mirror.rim_radius_m
     content: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": _LAMP_MIRROR_SURFACE},
+        "integrator": {"type": "path", "max_depth": depth},
     }
     with scalar_variant():
         content["sensor"] = pinhole(camera, pose[:3, :3], units_per_m, samples)
