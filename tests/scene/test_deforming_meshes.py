@@ -240,3 +240,22 @@ def test_nodes_together_are_nodes_one_by_one(tmp_path):
         alone = np.stack([node.transform_at(time_s) for node in skeleton.nodes])
         expected = alone @ skeleton.node_from_bind
         np.testing.assert_allclose(skeleton.matrices_at(time_s), expected, atol=1e-12)
+
+
+def test_nodes_of_an_object_deform_it(tmp_path):
+    """Animated nodes in a file of an object: its meshes move, and it stays one object."""
+    gltf = Animated()
+    gltf.node(name="base", mesh=gltf.triangle())
+    gltf.child(0, name="lid", mesh=gltf.triangle())
+    moves = [[0, 0, 0], [0, 2, 0]]
+    gltf.animate("open", (1, "translation", [0, 1], moves, "LINEAR"))
+    gltf.write(tmp_path / "bin.glb")
+    text = (
+        'extends = "courtyard"\n[[objects]]\nname = "bin"\nfile = "bin.glb"\nanimation = "open"\n'
+    )
+    (tmp_path / "scene.toml").write_text(text)
+    (made,) = load_scene(tmp_path / "scene.toml").objects
+    low, high = made.shape.boxes_at(0.5)["lid"].corners_m[:, 2][[0, -1]]
+    assert made.shape.objects == ()
+    assert (low, high) == pytest.approx((1.0, 2.0))
+    assert made.shape.boxes_at(0.5)["base"] is made.shape.instance_boxes["base"]

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.errors import GraphicsError
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.geometry_store import IndexRange
 from omnisim.gpu.scene.triangle_table import TriangleTable
@@ -15,6 +16,7 @@ from omnisim.gpu.shader_files import build_compute_shader
 from omnisim.scene.deformation import Deformation
 
 _GROUP_SIZE = 64  # local_size_x of the shaders
+_MAX_GROUPS = 65535  # which every GPU allows
 _MAX_JOINTS = 8  # of a vertex
 _BOUND = np.dtype(  # as in shaders/scene/deform.comp
     [
@@ -39,6 +41,9 @@ class MeshDeformer:
     Args:
         context: where.
         ranges: of the scene's meshes.
+
+    Raises:
+        GraphicsError: more than fits on the GPU.
     """
 
     def __init__(self, context: moderngl.Context, ranges: Sequence[IndexRange]):
@@ -49,6 +54,7 @@ class MeshDeformer:
         bounds, offsets = _tables(self._deformations, bases)
         corners = np.concatenate([_corners(one) for one in ranges if one.mesh.deformation])
         self._count, self._corner_count = len(bounds), len(corners)
+        _check_size(context, self._corner_count, max(bounds.nbytes, offsets.nbytes))
         matrices, weights = self._state(0.0)
         with gpu_allocation("meshes that deform", "make the scene smaller"):
             self._bound = [
@@ -99,6 +105,20 @@ class MeshDeformer:
         return (
             np.concatenate(matrices).astype(np.float32), np.concatenate(weights).astype(np.float32)
         )  # fmt: skip
+
+
+def _check_size(context: moderngl.Context, corners: int, largest_bytes: int) -> None:
+    """Refuse meshes that shaders cannot deform."""
+    if corners > _GROUP_SIZE * _MAX_GROUPS:
+        raise GraphicsError(
+            f"meshes that deform have {corners // 3} triangles: expected at most "
+            f"{_GROUP_SIZE * _MAX_GROUPS // 3}"
+        )
+    limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+    if largest_bytes > limit:
+        raise GraphicsError(
+            f"meshes that deform take {largest_bytes} bytes: this GPU allows {limit}"
+        )
 
 
 def _tables(
