@@ -6,8 +6,7 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
-from tests.soak.frames import LARGEST_GROWTH as FRAMES_GROWTH
-from tests.soak.frames import frames
+from tests.soak.frames import SCENES, frames
 from tests.soak.kills import kills
 from tests.soak.live import LARGEST_GROWTH as LIVE_GROWTH
 from tests.soak.live import live
@@ -20,6 +19,7 @@ def main() -> None:
     parser.add_argument("what", choices=("kills", "renderers", "frames", "live"))
     parser.add_argument("--times", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1, help="of the kills' moments, and of actions")
+    parser.add_argument("--scene", choices=SCENES, default="sheets", help="of the frames")
     parser.add_argument("--output", type=Path, help="for the runs; a temporary folder")
     options = parser.parse_args()
     print_line = partial(print, flush=True)
@@ -28,9 +28,9 @@ def main() -> None:
         print(f"{options.times} renderers: {growth / 1e3:+.0f} kB each")
         sys.exit(growth > LARGEST_GROWTH)
     if options.what == "frames":
-        growth = frames(options.times, print_line)
-        print(f"{options.times} frames: {growth / 1e6:+.1f} MB")
-        sys.exit(growth > FRAMES_GROWTH)
+        grown = frames(options.times, options.scene, print_line)
+        print(f"{options.times} frames: {grown.memory / 1e6:+.1f} MB, {dict(grown.objects)}")
+        sys.exit(not grown.is_flat)
     if options.what == "live":
         growth = live(options.times, options.seed, print_line)
         print(f"{options.times} actions: {growth / 1e6:+.1f} MB")

@@ -1,44 +1,96 @@
 """Frames without end, single and in batches of changing sizes: memory stays what it was."""
 
+import dataclasses
+from collections import Counter
+from typing import NamedTuple
+
 import numpy as np
 
-from omnisim import OmniCamera, Renderer, pose
+from omnisim import OmniCamera, Renderer, load_scene, pose
 from omnisim.sensors.stage import Stage
-from tests.gpu.sheets import mixed_scene
+from tests.gpu.sheets import LAMP, SUN, dynamic_object, mixed_scene
+from tests.soak.gl_objects import gl_objects
 from tests.soak.renderers import resident_bytes
 
 # Bytes, whatever the number of frames: what batches of changing sizes free comes back in parts,
 # which moves the memory up and down by 5 MB. Kept pictures of 6000 frames would take 10 MB.
 LARGEST_GROWTH = 8e6
-CAMERA = OmniCamera().resized(24).with_quality("fast")
+SIZES_PX = (24, 40)
 BATCHES = (16, 5, 40, 40, 1, 23)  # more and fewer than before, and the same
+CHANNELS = ("rgba", "range", "instance", "flow")
 
 
-def frames(times: int, print_line=print) -> float:
-    """Render `times` frames by one renderer.
+def _shadowed():
+    lamp, sun = (dataclasses.replace(one, casts_shadow=True) for one in (LAMP, SUN))
+    return mixed_scene(lamp, sun), dynamic_object()
+
+
+SCENES = {
+    "sheets": lambda: (mixed_scene(),),
+    "shadows": _shadowed,
+    "soccer": lambda: (load_scene("soccer"),),
+    "courtyard": lambda: (load_scene("courtyard"),),
+}
+
+
+class Growth(NamedTuple):
+    """Most of the last third of a run above the most of the second.
+
+    Attributes:
+        memory: resident bytes.
+        objects: of OpenGL, by kind; those that grew.
+    """
+
+    memory: float
+    objects: Counter[str]
+
+    @property
+    def is_flat(self) -> bool:
+        """Nothing grew."""
+        return self.memory <= LARGEST_GROWTH and not self.objects
+
+
+def frames(times: int, scene: str = "sheets", print_line=print) -> Growth:
+    """Render `times` frames of two cameras in a scene.
 
     Args:
         times: about how many; batches are not cut.
+        scene: of `SCENES`.
         print_line: called with the progress.
-
-    Returns:
-        Bytes by which the most memory of the last third is above that of the second.
     """
     poses = np.stack([pose((0.05 * k - 1.0, 0.0, 0.8), yaw_deg=9.0 * k) for k in range(40)])
     done, printed, most = 0, 0, [0, 0, 0]
-    with Stage(mixed_scene()) as stage, Renderer(stage, CAMERA) as renderer:
+    objects = [Counter(), Counter(), Counter()]
+    cameras = [OmniCamera().resized(size).with_quality("fast") for size in SIZES_PX]
+    with Stage(*SCENES[scene]()) as stage:
+        renderers = [Renderer(stage, camera) for camera in cameras]
         while done < times:
             third = 3 * done // times
-            for count in BATCHES:
-                renderer.render_batch(poses[:count])
-                for one in poses[:4]:
-                    renderer.render(one)
-                done += count + 4
-            names = ("rgba", "range", "instance", "flow")
-            renderer.render_batch(poses[:2], channels=names, next_states=poses[1:3])
-            done += 2
+            for renderer in renderers:
+                done += _round(renderer, poses)
             most[third] = max(most[third], resident_bytes())
+            with renderers[0]._passes.cube._context:
+                objects[third] |= gl_objects()
             if done - printed >= 5000:
                 printed = done
-                print_line(f"{done} of {times} frames: at most {most[third] / 1e6:.1f} MB")
-    return most[2] - most[1]
+                held = objects[third].total()
+                print_line(
+                    f"{scene}, {done} of {times} frames: at most {most[third] / 1e6:.1f} MB, "
+                    f"{held} objects"
+                )
+        for renderer in renderers:
+            renderer.close()
+    return Growth(most[2] - most[1], objects[2] - objects[1])
+
+
+def _round(renderer: Renderer, poses) -> int:
+    """Render frames, batches and ground truth of both; return how many pictures."""
+    done = 0
+    for count in BATCHES:
+        renderer.render_batch(poses[:count])
+        for one in poses[:4]:
+            renderer.render(one)
+        done += count + 4
+    renderer.render(poses[0], also=("range", "albedo"))
+    renderer.render_batch(poses[:2], channels=CHANNELS, next_states=poses[1:3])
+    return done + 3
