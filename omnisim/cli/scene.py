@@ -14,6 +14,7 @@ from omnisim.cli.console import out, pluralize
 from omnisim.cli.picture_requests import SceneRequest
 from omnisim.errors import printable
 from omnisim.extras import require_extra
+from omnisim.gpu.scene.memory_estimate import gpu_bytes
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.model import LightKind
@@ -69,6 +70,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "textures": len(scene_textures(scene)),
         "mesh_bytes": mesh_bytes,
         "texture_bytes": texture_bytes,
+        "gpu_bytes": gpu_bytes(scene),
         "floors": [dataclasses.asdict(one) for one in floors(scene)],
         "starts": [dataclasses.asdict(one) for one in start_places(scene)],
         "paths": [
@@ -146,7 +148,8 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
             "memory",
             f"meshes {_megabytes(document['mesh_bytes'])}, "
             f"{pluralize(document['textures'], 'texture')} "
-            f"{_megabytes(document['texture_bytes'])}",
+            f"{_megabytes(document['texture_bytes'])}; "
+            f"on the GPU about {_megabytes(document['gpu_bytes'])}",
         ),
         ("bounds", f"{_point(low)} to {_point(high)} m"),
         ("floors", ", ".join(f"{one['height_m']:.2f} m" for one in document["floors"]) or "none"),
