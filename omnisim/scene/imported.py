@@ -54,6 +54,8 @@ class ImportedScene(NamedTuple):
         lighting: in place of lights, where the file has levels of its own; None: it has not.
         background: linear RGB where nothing is hit; None: the file has none.
         dome: linear RGB luminance of light from everywhere, in cd/m².
+        environment: luminance (rows, 2 rows, 3) of the dome by direction, in axes of the world;
+            None: it is the same from everywhere.
         start: of the file's camera.
         labels: classes that the file states.
         objects: instances that move by the world's time.
@@ -67,6 +69,7 @@ class ImportedScene(NamedTuple):
     lighting: Lighting | None = None
     background: tuple[float, float, float] | None = None
     dome: tuple[float, float, float] | None = None
+    environment: NDArray[np.float32] | None = None
     start: StartPose | None = None
     labels: tuple[LabelRule, ...] = ()
     objects: tuple[ImportedObject, ...] = ()

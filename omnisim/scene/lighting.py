@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.environment import Environment
 from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
 # A pale clear sky near the horizon, linear RGB.
@@ -71,6 +72,12 @@ def expose(
         red, green, blue = (exposure * sky_lux).tolist()
         return Lighting((red, green, blue), lights, exposure)
     return Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
+
+
+def around(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
+    """Lighting with an environment map, in cd/m², in place of its even light."""
+    radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
+    return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))
 
 
 def _ambient_only(lux: NDArray[np.float64]) -> Lighting:

@@ -18,7 +18,7 @@ from omnisim.scene.gltf.animations import NO_ANIMATION, AnimationChoice
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light_tables import SkyTable
-from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
+from omnisim.scene.lighting import DEFAULT_BACKGROUND, around, expose
 from omnisim.scene.lit_scene import lit_scene
 from omnisim.scene.model import (
     MAX_LIGHTS,
@@ -236,6 +236,8 @@ def _scene(
     )
     lighting = read.lighting or expose(read.lights, read.meshes, instances, read.dome)
     background = read.background or (lighting.ambient if read.dome else DEFAULT_BACKGROUND)
+    if read.environment is not None:
+        lighting = around(lighting, read.environment)
     return Scene(
         name=name,
         meshes=read.meshes,

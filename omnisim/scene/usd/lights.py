@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Usd, UsdLux
+from pxr import Sdf, Usd, UsdLux
 
 from omnisim.scene.parts import Light, LightKind
+from omnisim.scene.usd.dome_maps import dome_map, mean_radiance
 from omnisim.scene.usd.notices import Notices
 from omnisim.scene.usd.shading import numbers
 
@@ -28,11 +29,13 @@ class Lights:
     Attributes:
         lights: in the world.
         dome: linear RGB luminance of the first dome light, in cd/m²; None: there is none.
+        environment: luminance (rows, 2 rows, 3) of its texture, in axes of the world, or None.
     """
 
     def __init__(self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Notices):
         self.lights: list[Light] = []
         self.dome: tuple[float, float, float] | None = None
+        self.environment: NDArray[np.float32] | None = None
         self._world_from_stage, self._time, self._notices = world_from_stage, time, notices
 
     def add(self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64]) -> None:
@@ -40,7 +43,7 @@ class Lights:
         kind = str(prim.GetTypeName()).removesuffix("_1")
         level, color = self._level(prim), self._color(prim)
         if kind == "DomeLight":
-            self._add_dome(prim, level, color)
+            self._add_dome(prim, stage_from_prim, level * np.array(color))
             return
         if level <= 0.0 or not any(color):
             return
@@ -135,14 +138,25 @@ class Lights:
         inner, outer = angle * (1.0 - softness), angle
         return math.cos(math.radians(inner)), math.cos(math.radians(outer))
 
-    def _add_dome(self, prim: Usd.Prim, level: float, color: tuple[float, float, float]) -> None:
-        if self._get(prim, "texture:file"):
-            self._notices.count("texture of a dome light is not drawn: its colour is", "light")
-        if self.dome is None:
-            red, green, blue = color
-            self.dome = level * red, level * green, level * blue
-        else:
+    def _add_dome(
+        self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64], luminance: NDArray[np.float64]
+    ) -> None:
+        if self.dome is not None:
             self._notices.count("DomeLight beside another is not drawn")
+            return
+        texture = self._get(prim, "texture:file")
+        if isinstance(texture, Sdf.AssetPath) and texture.path:
+            world_from_dome = (self._world_from_stage @ stage_from_prim)[:3, :3]
+            layout = str(self._get(prim, "texture:format") or "")
+            pixels = dome_map(texture, layout, world_from_dome)
+            if pixels is None:
+                effect = "texture of a dome light is not drawn: its colour is"
+                self._notices.count(effect, "light")
+            else:
+                self.environment = (luminance * pixels).astype(np.float32)
+                luminance = luminance * mean_radiance(pixels)
+        red, green, blue = luminance.tolist()
+        self.dome = red, green, blue
 
     def _get(self, prim: Usd.Prim, name: str) -> object:
         attribute = prim.GetAttribute(f"inputs:{name}")

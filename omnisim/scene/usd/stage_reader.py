@@ -92,6 +92,7 @@ class _Reader:
             [],
             tuple(self._lights.lights),
             dome=self._lights.dome,
+            environment=self._lights.environment,
             start=self._start,
             labels=_labels({one.name: one.class_name for one in placed if one.class_name}),
         )

@@ -120,7 +120,7 @@ class TextureFiles:
             self._notices.count("texture without a file is not drawn", "texture")
             return None
         try:
-            data = _content(source.resolved) or self._assets[source.path]
+            data = content_of(source.resolved) or self._assets[source.path]
         except OSError:  # noted by the resolver
             return None
         try:
@@ -130,7 +130,7 @@ class TextureFiles:
             return None
 
 
-def _content(resolved: str) -> bytes:
+def content_of(resolved: str) -> bytes:
     """Content of a file or a part of a package; empty where it cannot be read."""
     if not resolved:
         return b""

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from omnisim import load_scene
+from omnisim.image_files import write_radiance
 from omnisim.scene.lighting import illuminance
 from omnisim.scene.model import LightKind
 from tests.scene.usd.stages import define_box, new_stage
@@ -128,3 +130,67 @@ def test_a_dome_is_the_light_from_everywhere_and_the_background(tmp_path):
     (light,) = scene.lighting.lights
     # the sun gives a surface that faces it as much light as the brightest of the dome does
     assert scene.lighting.ambient[2] == pytest.approx(light.intensity * scene.lighting.exposure)
+
+
+def _textured(tmp_path, pixels, up="Z", rotate=(0.0, 0.0, 0.0), name="map.exr"):
+    """Scene of a box under a dome with a map."""
+    stage = new_stage(tmp_path / "a.usda")
+    UsdGeom.SetStageUpAxis(stage, up)
+    define_box(stage, "/World/box")
+    dome = UsdLux.DomeLight.Define(stage, "/World/dome")
+    dome.CreateTextureFileAttr(name)
+    dome.CreateIntensityAttr(20.0)
+    UsdGeom.XformCommonAPI(dome).SetRotate(rotate)
+    if pixels is not None:
+        write_radiance(tmp_path / name, pixels.astype(np.float16))
+    stage.Save()
+    return load_scene(tmp_path / "a.usda")
+
+
+def _storm(directions):
+    """Texture coordinates of Hydra Storm's projectToLatLong, from the top left."""
+    x, y, z = directions.T
+    return (np.arctan2(z, x) + 0.5 * np.pi) / (2.0 * np.pi) % 1.0, np.arccos(y) / np.pi
+
+
+@pytest.mark.parametrize(
+    ("up", "rotate"),
+    [("Y", (0.0, 0.0, 0.0)), ("Z", (90.0, 0.0, 0.0)), ("Y", (20.0, 130.0, -40.0))],
+)
+def test_a_domes_texture_is_where_storm_has_it(tmp_path, up, rotate):
+    across, down = np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(128) + 0.5) / 128)
+    # smooth in the direction: no seam
+    angle = 2.0 * np.pi * across
+    pixels = np.stack((1.2 + np.cos(angle), 1.2 + np.sin(angle), 0.2 + down), axis=-1)
+    environment = _textured(tmp_path, pixels, up, rotate).lighting.environment
+    generator = np.random.default_rng(5)
+    directions = generator.normal(size=(400, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    stage_from_dome = Rotation.from_euler("xyz", rotate, degrees=True).as_matrix()
+    stage = directions[:, (0, 2, 1)] * (1.0, 1.0, -1.0) if up == "Y" else directions
+    dome = stage @ stage_from_dome
+    u, v = _storm(dome[np.abs(dome[:, 1]) < 0.95])
+    expected = np.stack(
+        (1.2 + np.cos(2.0 * np.pi * u), 1.2 + np.sin(2.0 * np.pi * u), 0.2 + v), axis=-1
+    )
+    found = environment.seen(directions[np.abs(dome[:, 1]) < 0.95])
+    ratio = found / expected
+    np.testing.assert_allclose(ratio, np.median(ratio), rtol=0.03)
+
+
+def test_an_even_texture_is_as_bright_as_a_dome_without(tmp_path):
+    lighting = _textured(tmp_path, np.full((16, 32, 3), (1.0, 1.5, 2.0))).lighting
+    assert lighting.ambient == (0.0, 0.0, 0.0)
+    light = lighting.environment.ambient(np.eye(3))
+    np.testing.assert_allclose(light, [(0.5, 0.75, 1.0)] * 3, rtol=1e-3)
+    assert lighting.exposure == pytest.approx(1.0 / (np.pi * 40.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("content", [None, b"no picture"])
+def test_a_texture_that_cannot_be_read_leaves_the_colour(tmp_path, content):
+    if content is not None:
+        (tmp_path / "map.exr").write_bytes(content)
+    scene = _textured(tmp_path, None)
+    assert scene.lighting.environment is None
+    assert scene.lighting.ambient == (1.0, 1.0, 1.0)
+    assert any("texture of a dome light is not drawn" in notice for notice in scene.notices)
