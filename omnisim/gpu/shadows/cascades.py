@@ -17,7 +17,7 @@ _LARGEST_SINGLE_M = 24.0
 _RATIO = 4.0  # of widths
 MAX_CASCADES = 4
 STEPS = 4  # of the viewpoint in half the width
-_LEAST_DEPTH_M = 100.0  # beyond the scene, for what flies above it
+_BEYOND = 4.0  # half widths beyond the scene, for what flies above it
 
 
 class Cascades:
@@ -41,7 +41,7 @@ class Cascades:
         self._middle_m = 0.5 * (low_m + high_m)[:2]
         half_m = _half_m(low_m, high_m)
         self.halves_m = tuple(half_m / _RATIO**level for level in reversed(range(count)))
-        depth_m = 2.0 * _LEAST_DEPTH_M + 3.0 * float(high_m[2] - low_m[2])
+        depth_m = 2.0 * _BEYOND * half_m + 3.0 * float(high_m[2] - low_m[2])
         # a power of two, as shaders are compiled with it
         self.depth_scale = 2.0 ** -math.ceil(math.log2(depth_m / half_m))
         near_m = 0.5 * float(low_m[2] + high_m[2] - half_m / self.depth_scale)

@@ -240,3 +240,48 @@ def test_many_lamps_share_bounded_memory():
     assert (top + height).max() <= plan.height_px
     corners = np.stack((left, top), axis=1)
     assert len(np.unique(corners, axis=0)) == 32 * 6
+
+
+SCALES = {"millimetres": 1e-3, "metres": 1.0, "kilometres": 1e3}
+GRAZING_DEG = (1.0, 4.0, 15.0, 50.0)
+
+
+def _sized(camera, scale):
+    return replace(camera, near_m=camera.near_m * scale)
+
+
+@pytest.mark.parametrize("scale", SCALES.values(), ids=SCALES.keys())
+@pytest.mark.parametrize("grazing_deg", GRAZING_DEG)
+@pytest.mark.parametrize("kind", ["directional", "point"])
+def test_no_surface_shadows_itself_however_light_grazes_it(kind, grazing_deg, scale):
+    """A panel above a floor, lit at an angle to its plane; the floor has its shadow."""
+    if kind == "point" and scale < 1.0:
+        pytest.skip("what is so near to a lamp casts no shadow")
+    angle = np.deg2rad(grazing_deg)
+    # the panel's normal is the world's y, after the mesh's z
+    toward = np.array([0.3 * np.cos(angle), np.sin(angle), np.cos(angle)])
+    toward /= np.linalg.norm(toward)
+    light = _light(LightKind[kind.upper()], direction=-toward, position_m=3.0 * scale * toward)
+    light = replace(light, intensity=9.0 * scale**2 if kind == "point" else 1.0)
+    panel = square(0.5 * scale, material=1, name="panel")
+    floor = square(6.0 * scale)
+    poses = [pose((0.0, 0.0, -scale)), pose((0.0, 0.0, 0.0), roll_deg=-90.0)]
+    blue, red = (0, 0, 1, 1), (1, 0, 0, 1)
+    materials = [Material(base_color=one, double_sided=True) for one in (blue, red)]
+    scene = scene_of([floor, panel], materials, poses, _lighting(light))
+    camera = _sized(_camera(200), scale)
+    state = camera.base_pose(np.array([0.1, 0.7, 0.05]) * scale, yaw_deg=-90.0)
+    expected, shown = (
+        _linear(one, camera, state)
+        for one in (replace(scene, lighting=scene.lighting.without_shadows()), scene)
+    )
+    on_panel = expected[..., 0] > 0.02
+    assert on_panel.sum() > 500
+    assert (shown[..., 2] < 0.9 * expected[..., 2]).sum() > 20  # the shadow on the floor
+    off = np.abs(shown - expected)[..., 0][on_panel]
+    assert np.mean(off > 0.01) == 0.0
+
+
+def _linear(scene, camera, state):
+    with Renderer(scene, camera) as renderer:
+        return renderer.render(state, linear=True).linear
