@@ -135,6 +135,7 @@ class RayScene:
         behind: NDArray[np.int32] | None = None,
         footprints: NDArray[np.float32] | None = None,
         both_sides: bool = False,
+        of_shadows: bool = False,
     ) -> RayHits:
         """Nearest surfaces along rays (n,) that are no holes, and not clearer than half.
 
@@ -144,8 +145,10 @@ class RayScene:
             behind: (n,) triangles that are not hit.
             footprints: (n, 2, 3), see `radiance`, of the textures' holes.
             both_sides: all surfaces are double-sided.
+            of_shadows: surfaces that cast none are not hit.
         """
         geometry, shading = self.caster.geometry, self.shading
+        limits = shading.shadow_cutoff if of_shadows else shading.hit_cutoff
 
         def cast(rays: Rays, behind: NDArray[np.int32] | None) -> RayHits:
             return self.caster.cast(
@@ -155,14 +158,14 @@ class RayScene:
         found = cast(rays, behind)
         active = np.flatnonzero(found.triangles != NO_TRIANGLE)
         for _ in range(MAX_LAYERS):
-            cutoffs = shading.hit_cutoff[geometry.surface_of_triangle[found.triangles[active]]]
+            cutoffs = limits[geometry.surface_of_triangle[found.triangles[active]]]
             active = active[cutoffs > 0.0]
             if len(active) == 0:
                 break
             hits, some = found.take(active), rays.take(active)
             widths = None if footprints is None else footprints[active]
             alphas = shading.base_colors(some, hits, objects.world_from_objects, widths)[:, 3]
-            clear = np.flatnonzero(alphas < shading.hit_cutoff[shading.surfaces(hits)])
+            clear = np.flatnonzero(alphas < limits[shading.surfaces(hits)])
             active = active[clear]
             some = self.caster.behind(some.take(clear), hits.ranges_m[clear])
             hits = hits.take(clear)
@@ -176,7 +179,7 @@ class RayScene:
         everything = ObjectState(poses)
 
         def cast(rays: Rays, triangles: NDArray[np.int32]) -> RayHits:
-            return self.first_hits(rays, everything, triangles, both_sides=True)
+            return self.first_hits(rays, everything, triangles, both_sides=True, of_shadows=True)
 
         return cast
 

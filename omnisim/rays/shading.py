@@ -53,7 +53,7 @@ class Shading:
     Attributes:
         is_blended, is_unlit: (surfaces,).
         table: reflectance of the surfaces.
-        hit_cutoff: (surfaces,) see `omnisim.scene.model.Material.hit_cutoff`.
+        hit_cutoff, shadow_cutoff: (surfaces,) see `omnisim.scene.model.Material`.
     """
 
     def __init__(self, geometry: Geometry, lighting: Lighting):
@@ -69,6 +69,7 @@ class Shading:
         modes = [material.alpha_mode for material in materials]
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
+        self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
     def surfaces(self, hits: RayHits) -> NDArray[np.int32]:
         """Surfaces (n,) that are hit."""

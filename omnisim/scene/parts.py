@@ -79,6 +79,7 @@ class Material:
         alpha_cutoff: with MASK, alpha below this is a hole.
         double_sided: both sides are drawn.
         unlit: drawn without lights, always.
+        casts_shadow: lamps cast its shadow.
         metallic, roughness: 0 to 1, which multiply blue and green of `metallic_roughness_map`.
         specular, specular_color: strength and tint, linear RGB, of a dielectric's gloss.
         ior: refractive index of a dielectric.
@@ -112,6 +113,7 @@ class Material:
     normal_map: Texture | None = None
     occlusion_map: Texture | None = None
     emissive_map: Texture | None = None
+    casts_shadow: bool = True
 
     @property
     def maps(self) -> tuple[Texture | None, ...]:
@@ -141,6 +143,11 @@ class Material:
         if self.alpha_mode is AlphaMode.MASK:
             return self.alpha_cutoff
         return BLENDED_CUTOFF if self.alpha_mode is AlphaMode.BLEND else 0.0
+
+    @property
+    def shadow_cutoff(self) -> float:
+        """Alpha from which on the surface casts a shadow; infinite: nowhere."""
+        return self.hit_cutoff if self.casts_shadow else math.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,7 +143,9 @@ def build_clustered_geometry(
         np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
     )
     # parts of dynamic objects can be hidden one by one
-    part = np.where(is_static, 0, 1 + np.arange(len(items)))
+    # and what casts no shadow is not drawn into shadow maps
+    casts = np.array([item.material.casts_shadow for item in items])
+    part = np.where(is_static & casts, 0, 1 + np.arange(len(items)))
     objects = 1 + dynamic_objects
     group_key = bucket * objects + object_of_item[item_of_triangle]
     hierarchy = build_clusters(

@@ -68,10 +68,13 @@ class CasterDrawer:
         alphas = np.array([one.material.base_color[3] for one in items])
         single = buffers.shown_one_by_one()
         single &= alphas >= np.array([one.material.hit_cutoff for one in items])
-        dynamic = np.array([one.moves for one in items], dtype=np.bool_)
+        casts = np.array([one.material.casts_shadow for one in items], dtype=np.bool_)
+        single &= casts
+        moves = np.array([one.moves for one in items], dtype=np.bool_)
+        dynamic, static = casts & moves, casts & ~moves
         self.has_dynamic = bool(np.any(dynamic & buffers.shown()))
         self._items = {
-            False: np.flatnonzero(single & ~dynamic), True: np.flatnonzero(single & dynamic)
+            False: np.flatnonzero(single & static), True: np.flatnonzero(single & dynamic)
         }  # fmt: skip
         self._drawer = SceneDrawer(
             buffers,
@@ -84,7 +87,7 @@ class CasterDrawer:
         if buffers.clustered_geometry is not None:
             # hidden static items have no triangles
             shown_clusters = buffers.clustered_geometry.shown_clusters
-            self._shown = {True: shown_clusters(dynamic), False: shown_clusters(~dynamic)}
+            self._shown = {True: shown_clusters(dynamic), False: shown_clusters(static)}
 
     def draw(
         self,

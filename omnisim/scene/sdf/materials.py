@@ -45,7 +45,7 @@ class MaterialReader:
         material = Material("", (*_DEFAULT, 1.0), double_sided=double_sided)
         if element is not None:
             material = self._reflectance(element, self._plain(element, double_sided))
-        return self._index(_seen_through(material, visual))
+        return self._index(_of_visual(material, visual))
 
     def _plain(self, element: SdfElement, double_sided: bool) -> Material:
         """Colour, texture and sides of a `<material>`."""
@@ -130,8 +130,8 @@ class MaterialReader:
         return self._index(Material("", texture=texture)), tile_m
 
     def of_mesh(self, material: Material, visual: SdfElement) -> int:
-        """Index of a mesh's own material, as transparent as its visual."""
-        return self._index(_seen_through(material, visual))
+        """Index of a mesh's own material, as its visual shows it."""
+        return self._index(_of_visual(material, visual))
 
     def _index(self, material: Material) -> int:
         values = vars(material).values()
@@ -250,8 +250,9 @@ class MaterialReader:
         return found
 
 
-def _seen_through(material: Material, visual: SdfElement) -> Material:
-    """Material as transparent as its visual."""
+def _of_visual(material: Material, visual: SdfElement) -> Material:
+    """Material as transparent as its visual, and with its shadow or without."""
+    material = replace(material, casts_shadow=visual.flag("cast_shadows", default=True))
     transparency = min(max(visual.number("transparency", 0.0), 0.0), 1.0)
     if transparency == 0.0:
         return material

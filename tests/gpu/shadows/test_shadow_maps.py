@@ -162,6 +162,17 @@ def test_materials_cast_the_shadows_of_rays(material, light):
         np.testing.assert_allclose(shown, plain, atol=1e-3)
 
 
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+def test_materials_may_cast_no_shadow(backend):
+    if backend == "rays":
+        pytest.importorskip("embreex")
+    materials = [Material(double_sided=True), Material(double_sided=True, casts_shadow=False)]
+    scene = scene_of(_table(1), materials, lighting=_lighting(LIGHTS["directional"]))
+    camera = _camera()
+    plain = _render(replace(scene, lighting=scene.lighting.without_shadows()), camera, backend)
+    np.testing.assert_allclose(_render(scene, camera, backend), plain, atol=1e-3)
+
+
 def _moving():
     return scene_of([square(0.25, 0.0, name="moving")], [Material(double_sided=True)])
 

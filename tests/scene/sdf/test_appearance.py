@@ -254,6 +254,13 @@ def test_lights_cast_shadows_where_the_file_says_so(tmp_path):
         assert light.casts_shadow is casts
 
 
+def test_visuals_cast_shadows_unless_the_file_denies_it(tmp_path):
+    for text, casts in (("", True), ("<cast_shadows>0</cast_shadows>", False)):
+        shown = visual(BOX).replace("</visual>", f"{text}</visual>")
+        (material,) = load(tmp_path, world(model("m", shown))).materials
+        assert material.casts_shadow is casts
+
+
 def test_a_light_that_is_off_does_not_shine(tmp_path):
     off = SUN.replace("</light>", "<light_on>false</light_on></light>")
     lit = load(tmp_path, world(off + model("m", visual(BOX)))).lighting
