@@ -40,8 +40,8 @@ Corner corner(uint index) {
     vec3 surface = vec3(0.0);
 #ifdef HOLES
     uint there = at + TEXTURE_COORDINATE_WORD;
-    surface.xy = uintBitsToFloat(uvec2(vertex_words[there], vertex_words[there + 1u]));
-    surface.z = unpackHalf2x16(vertex_words[at + ALPHA_WORD]).y;
+    surface.xy = uintBitsToFloat(uvec2(vertex_word(there), vertex_word(there + 1u)));
+    surface.z = unpackHalf2x16(vertex_word(at + ALPHA_WORD)).y;
 #endif
     return Corner(position, surface);
 }

@@ -1,20 +1,47 @@
 // The scene's triangles for shaders that read them themselves: the two buffers, word by word.
 // uint vertex_at(uint index): first word of the vertex that an entry of the index buffer names.
 // vec3 position_at(uint at), normal_at(uint at): of the vertex there, in the frame of its mesh.
+// uint vertex_word(uint at), index_word(uint at): words of the buffers.
 // The layout of a vertex is that in omnisim/gpu/scene/vertex_format.py, in words of 4 bytes.
+// With WINDOW_WORD_BITS the buffers are larger than a binding, and bound in windows of as many words,
+// see omnisim/gpu/scene/triangle_windows.py.
 
 layout(std430, binding = 0) readonly buffer Vertices { uint vertex_words[]; };
 layout(std430, binding = 1) readonly buffer Indices { uint indices[]; };
 
+#ifdef WINDOW_WORD_BITS
+layout(std430, binding = 8) readonly buffer Vertices1 { uint vertex_words_1[]; };
+layout(std430, binding = 9) readonly buffer Vertices2 { uint vertex_words_2[]; };
+layout(std430, binding = 10) readonly buffer Indices1 { uint indices_1[]; };
+layout(std430, binding = 11) readonly buffer Indices2 { uint indices_2[]; };
+
+const uint WINDOW_MASK = (1u << WINDOW_WORD_BITS) - 1u;
+
+uint vertex_word(uint at) {
+    uint window = at >> WINDOW_WORD_BITS, place = at & WINDOW_MASK;
+    if (window == 0u) return vertex_words[place];
+    return window == 1u ? vertex_words_1[place] : vertex_words_2[place];
+}
+
+uint index_word(uint at) {
+    uint window = at >> WINDOW_WORD_BITS, place = at & WINDOW_MASK;
+    if (window == 0u) return indices[place];
+    return window == 1u ? indices_1[place] : indices_2[place];
+}
+#else
+#define vertex_word(at) vertex_words[at]
+#define index_word(at) indices[at]
+#endif
+
 const uint VERTEX_WORDS = 10u, NORMAL_WORD = 3u, TEXTURE_COORDINATE_WORD = 6u, ALPHA_WORD = 9u;
 
 uint vertex_at(uint index) {
-    return VERTEX_WORDS * indices[index];
+    return VERTEX_WORDS * index_word(index);
 }
 
 vec3 words_at(uint at) {
     return uintBitsToFloat(
-        uvec3(vertex_words[at], vertex_words[at + 1u], vertex_words[at + 2u]));
+        uvec3(vertex_word(at), vertex_word(at + 1u), vertex_word(at + 2u)));
 }
 
 vec3 position_at(uint at) {

@@ -154,7 +154,7 @@ def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
     small = SimpleNamespace(info={"GL_MAX_SHADER_STORAGE_BLOCK_SIZE": 100})
     buffers = SceneBuffers(context, scene_of([room()]))
     monkeypatch.setattr(buffers, "context", small)
-    with pytest.raises(GraphicsError, match="320 bytes: to scan them this GPU allows 100"):
+    with pytest.raises(GraphicsError, match="320 bytes: to scan them this GPU allows 192"):
         RangePass(buffers, np.zeros(1))
 
 

@@ -17,11 +17,11 @@ from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.ground_truth.visibility_program import atlas_formats
 from omnisim.gpu.memory import gpu_allocation
+from omnisim.gpu.scene.triangle_windows import bind_triangles, window_defines
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 
-_VERTICES, _INDICES = range(2)  # bindings
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 _POINTS, _PRIMITIVES = range(2)  # attachments; details follow
 # Of each detail, its define of the shader, and the components of its attachments.
@@ -70,10 +70,18 @@ class RayHitPass:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._variants: dict[HitDetails, _Variant] = {}
         self.tables = HitTables(visibility)
+        self._compiled_windows = self._windows()
+
+    def _windows(self) -> tuple[str, ...]:
+        buffers = self.visibility.buffers
+        return window_defines(buffers.context, buffers.vertices, buffers.indices)
 
     def refresh(self) -> None:
         """Hit what the buffers have now."""
         self.visibility.buffers.check_readable("to look up what its pixels show")
+        if self._windows() != self._compiled_windows:
+            self._compiled_windows = self._windows()
+            self._variants = {}
         self.visibility.refresh()
         self.tables.refresh()
 
@@ -110,8 +118,7 @@ class RayHitPass:
     def bind_geometry(self) -> None:
         """Bind vertices and indices, which normals need."""
         buffers = self.visibility.buffers
-        buffers.vertices.bind_to_storage_buffer(_VERTICES)
-        buffers.triangles.indices.bind_to_storage_buffer(_INDICES)
+        bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
 
     def bind(self) -> None:
         """Bind the rays."""
@@ -140,6 +147,7 @@ class RayHitPass:
             "ground_truth/hits.frag",
             (
                 *self.defines,
+                *self._compiled_windows,
                 *(_DEFINES[name] for name in details.components),
                 *defines,
             ),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.scene.draw_item import DrawItem
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.triangle_windows import bind_triangles, window_defines
 from omnisim.gpu.shader_files import build_compute_shader
 from omnisim.gpu.uniforms import columns_first, uniform
 from omnisim.scene.model import AlphaMode
@@ -17,7 +18,7 @@ from omnisim.world import ObjectPart
 
 _GROUP_SIZE = 64  # triangles; local_size_x in range.comp
 _MAX_GROUPS = 65535  # in one direction, which every GPU allows
-_VERTICES, _INDICES, _BEAMS, _RANGES = range(4)  # bindings in range.comp and vertex_words.glsl
+_BEAMS, _RANGES = 2, 3  # bindings in range.comp
 _NO_HIT = np.float32(np.inf)
 
 
@@ -48,24 +49,33 @@ class RangePass:
         context = buffers.context
         self._context, self._buffers, self._max_range_m = context, buffers, max_range_m
         self._hidden = hidden
+        increment_rad = angles_rad[1] - angles_rad[0] if len(angles_rad) > 1 else 1.0
+        self._angles_rad = angles_rad[0], increment_rad
+        self._compiled_windows: tuple[str, ...] | None = None
         self.refresh()
         self._is_front_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
         directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
         self._beams = context.buffer(directions.astype("<f4"))
         self._no_hits = np.full(len(angles_rad), _NO_HIT, dtype="<f4").tobytes()
         self._ranges = context.buffer(self._no_hits)
-        self._opaque = build_compute_shader(context, "scene/range.comp")
-        self._masked = build_compute_shader(context, "scene/range.comp", ("HOLES",))
-        self._masked["u_texture"] = 0
-        increment_rad = angles_rad[1] - angles_rad[0] if len(angles_rad) > 1 else 1.0
-        for program in (self._opaque, self._masked):
-            program["u_angle_min"] = angles_rad[0]
-            program["u_angle_increment"] = increment_rad
 
     def refresh(self) -> None:
         """Hit what the buffers have now."""
         self._shown = self._buffers.shown(self._hidden)
-        self._buffers.check_readable("to scan them")
+        buffers = self._buffers
+        buffers.check_readable("to scan them")
+        windows = window_defines(self._context, buffers.vertices, buffers.indices)
+        if windows != self._compiled_windows:
+            self._compiled_windows = windows
+            self._compile(windows)
+
+    def _compile(self, windows: tuple[str, ...]) -> None:
+        context = self._context
+        self._opaque = build_compute_shader(context, "scene/range.comp", windows)
+        self._masked = build_compute_shader(context, "scene/range.comp", ("HOLES", *windows))
+        self._masked["u_texture"] = 0
+        for program in (self._opaque, self._masked):
+            program["u_angle_min"], program["u_angle_increment"] = self._angles_rad
 
     def cast(
         self,
@@ -84,8 +94,7 @@ class RangePass:
         self._ranges.write(self._no_hits)
         self._beams.bind_to_storage_buffer(_BEAMS)
         self._ranges.bind_to_storage_buffer(_RANGES)
-        buffers.vertices.bind_to_storage_buffer(_VERTICES)
-        buffers.indices.bind_to_storage_buffer(_INDICES)
+        bind_triangles(self._context, buffers.vertices, buffers.indices)
         for index in np.flatnonzero(hit):
             self._cast_item(buffers.draw_items[index], matrices[index])
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)

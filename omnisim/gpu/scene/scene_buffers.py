@@ -22,6 +22,7 @@ from omnisim.gpu.scene.material_table import MaterialTable, placed_details
 from omnisim.gpu.scene.mesh_deformer import MeshDeformer
 from omnisim.gpu.scene.textures import MaterialTextures
 from omnisim.gpu.scene.triangle_table import TriangleTable
+from omnisim.gpu.scene.triangle_windows import MOST_WINDOWS, window_bytes
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
 from omnisim.world import ObjectPart, time_of
@@ -292,7 +293,7 @@ class SceneBuffers:
         Raises:
             GraphicsError: naming the size, the limit, and the purpose.
         """
-        limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        limit = MOST_WINDOWS * window_bytes(self.context)
         largest = max(self.vertices.size, self.indices.size)
         if largest > limit:
             raise GraphicsError(
