@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import EquidistantCamera, Rays, pixel_grid
+from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.poses import pose
 from tests.scenes import room, room_color, room_hit, scene_of
 
@@ -40,9 +41,8 @@ def test_each_ray_starts_at_its_own_origin():
     directions = rays.directions[rays.valid] @ world_from_optical.T
     assert np.ptp(rays.origins_m[..., 2]) > 0.15
     expected = room_hit(origins, directions)
-    hits = PixelHits(scene, PixelRays(camera, None), limits).cast(
-        world_from_rig, still, normals=False, albedos=False
-    )
+    pixels = PixelHits(scene, PixelRays(camera, None), limits)
+    hits = pixels.cast(world_from_rig, still, NO_DETAILS)
     points = hits.points_m[rays.valid] + world_from_rig[:3, 3]
     np.testing.assert_allclose(points, expected, atol=1e-6)
     lengths_m = np.linalg.norm(expected - origins, axis=1)
