@@ -33,7 +33,7 @@ def write_coco(shards: Shards, folder: Path) -> Iterator[int]:
     with atomic_folder(folder) as target:
         (target / IMAGES).mkdir()
         for row in range(len(shards)):
-            with shards.files(row) as files:
+            with shards.damage_named(row), shards.files(row) as files:
                 for picture in shards.pictures(files):
                     picture.rename(target / IMAGES / picture.name)
                     boxes = json.loads((files / f"{picture.stem}.coco.json").read_text("utf-8"))

@@ -120,10 +120,11 @@ def _groups(shards: Shards) -> list[_Group]:
     found: dict[tuple[str, str], _Group] = {}
     for row in range(len(shards)):
         content = shards.metadata(row)
-        key = str(content["scene"]), str(content["camera"])
-        group = found.setdefault(key, _Group(*key, [], []))
-        group.rows.append(row)
-        group.contents.append(content)
+        with shards.damage_named(row):
+            key = str(content["scene"]), str(content["camera"])
+            group = found.setdefault(key, _Group(*key, [], []))
+            group.rows.append(row)
+            group.contents.append(content)
     return list(found.values())
 
 
@@ -133,25 +134,30 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
     Raises:
         OmnisimError: a camera that is not the same in all of them.
     """
-    first = group.contents[0]["pictures"]
+    first: dict[str, Any] = {}
+    mounts: dict[str, NDArray[np.float64]] = {}
+    numbers, poses = [], []
+    for row, content in zip(group.rows, group.contents, strict=True):
+        with shards.damage_named(row):
+            pictures: dict[str, dict[str, Any]] = dict(content["pictures"])
+            first = first or pictures
+            numbers.append(float(content["number"]))
+            poses.append(pictures[next(iter(first))]["world_from_base"])
+            for name, picture in first.items():
+                found, mount = pictures[name], _mount(pictures[name])
+                known = mounts.setdefault(name, mount)
+                if found["camera"] != picture["camera"] or np.abs(mount - known).max() > SAME:
+                    raise PlanError(
+                        f"sample {content['number']}: {name} is not as in sample {numbers[0]:.0f}: "
+                        "expected cameras that do not vary, as this format has one calibration for "
+                        "all pictures"
+                    )
     run = _run(shards, group, list(first))
-    poses = [next(iter(one["pictures"].values()))["world_from_base"] for one in group.contents]
-    numbers = np.array([float(one["number"]) for one in group.contents])
     cameras = []
     for name, picture in first.items():
-        base_from_optical = _mount(picture)
-        for content in group.contents[1:]:
-            other = content["pictures"][name]
-            is_same = other["camera"] == picture["camera"]
-            if not is_same or np.abs(_mount(other) - base_from_optical).max() > SAME:
-                raise PlanError(
-                    f"sample {content['number']}: {name} is not as in sample "
-                    f"{group.contents[0]['number']}: expected cameras that do not vary, as this "
-                    "format has one calibration for all pictures"
-                )
-        mount = parse_mount(picture | {"base_from_optical": base_from_optical}, run.path / name)
-        cameras.append(_SampleCamera(run, name, mount, files, group.rows))
-    return Recording(run, Trajectory(numbers, np.array(poses)), None, tuple(cameras))
+        camera = parse_mount(picture | {"base_from_optical": mounts[name]}, run.path / name)
+        cameras.append(_SampleCamera(run, name, camera, files, group.rows))
+    return Recording(run, Trajectory(np.array(numbers), np.array(poses)), None, tuple(cameras))
 
 
 def _mount(picture: dict[str, Any]) -> NDArray[np.float64]:

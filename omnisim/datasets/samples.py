@@ -55,7 +55,7 @@ class Shards:
             IndexError: beyond the last.
             PlanError: a shard with a fault.
         """
-        with self.files(row) as folder:
+        with self.damage_named(row), self.files(row) as folder:
             content = _metadata(folder)
             parts = {}
             for path in self.pictures(folder):
@@ -69,7 +69,7 @@ class Shards:
 
     def picture(self, row: int) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of a sample's first camera."""
-        with self.files(row) as folder:
+        with self.damage_named(row), self.files(row) as folder:
             pixels: NDArray[np.uint8] = read_image(self.pictures(folder)[0])[0]
             return pixels
 
@@ -80,8 +80,37 @@ class Shards:
             IndexError: beyond the last.
             PlanError: a shard with a fault.
         """
-        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        with self.damage_named(row), tempfile.TemporaryDirectory(prefix="omnisim-") as name:
             return _metadata(self.extract(row, Path(name), only=".json"))
+
+    @contextmanager
+    def damage_named(self, row: int) -> Iterator[None]:
+        """Name the shard of a sample whose files are not as they were written.
+
+        Raises:
+            PlanError: within the block, something else was expected of the files.
+        """
+        try:
+            yield
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise self._damaged(row, "a sample's files as they were written, got others") from None
+
+    def _damaged(self, row: int, expected: str) -> PlanError:
+        return PlanError(
+            f"{self._shard_of(row)[1]}: is damaged: expected {expected}: `omnisim dataset check` "
+            "finds what to remove and make again"
+        )
+
+    def _shard_of(self, row: int) -> tuple[int, Path]:
+        """Number and path of the shard of a sample.
+
+        Raises:
+            IndexError: beyond the last.
+        """
+        if not -len(self) <= row < len(self):
+            raise IndexError(f"sample {row}: expected one of {len(self)}")
+        shard = bisect.bisect_right(self._ends, row % len(self))
+        return shard, self.folder / self.manifest.shards[shard].name
 
     @contextmanager
     def files(self, row: int) -> Iterator[Path]:
@@ -115,11 +144,8 @@ class Shards:
             IndexError: beyond the last.
             PlanError: a shard with a fault.
         """
-        if not -len(self) <= row < len(self):
-            raise IndexError(f"sample {row}: expected one of {len(self)}")
+        shard, path = self._shard_of(row)
         row %= len(self)
-        shard = bisect.bisect_right(self._ends, row)
-        path = self.folder / self.manifest.shards[shard].name
         try:
             with tarfile.open(path) as tar:
                 if shard not in self._members:
@@ -127,10 +153,7 @@ class Shards:
                 keys = list(self._members[shard])
                 count = self.manifest.shards[shard].statistics.samples
                 if len(keys) != count:
-                    raise PlanError(
-                        f"{path}: is damaged: expected {count} samples, got {len(keys)}: "
-                        "`omnisim dataset check` finds what to remove and make again"
-                    )
+                    raise self._damaged(row, f"{count} samples, got {len(keys)}")
                 key = keys[row - self._ends[shard]]  # counted from the last
                 for member in self._members[shard][key]:
                     if only and member.name != key + only:
@@ -139,7 +162,8 @@ class Shards:
                     assert content is not None
                     (folder / Path(member.name).name).write_bytes(content.read())
         except (OSError, tarfile.TarError) as reason:
-            raise PlanError(f"{path}: cannot be read: {reason}") from None
+            fault = str(reason).partition("\n")[0]
+            raise PlanError(f"{path}: cannot be read: {fault}") from None
         return folder
 
 

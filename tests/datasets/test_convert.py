@@ -1,6 +1,7 @@
 """Data sets in the layouts of other tools: poses, pictures and ranges are the samples'."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -150,3 +151,34 @@ def test_other_layouts_are_one_line(rig, tmp_path):
     (tmp_path / "there").mkdir()
     done = _omnisim("dataset", "convert", rig, "--to", "colmap", "-o", tmp_path / "there")
     assert "is there already" in str(done.exception)
+
+
+def test_cameras_that_vary_are_refused_but_for_coco(tmp_path):
+    out = _made(
+        tmp_path,
+        "[vary]\npictures_per_setup = 1",
+        camera="mount_turn_deg = [0.0, 2.0]",
+        channels=["instance"],
+        pictures_per_shard=2,
+        shards=1,
+    )
+    done = _omnisim("dataset", "convert", out, "--to", "kitti360", "-o", tmp_path / "k")
+    assert isinstance(done.exception, OmnisimError)
+    assert "sample 1: camera is not as in sample 0: expected cameras" in str(done.exception)
+    assert not (tmp_path / "k").exists()
+    assert _omnisim("dataset", "convert", out, "-o", tmp_path / "c").exit_code == 0
+
+
+@pytest.mark.parametrize("damage", [b"\xff", b"}", b"x"])
+@pytest.mark.parametrize("where", [b'"number"', b'"pictures"', b'"world_from_base"', b'"model"'])
+def test_damaged_samples_are_one_line(rig, tmp_path, where, damage):
+    out = tmp_path / "out"
+    shutil.copytree(rig, out)
+    content = bytearray((out / "shard-000000.tar").read_bytes())
+    at = content.find(where) + 2
+    content[at : at + 1] = damage
+    (out / "shard-000000.tar").write_bytes(content)
+    done = _omnisim("dataset", "convert", out, "--to", "nerfstudio", "-o", tmp_path / "n")
+    assert isinstance(done.exception, OmnisimError)
+    assert "\n" not in str(done.exception)
+    assert not (tmp_path / "n").exists()
