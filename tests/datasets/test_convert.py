@@ -175,7 +175,7 @@ def test_damaged_samples_are_one_line(rig, tmp_path, where, damage):
     out = tmp_path / "out"
     shutil.copytree(rig, out)
     content = bytearray((out / "shard-000000.tar").read_bytes())
-    at = content.find(where) + 2
+    at = content.find(where, content.find(b'{"number"')) + 2
     content[at : at + 1] = damage
     (out / "shard-000000.tar").write_bytes(content)
     done = _omnisim("dataset", "convert", out, "--to", "nerfstudio", "-o", tmp_path / "n")
