@@ -39,12 +39,12 @@ class Placed(NamedTuple):
     """Places and directions of surfaces that are seen.
 
     Attributes:
-        normals, plain_normals: (n, 3) unit, by the normal map and without it.
+        normals, coat_normals: (n, 3) unit, of the surface and of its clear coat, by their maps.
         views: (n, 3) unit, towards the origins of the rays.
     """
 
     normals: Floats
-    plain_normals: Floats
+    coat_normals: Floats
     views: Floats
 
 
@@ -64,7 +64,7 @@ def reflected_light(
         surroundings: (n, 3) baked light on white surfaces beyond that of lamps; None: it is not
             baked.
     """
-    grazing = (1.0 - _cosines(placed.plain_normals, placed.views)) ** 5
+    grazing = (1.0 - _cosines(placed.coat_normals, placed.views)) ** 5
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     total = (1.0 - coat)[:, None] * surface.emissive
     total += _environment(surface, placed, coat, lighting, surroundings)
@@ -84,9 +84,9 @@ def _lamp(surface: Reflectance, placed: Placed, coat: Floats, lamp: LampLight) -
     gloss *= _microfacets(surface.roughness, placed.normals, halfway, light, view)[:, None]
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, grazing).max(axis=1)
     total = (light * (1.0 - coat))[:, None] * (surface.body * (1.0 - lost)[:, None] + gloss)
-    light = np.maximum(_dot(placed.plain_normals, towards), 0.0)
-    view = _cosines(placed.plain_normals, placed.views)
-    facets = _microfacets(surface.coat_roughness, placed.plain_normals, halfway, light, view)
+    light = np.maximum(_dot(placed.coat_normals, towards), 0.0)
+    view = _cosines(placed.coat_normals, placed.views)
+    facets = _microfacets(surface.coat_roughness, placed.coat_normals, halfway, light, view)
     total += (coat * light * facets)[:, None]
     lit: Floats = lamp.levels[:, None] * lamp.color * total
     return lit
@@ -109,8 +109,8 @@ def _environment(
     total += gloss * _radiance(lighting, normals, views, surface.roughness, baked)
     total *= (1.0 - coat)[:, None]
     if coat.any():
-        coated = _shares(_cosines(placed.plain_normals, views), surface.coat_roughness)
-        seen = _radiance(lighting, placed.plain_normals, views, surface.coat_roughness, baked)
+        coated = _shares(_cosines(placed.coat_normals, views), surface.coat_roughness)
+        seen = _radiance(lighting, placed.coat_normals, views, surface.coat_roughness, baked)
         total += (coat * coated[:, :2].sum(axis=1))[:, None] * seen
     lit: Floats = surface.occlusion[:, None] * total
     return lit

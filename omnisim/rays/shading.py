@@ -19,7 +19,7 @@ from omnisim.rays.lights import LampLight, lamps_at, light_of_lamps, light_on_su
 from omnisim.rays.normal_maps import mapped_normals
 from omnisim.rays.reflectance import Placed, reflected_light
 from omnisim.rays.shadows import CastShadow, Shadows
-from omnisim.rays.surface_table import NORMAL, Sampler, SurfaceTable
+from omnisim.rays.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
 from omnisim.rays.textures import TextureTable
 from omnisim.scene.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
@@ -251,7 +251,8 @@ class Shading:
     ) -> NDArray[np.float32]:
         """Light (n, 3) of surfaces that are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
-        placed = Placed(self._mapped(normals, view, sampled), normals, -view.rays.directions)
+        mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
+        placed = Placed(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
         light = reflected_light(reflectance, placed, self._lighting, lamps, surroundings)
         return light.astype(np.float32)
@@ -267,20 +268,20 @@ class Shading:
         return sampled
 
     def _mapped(
-        self, normals: NDArray[np.float32], view: View, sampled: Sampler
+        self, slot: int, normals: NDArray[np.float32], view: View, sampled: Sampler
     ) -> NDArray[np.float32]:
-        """Normals (n, 3) of normal maps, for those that have one."""
+        """Normals (n, 3) of a kind of normal maps, for those that have one."""
         surfaces = self.surfaces(view.hits)
-        some, textures = self.table.textured(NORMAL, surfaces)
+        some, textures = self.table.textured(slot, surfaces)
         if len(some) == 0:
             return normals
         hits = view.hits.take(some)
         corners_m = self._geometry.corners_m(hits.triangles, view.world_from_objects)
-        coordinates = self._corner_coordinates(self.table.maps[NORMAL], textures, hits)
+        coordinates = self._corner_coordinates(self.table.maps[slot], textures, hits)
         normals = normals.copy()
         normals[some] = mapped_normals(
             normals[some], corners_m, coordinates, hits.planes,
-            sampled(NORMAL, some), self.table.normal_scales[surfaces[some]],
+            sampled(slot, some), self.table.normal_scales[slot][surfaces[some]],
         )  # fmt: skip
         return normals
 

@@ -16,9 +16,11 @@ from omnisim.rays.geometry import Surface
 from omnisim.rays.reflectance import Floats, Reflectance
 from omnisim.rays.textures import TextureTable
 from omnisim.scene.model import Material, Texture
-from omnisim.scene.reflectance import MIN_ROUGHNESS, dielectric_f0
+from omnisim.scene.reflectance import MIN_ROUGHNESS, dielectric_f0, tinted_reflectance
 
-METALLIC_ROUGHNESS, NORMAL, OCCLUSION, EMISSIVE = range(4)  # in the order of `Material.maps`
+# In the order of `Material.maps`.
+METALLIC_ROUGHNESS, NORMAL, OCCLUSION, EMISSIVE, SPECULAR, CLEARCOAT, CLEARCOAT_NORMAL = range(7)
+NORMAL_SCALES = {NORMAL: "normal_scale", CLEARCOAT_NORMAL: "clearcoat_normal_scale"}
 Sampler = Callable[[int, NDArray[np.intp]], NDArray[np.float32]]
 
 
@@ -45,14 +47,14 @@ class SurfaceTable:
     Attributes:
         is_matte: (surfaces,).
         maps: tables of textures, in the order of `Material.maps`.
-        normal_scales: (surfaces,).
+        normal_scales: (surfaces,) of each of `NORMAL_SCALES`.
     """
 
     def __init__(self, surfaces: Sequence[Surface], is_matte: bool):
         materials = [surface.material for surface in surfaces]
         self.is_matte = np.array([is_matte or one.is_matte for one in materials], dtype=np.bool_)
         shown = [] if self.is_matte.all() else surfaces
-        self.maps = tuple(TextureTable(shown, _map_of(slot)) for slot in range(4))
+        self.maps = tuple(TextureTable(shown, _map_of(slot)) for slot in range(7))
 
         def column(values: Sequence[object]) -> NDArray[np.float32]:
             return np.array(values, dtype=np.float32)
@@ -67,7 +69,13 @@ class SurfaceTable:
         self._f90 = column([one.specular for one in materials])
         self._coat = column([one.clearcoat for one in materials])
         self._coat_roughness = column([one.clearcoat_roughness for one in materials])
-        self.normal_scales = column([one.normal_scale for one in materials])
+        self._tint = column(
+            [tinted_reflectance(one.ior, one.specular_color) for one in materials]
+        ).reshape(-1, 3)
+        self.normal_scales = {
+            slot: column([getattr(one, name) for one in materials])
+            for slot, name in NORMAL_SCALES.items()
+        }
 
     def textured(
         self, slot: int, surfaces: NDArray[np.int32]
@@ -102,7 +110,8 @@ class SurfaceTable:
     ) -> Reflectance:
         """Reflectance at hits of surfaces (n,) of base colours (n, 3)."""
         values = self.values(surfaces, sampled)
-        metallic, f0, f90 = values.metallic, self._f0[surfaces], self._f90[surfaces]
+        metallic, (f0, f90) = values.metallic, self._gloss(surfaces, sampled)
+        coat, coat_roughness = self._clear_coat(surfaces, sampled)
         share = metallic[:, None]
         return Reflectance(
             body=colors * (1.0 - share),
@@ -111,8 +120,29 @@ class SurfaceTable:
             dielectric_f90=f90,
             f90=f90 + metallic * (1.0 - f90),
             roughness=np.clip(values.roughness, MIN_ROUGHNESS, 1.0),
-            coat=self._coat[surfaces],
-            coat_roughness=np.clip(self._coat_roughness[surfaces], MIN_ROUGHNESS, 1.0),
+            coat=coat,
+            coat_roughness=np.clip(coat_roughness, MIN_ROUGHNESS, 1.0),
             occlusion=values.occlusion,
             emissive=values.emissive,
         )
+
+    def _gloss(self, surfaces: NDArray[np.int32], sampled: Sampler) -> tuple[Floats, Floats]:
+        """Reflectances (n, 3) of dielectrics at normal incidence, and (n,) at grazing ones."""
+        f0, f90 = self._f0[surfaces], self._f90[surfaces]
+        some, _ = self.textured(SPECULAR, surfaces)
+        if len(some):
+            texels = sampled(SPECULAR, some)
+            f90[some] *= texels[:, 3]
+            tinted = np.minimum(self._tint[surfaces[some]] * texels[:, :3], 1.0)
+            f0[some] = f90[some, None] * tinted
+        return f0, f90
+
+    def _clear_coat(self, surfaces: NDArray[np.int32], sampled: Sampler) -> tuple[Floats, Floats]:
+        """Strengths and roughnesses (n,) of clear coats."""
+        coat, roughness = self._coat[surfaces], self._coat_roughness[surfaces]
+        some, _ = self.textured(CLEARCOAT, surfaces)
+        if len(some):
+            texels = sampled(CLEARCOAT, some)
+            coat[some] *= texels[:, 0]
+            roughness[some] *= texels[:, 1]
+        return coat, roughness

@@ -83,11 +83,15 @@ class Material:
         metallic, roughness: 0 to 1, which multiply blue and green of `metallic_roughness_map`.
         specular, specular_color: strength and tint, linear RGB, of a dielectric's gloss.
         ior: refractive index of a dielectric.
-        clearcoat, clearcoat_roughness: strength and roughness of a clear layer on top.
+        clearcoat, clearcoat_roughness: strength and roughness of a clear layer on top, which
+            multiply red and green of `clearcoat_map`.
         emissive: light that it emits, linear RGB from 0; it multiplies `emissive_map`.
-        normal_scale, occlusion_strength: of their maps.
+        normal_scale, occlusion_strength, clearcoat_normal_scale: of their maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.
         emissive_map: texture of colours.
+        specular_map: texture of colours that multiply `specular_color`, whose alpha multiplies
+            `specular`.
+        clearcoat_map, clearcoat_normal_map: linear textures.
 
     Source: glTF 2.0, section 3.9 and appendix B; KHR_materials_specular, _ior, _clearcoat.
     """
@@ -109,17 +113,22 @@ class Material:
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
     normal_scale: float = 1.0
     occlusion_strength: float = 1.0
+    clearcoat_normal_scale: float = 1.0
     metallic_roughness_map: Texture | None = None
     normal_map: Texture | None = None
     occlusion_map: Texture | None = None
     emissive_map: Texture | None = None
     casts_shadow: bool = True
+    specular_map: Texture | None = None
+    clearcoat_map: Texture | None = None
+    clearcoat_normal_map: Texture | None = None
 
     @property
     def maps(self) -> tuple[Texture | None, ...]:
         """Textures beside that of the base colour."""
         return (
-            self.metallic_roughness_map, self.normal_map, self.occlusion_map, self.emissive_map
+            self.metallic_roughness_map, self.normal_map, self.occlusion_map, self.emissive_map,
+            self.specular_map, self.clearcoat_map, self.clearcoat_normal_map,
         )  # fmt: skip
 
     @property

@@ -17,6 +17,13 @@ TABLE_SIZE = 64, 32  # cosines, roughnesses
 _DIRECTIONS = 512
 
 
+def tinted_reflectance(ior: float, color: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Reflectance at normal incidence, linear RGB, before it is limited to 1 and weakened."""
+    reflectance = ((ior - 1.0) / (ior + 1.0)) ** 2
+    red, green, blue = (reflectance * one for one in color)
+    return red, green, blue
+
+
 def dielectric_f0(
     ior: float, specular: float, color: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -24,8 +31,7 @@ def dielectric_f0(
 
     Source: KHR_materials_specular, implementation.
     """
-    reflectance = ((ior - 1.0) / (ior + 1.0)) ** 2
-    red, green, blue = (specular * min(reflectance * one, 1.0) for one in color)
+    red, green, blue = (specular * min(one, 1.0) for one in tinted_reflectance(ior, color))
     return red, green, blue
 
 

@@ -18,8 +18,8 @@ uniform int u_record;
 in vec2 v_second_coordinate;
 #endif
 
-const int MATERIAL_TEXELS = 12, MATERIALS_IN_ROW = 256;
-const int FIRST_MAP = 4;  // two texels for each
+const int MATERIAL_TEXELS = 19, MATERIALS_IN_ROW = 256;
+const int FIRST_MAP = 5;  // two texels for each
 
 struct SurfaceValues {
     float metallic;

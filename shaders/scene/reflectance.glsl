@@ -1,8 +1,9 @@
 // Reflectance of metals and dielectrics.
 // struct Reflectance: a surface's, of one fragment.
-// vec3 reflected_light(Reflectance surface, vec3 position, vec3 normal, vec3 view): linear RGB that a
-// lit surface reflects and emits. Position, normal and view in axes of the world; the view is a unit
-// vector towards the viewpoint.
+// vec3 reflected_light(Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal,
+// vec3 shape_normal, vec3 view): linear RGB that a lit surface reflects and emits. Position, normals and
+// view in axes of the world; the view is a unit vector towards the viewpoint. The normals are those of
+// the surface and of its clear coat by their maps, and of its shape, without.
 // With BAKED_LIGHT the light of the surroundings is what the baked light has beyond that of the lamps; an
 // environment map is reflected as far as its light reaches the surface.
 // Twin of omnisim/rays/reflectance.py. Includes scene/lighting.glsl.
@@ -121,10 +122,10 @@ vec3 reflected_environment(
 }
 
 vec3 reflected_light(
-    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view) {
+    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 shape_normal, vec3 view) {
     float coat_cosine = clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0);
     float coat = surface.coat * mix(COAT_F0, 1.0, pow(1.0 - coat_cosine, 5.0));
-    vec3 light = light_of_surroundings(position, normal, coat_normal);
+    vec3 light = light_of_surroundings(position, normal, shape_normal);
     vec3 total = (1.0 - coat) * surface.emissive
         + reflected_environment(surface, normal, coat_normal, view, coat, light);
     vec3 area = surface_area(position);

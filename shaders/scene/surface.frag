@@ -75,11 +75,12 @@ void main() {
     vec2 uv = vec2(0.0);  // unused
 #endif
     vec3 plain_normal = normal;
-#ifdef NORMAL_MAP
-    normal = mapped_normal(normal, position, uv, gl_FrontFacing ? 1.0 : -1.0);
-#endif
+    float side = gl_FrontFacing ? 1.0 : -1.0;
+    normal = shading_normal(plain_normal, position, uv, side);
+    vec3 coat_normal = coat_shading_normal(plain_normal, position, uv, side);
     color.rgb = reflected_light(
-        reflectance_of(color.rgb, uv), position, normal, plain_normal, normalize(-position));
+        reflectance_of(color.rgb, uv), position, normal, coat_normal, plain_normal,
+        normalize(-position));
 #else
     vec3 light = light_on_surface(position, normal);
 #ifdef BLENDED_ARRAYS

@@ -10,8 +10,9 @@ import trimesh
 from omnisim import OmniCamera, Renderer, Scene, load_scene
 from omnisim.errors import SceneError
 from omnisim.scene.gltf.writer import write_glb
-from omnisim.scene.model import LightKind
+from omnisim.scene.model import LightKind, Material, Texture
 from tests.scene.gltf_builder import glb, skinned_and_textured
+from tests.scenes import scene_of, square
 
 OBJECTS = """
 extends = "box.glb"
@@ -94,6 +95,30 @@ def test_materials_and_textures_come_back(tmp_path):
     for first, second in zip(before.meshes, after.meshes, strict=True):
         for key in ("triangles", "normals", "texture_coordinates", "colors"):
             np.testing.assert_array_equal(getattr(first, key), getattr(second, key))
+
+
+def test_maps_of_gloss_and_clear_coats_come_back(tmp_path):
+    random = np.random.default_rng(1)
+    gloss, coat, bumps = (
+        Texture(random.integers(0, 256, (4, 4, 4)).astype(np.uint8), is_linear=is_linear)
+        for is_linear in (False, True, True)
+    )
+    material = Material(
+        "a", metallic=0.5, roughness=0.25, specular=0.75, specular_color=(1.0, 0.5, 0.25),
+        clearcoat=0.5, clearcoat_roughness=0.25, clearcoat_normal_scale=0.5,
+        specular_map=gloss, clearcoat_map=coat, clearcoat_normal_map=bumps,
+    )  # fmt: skip
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], "f4")
+    write_glb(scene_of([square(texture_coordinates=uv)], [material]), tmp_path / "a.glb")
+    (after, *_) = load_scene(tmp_path / "a.glb").materials
+    assert (after.specular, after.specular_color) == (0.75, (1.0, 0.5, 0.25))
+    assert (after.clearcoat, after.clearcoat_roughness) == (0.5, 0.25)
+    assert after.clearcoat_normal_scale == 0.5
+    for before, found in zip(material.maps, after.maps, strict=True):
+        assert (before is None) == (found is None)
+        if before is not None:
+            np.testing.assert_array_equal(before.pixels, found.pixels)
+            assert before.is_linear == found.is_linear
 
 
 def test_lights_come_back(tmp_path):

@@ -256,9 +256,6 @@ USES = {
     ),
     "KHR_materials_anisotropy": _extension("KHR_materials_anisotropy", anisotropyStrength=1),
     "KHR_materials_clearcoat": _extension("KHR_materials_clearcoat", clearcoatFactor=1),
-    "clearcoatTexture, clearcoatRoughnessTexture, clearcoatNormalTexture": _extension_map(
-        "KHR_materials_clearcoat", "clearcoatTexture"
-    ),
     "KHR_materials_diffuse_transmission": _extension(
         "KHR_materials_diffuse_transmission", diffuseTransmissionFactor=1
     ),
@@ -268,9 +265,6 @@ USES = {
     "KHR_materials_iridescence": _extension("KHR_materials_iridescence", iridescenceFactor=1),
     "KHR_materials_sheen": _extension("KHR_materials_sheen", sheenColorFactor=[1, 0, 0]),
     "KHR_materials_specular": _extension("KHR_materials_specular", specularFactor=0),
-    "specularTexture, specularColorTexture": _extension_map(
-        "KHR_materials_specular", "specularTexture"
-    ),
     "KHR_materials_transmission": _extension("KHR_materials_transmission", transmissionFactor=1),
     "KHR_materials_volume": _extension("KHR_materials_volume", thicknessFactor=1),
     "KHR_materials_variants": lambda p: p.extend(p.primitive, "KHR_materials_variants"),
@@ -431,3 +425,47 @@ def test_every_extension_of_khronos_s_registry_has_its_line():
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*/*.glb")), ids=lambda path: path.stem)
 def test_built_in_scenes_use_no_feature_that_is_left_out(path):
     assert load_scene(path).notices == ()
+
+
+def test_maps_of_gloss_and_clear_coats_are_packed(tmp_path):
+    """One image or several, of other sizes; the rest of a texture is 1."""
+    small = np.random.default_rng(1).integers(0, 256, (2, 2, 4)).astype(np.uint8)
+    large = np.random.default_rng(2).integers(0, 256, (4, 4, 4)).astype(np.uint8)
+
+    def material(extension, **values):
+        plain = Plain()
+        first, second = plain.gltf.texture(small), plain.gltf.texture(large)
+        places = {"small": {"index": first}, "large": {"index": second}}
+        places["moved"] = {
+            "index": first,
+            "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.0]}},
+        }
+        content = {key: places[one] if isinstance(one, str) else one for key, one in values.items()}
+        plain.attribute("TEXCOORD_0", np.array([[0, 0], [1, 0], [0, 1]], "<f4"), "VEC2")
+        plain.extend(plain.material, extension, **content)
+        scene = load_scene(plain.gltf.write(tmp_path / "a.glb"))
+        return scene.materials[0], scene.notices
+
+    found, _ = material("KHR_materials_specular", specularTexture="small")
+    np.testing.assert_array_equal(found.specular_map.pixels[..., 3], small[..., 3])
+    assert (found.specular_map.pixels[..., :3] == 255).all()
+    found, _ = material("KHR_materials_specular", specularColorTexture="small")
+    np.testing.assert_array_equal(found.specular_map.pixels[..., :3], small[..., :3])
+    assert (found.specular_map.pixels[..., 3] == 255).all()
+    assert not found.specular_map.is_linear
+    both = {"specularTexture": "large", "specularColorTexture": "small"}
+    found, notices = material("KHR_materials_specular", **both)
+    np.testing.assert_array_equal(found.specular_map.pixels[..., 3], large[..., 3])
+    np.testing.assert_array_equal(found.specular_map.pixels[::3, ::3, :3], small[..., :3])
+    assert notices == ()
+    coat = {"clearcoatTexture": "large", "clearcoatRoughnessTexture": "large"}
+    found, _ = material("KHR_materials_clearcoat", clearcoatFactor=0.5, **coat)
+    np.testing.assert_array_equal(found.clearcoat_map.pixels, large)
+    assert found.clearcoat_map.is_linear
+    found, _ = material("KHR_materials_clearcoat", **coat, clearcoatNormalTexture="small")
+    assert found.maps == (None,) * 7  # of no coat
+    apart = {"specularTexture": "moved", "specularColorTexture": "small"}
+    found, notices = material("KHR_materials_specular", **apart)
+    assert found.specular_map is None
+    name = repr(found.name)
+    assert notices == (f"a.glb: specular maps of {name} are placed differently: not drawn",)

@@ -65,6 +65,14 @@ MATERIALS = {
         "occlusion_map": _texture(2, is_linear=True), "occlusion_strength": 0.7, "metallic": 0.5
     },
     "normal map": {"normal_map": NORMALS, "normal_scale": 1.3},
+    "specular map": {"specular": 0.9, "specular_color": (1.0, 2.0, 4.0), "specular_map": Texture(
+        np.dstack((_texture(11).pixels[..., :3], _texture(12).pixels[..., 0]))
+    )},
+    "coat maps": {
+        "clearcoat": 0.9, "clearcoat_roughness": 0.7,
+        "clearcoat_map": _texture(13, is_linear=True),
+        "clearcoat_normal_map": NORMALS, "clearcoat_normal_scale": 0.8,
+    },
     "second coordinates": {
         "normal_map": dataclasses.replace(
             NORMALS, uv_set=1, uv_transform=((0.0, 2.0, 0.1), (-1.0, 0.5, 0.0))
@@ -112,6 +120,30 @@ def test_both_back_ends_agree(lighting, material):
     has_maps = any(isinstance(one, Texture) for one in MATERIALS[material].values())
     assert difference.mean() < (1.5 if has_maps else 0.6)
     assert np.percentile(difference, 90 if has_maps else 98) <= 4
+
+
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+def test_even_maps_are_factors(backend):
+    """Gloss and clear coats: sRGB's 188 is 0.503 of light, 128 is 0.502 of a number."""
+    gloss = Texture(np.full((4, 4, 4), (188, 255, 128, 128), np.uint8))
+    coat = Texture(np.full((4, 4, 4), (128, 64, 0, 255), np.uint8), is_linear=True)
+    flat = Texture(np.full((4, 4, 4), (128, 128, 255, 255), np.uint8), is_linear=True)
+    with_maps = {
+        "specular": 1.0, "specular_color": (3.0, 2.0, 1.0), "specular_map": gloss,
+        "clearcoat": 1.0, "clearcoat_roughness": 1.0, "clearcoat_map": coat,
+        "clearcoat_normal_map": flat, "clearcoat_normal_scale": 0.0,
+    }  # fmt: skip
+    factors = {
+        "specular": 128 / 255, "specular_color": (3.0 * 0.5029, 2.0, 0.2159),
+        "clearcoat": 128 / 255, "clearcoat_roughness": 64 / 255,
+    }  # fmt: skip
+    one, other = (
+        _picture(_spheres(LIGHTINGS["lamps"], **values), CAMERA, backend).astype(int)
+        for values in (with_maps, factors)
+    )
+    assert np.abs(one - other).max() <= 2
+    plain = _picture(_spheres(LIGHTINGS["lamps"]), CAMERA, backend).astype(int)
+    assert np.abs(one - plain).max() > 20
 
 
 @pytest.mark.parametrize("double_sided", [True, False])

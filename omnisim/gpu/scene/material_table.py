@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.scene.model import Material, Mesh
-from omnisim.scene.reflectance import dielectric_f0
+from omnisim.scene.reflectance import dielectric_f0, tinted_reflectance
 
 # As in shaders/scene/reflective_material.glsl.
-_TEXELS, _FIRST_MAP, _IN_ROW = 12, 4, 256
+_TEXELS, _FIRST_MAP, _IN_ROW = 19, 5, 256
 _ROW_VERTICES = 4096
 
 
@@ -110,7 +110,10 @@ def _record(material: Material, layers: Sequence[int | None]) -> NDArray[np.floa
         material.metallic, material.roughness, material.normal_scale, material.occlusion_strength
     )  # fmt: skip
     record[2, :3] = material.emissive
-    record[3, :2] = material.clearcoat, material.clearcoat_roughness
+    record[3, :3] = (
+        material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale
+    )  # fmt: skip
+    record[4, :3] = tinted_reflectance(material.ior, material.specular_color)
     for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):
         if texture is not None and layer is not None:
             across, down = texture.uv_transform

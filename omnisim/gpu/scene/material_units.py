@@ -7,11 +7,14 @@ from collections.abc import Sequence
 import moderngl
 
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
+from omnisim.gpu.scene.texture_array import MAP_UNITS
 from omnisim.gpu.uniforms import set_sampler
 
-# Uniforms of maps, in the order of `Material.maps`, and their texture units: see `bind_maps`.
-MAPS = "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map"
-_MAP_UNITS = {f"u_{name}": unit for unit, name in enumerate(MAPS, start=1)}
+MAPS = (  # in the order of `Material.maps`
+    "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map",
+    "specular_map", "clearcoat_map", "clearcoat_normal_map",
+)  # fmt: skip
+_MAP_UNITS = {f"u_{name}": unit for unit, name in zip(MAP_UNITS, MAPS, strict=True)}
 _DETAILS_UNIT, _MATERIALS_UNIT, _ITEM_DETAILS_UNIT = 10, 11, 12
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omnisim.gpu import gl_functions
 from omnisim.gpu.memory import gpu_allocation
 
+MAP_UNITS = 1, 2, 3, 4, 9, 14, 15  # in the order of `Material.maps`
 SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
 
 
@@ -66,6 +67,6 @@ class TextureArray:
 
 def bind_maps(maps: Sequence[TextureArray | None]) -> None:
     """Bind the arrays of a material's maps, behind that of its base colour."""
-    for unit, one in enumerate(maps, start=1):
+    for unit, one in zip(MAP_UNITS, maps, strict=True):
         if one is not None:
             gl_functions.bind_texture(unit, one.array.glo)

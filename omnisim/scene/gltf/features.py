@@ -219,14 +219,9 @@ FEATURES = (
         "materials", _has_map("KHR_materials_pbrSpecularGlossiness", "specularGlossinessTexture"),
     ),
     _extension("KHR_materials_anisotropy", "anisotropyStrength", "anisotropy is not drawn"),
-    Feature("KHR_materials_clearcoat", _APPLIED, "its factors"),
     Feature(
-        "clearcoatTexture, clearcoatRoughnessTexture, clearcoatNormalTexture", _LEFT_OUT,
-        "maps of clear coats are not drawn", "materials",
-        _has_map(
-            "KHR_materials_clearcoat",
-            "clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture",
-        ),
+        "KHR_materials_clearcoat", _APPLIED,
+        "its factors and maps, of which the first two are placed alike",
     ),
     _extension(
         "KHR_materials_diffuse_transmission", "diffuseTransmissionFactor",
@@ -237,11 +232,8 @@ FEATURES = (
     Feature("KHR_materials_ior", _APPLIED, "of the gloss of a dielectric"),
     _extension("KHR_materials_iridescence", "iridescenceFactor", "iridescence is not drawn"),
     Feature("KHR_materials_sheen", _LEFT_OUT, "sheen is not drawn", "materials", _has_sheen),
-    Feature("KHR_materials_specular", _APPLIED, "its factors"),
     Feature(
-        "specularTexture, specularColorTexture", _LEFT_OUT,
-        "maps of specular strength and colour are not drawn", "materials",
-        _has_map("KHR_materials_specular", "specularTexture", "specularColorTexture"),
+        "KHR_materials_specular", _APPLIED, "its factors and maps, which are placed alike"
     ),
     _extension(
         "KHR_materials_transmission", "transmissionFactor",

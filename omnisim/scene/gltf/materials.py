@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from PIL import Image
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.gltf.accessors import Accessors, read_uri
 from omnisim.scene.gltf.json_object import JsonObject
+from omnisim.scene.gltf.packed_maps import PackedMaps
 from omnisim.scene.gltf.primitives import Primitive
 from omnisim.scene.gltf.reflectance import with_reflectance
 from omnisim.scene.imported import LARGEST_COORDINATE
@@ -45,6 +47,7 @@ class Materials:
         """Open all images; those that cannot be read are then in `assets.faults`."""
         self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
         self.notices: list[str] = []
+        self._packs = PackedMaps()
         self._store, self._assets = textures, assets
         self._textures, self._samplers = root.objects("textures"), root.objects("samplers")
         self._image_entries = root.objects("images")
@@ -104,7 +107,25 @@ class Materials:
         if plain.unlit or index == len(self.entries) - 1:
             return plain  # what states no material is no metal, as by the defaults of one
         maps = [self._map(entry, info, linear, name) for info, linear in _maps(entry)]
-        return with_reflectance(plain, entry, maps if is_used else [None] * len(maps))
+        return with_reflectance(plain, entry, self._packed(maps if is_used else [None] * 9, name))
+
+    def _packed(self, maps: Sequence[Texture | None], material: str) -> list[Texture | None]:
+        """Maps in the order of `Material.maps`, of those in the order of `_maps`."""
+        *plain, strength, color, coat, coat_roughness, coat_normal = maps
+        gloss, clear = (
+            ((color, (0, 1, 2)), (strength, (3,))),
+            ((coat, (0,)), (coat_roughness, (1,))),
+        )
+        found = list(plain)
+        for what, parts in (("specular", gloss), ("clearcoat", clear)):
+            try:
+                found.append(self._packs.pack(parts))
+            except ValueError:
+                found.append(None)
+                self.notices.append(
+                    f"{what} maps of {material!r} are placed differently: not drawn"
+                )
+        return [*found, coat_normal]
 
     def _map(
         self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str
@@ -181,7 +202,11 @@ def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObj
 
 
 def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
-    """Textures in the order of `Material.maps`, and true for linear ones."""
+    """Textures of all maps, see `Materials._packed`, and true for linear ones."""
+    specular, coat = (
+        material.extension(f"KHR_materials_{name}") or JsonObject({}, material.place)
+        for name in ("specular", "clearcoat")
+    )
     metallic = material.object("pbrMetallicRoughness")
     if material.extension("KHR_materials_pbrSpecularGlossiness") is not None:
         metallic = JsonObject({}, metallic.place)
@@ -190,6 +215,11 @@ def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
         (material.object("normalTexture"), True),
         (material.object("occlusionTexture"), True),
         (material.object("emissiveTexture"), False),
+        (specular.object("specularTexture"), False),
+        (specular.object("specularColorTexture"), False),
+        (coat.object("clearcoatTexture"), True),
+        (coat.object("clearcoatRoughnessTexture"), True),
+        (coat.object("clearcoatNormalTexture"), True),
     )
 
 

@@ -22,14 +22,14 @@ def with_reflectance(
     Source: glTF 2.0, section 3.9; KHR_materials_emissive_strength, _ior, _specular, _clearcoat,
     and the glossiness of KHR_materials_pbrSpecularGlossiness.
     """
-    metallic_roughness, normal, occlusion, emissive = maps
+    metallic_roughness, normal, occlusion, emissive, gloss, clear, coat_normal = maps
     metallic = entry.object("pbrMetallicRoughness")
     color, scale = _emissive(entry), entry.object("normalTexture").number("scale", 1.0)
     strength = _share(entry.object("occlusionTexture"), "strength", 1.0)
     common = replace(
         material,
         emissive=color,
-        normal_scale=min(max(scale, -_LARGEST_SCALE), _LARGEST_SCALE),
+        normal_scale=_scale(scale),
         occlusion_strength=strength,
         normal_map=normal if scale else None,
         occlusion_map=occlusion if strength else None,
@@ -41,16 +41,25 @@ def with_reflectance(
     coat = entry.extension("KHR_materials_clearcoat") or JsonObject({}, "")
     specular = entry.extension("KHR_materials_specular") or JsonObject({}, "")
     ior = entry.extension("KHR_materials_ior") or JsonObject({}, "")
+    strength, coating = (
+        _share(specular, "specularFactor", 1.0),
+        _share(coat, "clearcoatFactor", 0.0),
+    )
+    coat_scale = coat.object("clearcoatNormalTexture").number("scale", 1.0)
     return replace(
         common,
         metallic=_share(metallic, "metallicFactor", 1.0),
         roughness=_share(metallic, "roughnessFactor", 1.0),
-        specular=_share(specular, "specularFactor", 1.0),
+        specular=strength,
         specular_color=_color(specular, "specularColorFactor", 1.0),
         ior=max(ior.number("ior", DEFAULT_IOR), 1.0),
-        clearcoat=_share(coat, "clearcoatFactor", 0.0),
+        clearcoat=coating,
         clearcoat_roughness=_share(coat, "clearcoatRoughnessFactor", 0.0),
+        clearcoat_normal_scale=_scale(coat_scale),
         metallic_roughness_map=metallic_roughness,
+        specular_map=gloss if strength else None,
+        clearcoat_map=clear if coating else None,
+        clearcoat_normal_map=coat_normal if coating and coat_scale else None,
     )
 
 
@@ -72,6 +81,10 @@ def _emissive(entry: JsonObject) -> Color:
         min(factor * max(one, 0.0), _BRIGHTEST) for one in _color(entry, "emissiveFactor", 0.0)
     )
     return red, green, blue
+
+
+def _scale(scale: float) -> float:
+    return min(max(scale, -_LARGEST_SCALE), _LARGEST_SCALE)
 
 
 def _share(entry: JsonObject, key: str, default: float) -> float:

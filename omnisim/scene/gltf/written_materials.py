@@ -85,11 +85,22 @@ class WrittenMaterials:
                 "specularFactor": material.specular,
                 "specularColorFactor": list(material.specular_color),
             }
+        if material.specular_map is not None:
+            gloss = found.setdefault("KHR_materials_specular", {})
+            for key in ("specularTexture", "specularColorTexture"):
+                self._put(gloss, key, material.specular_map, material.name)
         if material.clearcoat > 0.0:
             found["KHR_materials_clearcoat"] = {
                 "clearcoatFactor": material.clearcoat,
                 "clearcoatRoughnessFactor": material.clearcoat_roughness,
             }
+            coat = found["KHR_materials_clearcoat"]
+            for key in ("clearcoatTexture", "clearcoatRoughnessTexture"):
+                self._put(coat, key, material.clearcoat_map, material.name)
+            self._put(
+                coat, "clearcoatNormalTexture", material.clearcoat_normal_map, material.name,
+                scale=material.clearcoat_normal_scale,
+            )  # fmt: skip
         return found
 
     def _put(
