@@ -58,7 +58,7 @@ def _pixels(points_m, base):
 
 @BACKENDS
 def test_flow_follows_the_skin(backend, tmp_path):
-    """Both ways, to within 0.02 px in the mean, the bound; points, to a few micrometres."""
+    """Both ways, far within 0.02 px in the mean; points, to a few micrometres."""
     stage, renderer = _open(tmp_path, backend)
     with stage, renderer:
         states = [
@@ -86,8 +86,8 @@ def test_flow_follows_the_skin(backend, tmp_path):
             found[name][on_figure] - (_pixels(then_m, THERE) - pixels), axis=1
         )
         assert np.linalg.norm(found[name][on_figure], axis=1).max() > 3.0
-        assert error_px.mean() < 1e-3
-        assert error_px.max() < 0.02
+        assert error_px.mean() < 1e-4
+        assert error_px.max() < 1e-3
     then_m = np.einsum("nk,nkc->nc", weights, FIGURE.vertices_m(AFTER_S)[corners])
     np.testing.assert_allclose(found["scene_flow"][on_figure], then_m - points_m, atol=1e-5)
     optical = (THERE[:3, :3] @ LENS.rig_from_optical, HERE[:3, :3] @ LENS.rig_from_optical)
