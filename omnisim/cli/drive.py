@@ -15,7 +15,7 @@ from omnisim.robot import Robot, load_robot
 from omnisim.robot.sensor_names import FOLDER_NAME, folder_name
 from omnisim.simulation.contacts import NO_SIZE, check_no_contact
 from omnisim.simulation.drive import PlannedDrive, drive_together, plan_together
-from omnisim.simulation.robot_models.importers import SUFFIXES, load_model
+from omnisim.simulation.robot_models.importers import SUFFIXES, load_robot_model
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
@@ -76,7 +76,7 @@ def _load_robot(source: str, resources: Sequence[Path]) -> tuple[Robot, Vehicle]
     if Path(source).suffix.lower() not in SUFFIXES:
         robot = load_robot(source)
         return robot, Vehicle.from_robot(robot)
-    loaded = load_model(Path(source), resources)
+    loaded = load_robot_model(Path(source), resources)
     for notice in loaded.notices:
         print_note(f"{source}: {notice}")
     for notice in () if loaded.vehicle.body is None else loaded.vehicle.body.notices:

@@ -53,6 +53,7 @@ from omnisim.simulation.calibration_file import calibration_json, read_mount
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.gazebo import import_model
 from omnisim.simulation.manifest import read_manifest
+from omnisim.simulation.robot_models.importers import load_robot_model
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_data import read_run
 from omnisim.simulation.run_folder import open_run
@@ -474,6 +475,10 @@ def _readers() -> list[Reader]:
                ("robot.toml", "omnicam.toml")),
         Reader("gazebo-robot", partial(_copy, GAZEBO_ROBOT, "a.sdf"),
                lambda f: import_model(f / "a.sdf", f / "robot.toml")),
+        Reader("urdf-robot", partial(_write, "a.urdf", URDF_ROBOT),
+               lambda f: load_robot_model(f / "a.urdf")),
+        Reader("mujoco-robot", partial(_write, "a.xml", MUJOCO_ROBOT),
+               lambda f: load_robot_model(f / "a.xml")),
         Reader("usarsim", partial(_copy, ROBOTS_INI, "a.ini"), _import_robots),
     ]  # fmt: skip
     calibrations = [
@@ -584,6 +589,21 @@ wood.png</diffuse><size>2</size></texture><texture><diffuse>wood.png</diffuse><s
 <pose>0 1 0 0 0 0</pose></link></model><light name="sun">
 <pose>0 0 9 0 0 0</pose></light></state></world></sdf>
 """
+WHEEL = """<link name="{0}"><inertial><mass value="1"/></inertial>
+<collision><geometry><cylinder radius="0.1" length="0.1"/></geometry></collision></link>
+<joint name="{0}" type="continuous"><parent link="base"/><child link="{0}"/>
+<origin xyz="0 {1} 0.1"/><axis xyz="0 1 0"/><limit velocity="9"/></joint>"""
+URDF_ROBOT = f"""<robot name="r"><link name="base"><visual><geometry><box size="1 2 3"/></geometry>
+</visual></link>{WHEEL.format("left", 1)}{WHEEL.format("right", -1)}
+<gazebo reference="left"><sensor name="imu" type="imu"><pose>0 0 1 0 0 0</pose></sensor></gazebo>
+<gazebo><plugin filename="diff_drive"><max_linear_velocity>2</max_linear_velocity></plugin></gazebo>
+</robot>"""
+MUJOCO_ROBOT = """<mujoco><worldbody><body name="cart"><freejoint/>
+<geom type="box" size=".3 .2 .05"/>
+<camera name="eye" pos=".4 0 .3" xyaxes="0 -1 0 0 0 1"/><site name="chip"/>
+<body pos="0 .2 0"><joint axis="0 1 0"/><geom type="cylinder" size=".1 .03" zaxis="0 1 0"/></body>
+<body pos="0 -.2 0"><joint axis="0 1 0"/><geom type="cylinder" size=".1 .03" zaxis="0 1 0"/></body>
+</body></worldbody><sensor><gyro site="chip"/></sensor></mujoco>"""
 URDF = """<robot name="r"><material name="m"><color rgba="1 0 0 0.5"/></material>
 <link name="a"><visual><geometry><box size="1 2 3"/></geometry><material name="m"/></visual>
 <visual name="s"><origin xyz="0 0 1" rpy="1 2 3"/><geometry><sphere radius="0.5"/></geometry>

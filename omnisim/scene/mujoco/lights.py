@@ -46,7 +46,7 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
         model.light_attenuation[lamps, :2].any()
     ):
         notices.append(
-            "lamps fall off with the square of the distance: as the model says where they point to"
+            "attenuation of lamps is drawn as that of 1/distance², equal where they point to"
         )
     red, green, blue = ambient.tolist()
     return Lighting((red, green, blue), tuple(lights)), notices

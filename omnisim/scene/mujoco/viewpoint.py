@@ -15,6 +15,7 @@ _WORLD = 0
 _OFFSET_PER_EXTENT = np.array([0.6, 0.0, 0.3])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a model without end
 def find_viewpoint(
     model: mujoco.MjModel, data: mujoco.MjData, world_from_file: NDArray[np.float64]
 ) -> StartPose:

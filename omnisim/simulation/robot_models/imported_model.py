@@ -17,6 +17,8 @@ from omnisim.scene import Scene, load_scene
 from omnisim.scene.enclosure import enclosing_nodes
 from omnisim.toml_file import toml_text
 
+_FARTHEST_M = 1e6
+
 
 @dataclass(frozen=True)
 class ImportedModel:
@@ -100,9 +102,11 @@ def _table(
         name = f"{stem}-{sensor.name}.toml"
         files[name] = sensor.sensor_file
         values["file"] = name
-    if body is not None and values["type"] != "imu":
+    origin_m = sensor.pose[:3, 3]
+    # what is farther away is refused with the robot file
+    if body is not None and values["type"] != "imu" and np.abs(origin_m).max() < _FARTHEST_M:
         # simulators do not draw a housing from its inside
-        hides = enclosing_nodes(body, sensor.pose[:3, 3])
+        hides = enclosing_nodes(body, origin_m)
         values |= {"hides": hides} if hides else {}
     angles = np.degrees(roll_pitch_yaw_from_rotation(sensor.pose[:3, :3]))
     roll, pitch, yaw = (round(float(angle), 9) + 0.0 for angle in angles)

@@ -67,7 +67,7 @@ class LoadedModel(NamedTuple):
     notices: tuple[str, ...]
 
 
-def load_model(path: Path, resources: Sequence[str | Path] = ()) -> LoadedModel:
+def load_robot_model(path: Path, resources: Sequence[str | Path] = ()) -> LoadedModel:
     """Load the robot of a model.
 
     Raises:

@@ -45,21 +45,29 @@ def import_mjcf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
     notices: list[str] = []
     try:
         model, data, _ = load_model(path)
+        found = _mechanics(model, data, path, notices)
+    except RobotFileError:
+        raise
     except OmnisimError as reason:
         raise RobotFileError(f"{path}: {reason}") from None
-    root = _root(model, path)
-    wheels = list(_wheels(model, data, root))
-    sensors = [*_cameras(model, data, notices), *_imus(model, data)]
-    found = Mechanics(
-        body_name(model, root),
-        wheels,
-        float(model.body_subtreemass[root]),
-        np.array(data.subtree_com[root]),
-        sensors,
-        {},
-    )
+    except UnicodeDecodeError as reason:
+        raise RobotFileError(
+            f"{path}: expected names in UTF-8, got {bytes(reason.object)!r:.40}"
+        ) from None
     body = load_body(path, resources, notices)
     return robot_file(found, path, output, body, (), notices)
+
+
+def _mechanics(
+    model: mujoco.MjModel, data: mujoco.MjData, path: Path, notices: list[str]
+) -> Mechanics:
+    root = _root(model, path)
+    if not (np.isfinite(data.xpos).all() and np.isfinite(data.subtree_com).all()):
+        raise RobotFileError(f"{path}: expected bodies at finite positions")
+    wheels = list(_wheels(model, data, root))
+    sensors = [*_cameras(model, data, notices), *_imus(model, data)]
+    mass_kg, centre_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
+    return Mechanics(body_name(model, root), wheels, mass_kg, centre_m, sensors, {})
 
 
 def _root(model: mujoco.MjModel, path: Path) -> int:

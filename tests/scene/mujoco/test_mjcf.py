@@ -50,7 +50,7 @@ def test_what_is_not_drawn_is_said(shapes):
             "not drawn, as in MuJoCo: 1 geom of group 3",
             "not drawn: mirror images in 1 material",
             "the headlight shines from everywhere",
-            "lamps fall off with the square of the distance: as the model says where they point to",
+            "attenuation of lamps is drawn as that of 1/distance², equal where they point to",
             "the sky box is drawn in its mean colour",
         )
     )

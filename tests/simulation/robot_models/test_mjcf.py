@@ -100,3 +100,10 @@ def test_without_the_extra_one_line_names_it(tmp_path, monkeypatch):
     monkeypatch.setattr("omnisim.extras.is_installed", lambda module: module != "mujoco")
     with pytest.raises(OmnisimError, match=r"cart\.xml needs mujoco-core: pip install 'omnisim"):
         import_model(tmp_path / "cart.xml", tmp_path / "robot.toml")
+
+
+def test_a_camera_that_is_far_away_is_refused_in_one_line(tmp_path):
+    camera = '<camera name="eye" pos="0 1e300 0" xyaxes="0 -1 0 0 0 1"/>'
+    with pytest.raises(RobotFileError, match=r"position_m.*expected") as info:
+        load(tmp_path, model(PAIR + camera))
+    assert "\n" not in str(info.value)

@@ -9,7 +9,7 @@ import pytest
 
 from omnisim.errors import RobotFileError
 from omnisim.simulation import Vehicle
-from omnisim.simulation.robot_models.importers import import_model, load_model
+from omnisim.simulation.robot_models.importers import import_model, load_robot_model
 
 TROLLEY = Path(__file__).parents[3] / "examples" / "trolley.urdf"
 BOX = "<visual><geometry><box size='0.4 0.3 0.1'/></geometry></visual>"
@@ -150,7 +150,7 @@ def test_a_model_is_a_robot_without_a_robot_file(tmp_path):
     (tmp_path / "cart.urdf").write_text(
         urdf(wheel("left", 0.0, 0.2, 0.0), wheel("right", 0.0, -0.2, 0.0))
     )
-    robot, vehicle, notices = load_model(tmp_path / "cart.urdf")
+    robot, vehicle, notices = load_robot_model(tmp_path / "cart.urdf")
     assert robot.chassis.wheel_diameter_m == 0.2
     assert vehicle.body.name == "cart.urdf"  # wherever it is
     assert len(notices) == 1
@@ -176,6 +176,6 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, text, message):
 
 def test_files_that_are_not_there():
     with pytest.raises(RobotFileError, match=r"^nowhere\.urdf: no such file$"):
-        load_model(Path("nowhere.urdf"))
+        load_robot_model(Path("nowhere.urdf"))
     with pytest.raises(RobotFileError, match="--class: expected none, as the file has one robot"):
         import_model(TROLLEY, Path("robot.toml"), "trolley")
