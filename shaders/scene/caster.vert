@@ -10,7 +10,7 @@ out float v_alpha;
 in vec2 in_material;
 flat out vec2 v_material;
 #else
-uniform float u_base_alpha;
+uniform vec4 u_base_color;
 #endif
 #ifdef TEXTURED
 in vec2 in_texture_coordinate;
@@ -25,7 +25,7 @@ void main() {
 #ifdef CLUSTERED
     v_material = in_material;
 #else
-    v_alpha *= u_base_alpha;
+    v_alpha *= u_base_color.a;
 #endif
 #ifdef TEXTURED
     v_texture_coordinate = in_texture_coordinate;

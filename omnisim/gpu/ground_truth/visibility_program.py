@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.item_uniforms import ItemUniforms
 from omnisim.gpu.scene.material_units import connect_material, reflectance_defines
-from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
+from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, uniform
 from omnisim.ground_truth.hits import HitDetails
@@ -86,12 +87,9 @@ class VisibilityProgram:
         folder = "ground_truth/visibility"
         program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
         self.program = program
-        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
+        self._item = ItemUniforms(program)
         self.first_plus_one = uniform(program, "u_first_plus_one")
         self.first_command = find_uniform(program, "u_first_command")
-        self._base_color = find_uniform(program, "u_base_color")
-        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
-        self._record = find_uniform(program, "u_record")
         if variant.maps is not None:
             connect_material(program, variant.clustered)
         self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
@@ -120,23 +118,15 @@ class VisibilityProgram:
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
         """Set the matrix (4, 4), columns first, of the next draw calls; IDs need no others."""
-        if self._clip_from_mesh is not None:
-            self._clip_from_mesh.write(clip_from_mesh)
+        self._item.set_clip_from_mesh(clip_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind the material of an item for the next draw call."""
-        material, texture = item.material, item.texture
-        if self._base_color is not None:
-            self._base_color.value = material.base_color
+        self._item.bind_material(item)
         if self._samplers:
+            texture = item.texture
             texture.use(0)
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
-        if self._alpha_cutoff is not None:
-            self._alpha_cutoff.value = material.hit_cutoff
-        reflectance = item.texture_layer.reflectance
-        if self._record is not None and reflectance is not None:
-            self._record.value = reflectance.record
-            bind_maps(reflectance.maps)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw some of a vertex array's indices; the first triangle has this ID."""

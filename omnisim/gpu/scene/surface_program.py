@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from omnisim.gpu.scene import baked_textures
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import DrawItem, LightSource
 from omnisim.gpu.scene.environment_textures import filtered_texture, sky_texture
+from omnisim.gpu.scene.item_uniforms import ItemUniforms
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.material_units import (
     bind_materials,
@@ -24,7 +24,7 @@ from omnisim.gpu.scene.material_units import (
 )
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.shadow_source import ShadowSource
-from omnisim.gpu.scene.texture_array import TextureArray, bind_maps
+from omnisim.gpu.scene.texture_array import TextureArray
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import find_uniform, set_sampler, write_fog
 from omnisim.scene.environment import Environment
@@ -206,9 +206,7 @@ class SurfaceProgram:
             shadows.connect(program)
         self._is_textured = variant.textured
         # those of single items
-        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
-        self._base_color = find_uniform(program, "u_base_color")
-        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
+        self._item = ItemUniforms(program)
         # ambient light alone needs neither, and the compiler leaves them out
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
         self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
@@ -218,7 +216,6 @@ class SurfaceProgram:
             arrays = variant.blended_arrays or 1
             units = 0 if arrays == 1 else tuple(range(arrays))
             program["u_textures" if variant.clustered else "u_texture"] = units
-        self._record = find_uniform(program, "u_record")
         self.needs_item_details = variant.second_coordinates and not variant.clustered
         if variant.maps is not None:
             connect_material(program, variant.clustered)
@@ -250,8 +247,7 @@ class SurfaceProgram:
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), columns first, of the next draw call."""
-        if self._clip_from_mesh is not None:
-            self._clip_from_mesh.write(clip_from_mesh)
+        self._item.set_clip_from_mesh(clip_from_mesh)
         if self._viewpoint_from_mesh is not None:
             self._viewpoint_from_mesh.write(viewpoint_from_mesh)
         if self._normal_from_mesh is not None:
@@ -259,16 +255,9 @@ class SurfaceProgram:
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind the material of an item for the next draw call."""
-        material, found = item.material, item.texture_layer.reflectance
-        if self._base_color is not None:
-            self._base_color.write(struct.pack("4f", *material.base_color))
-        if self._alpha_cutoff is not None:
-            self._alpha_cutoff.value = material.alpha_cutoff
+        self._item.bind_material(item)
         if self._is_textured:
             item.texture.use(0)
-        if self._record is not None and found is not None:
-            self._record.value = found.record
-            bind_maps(found.maps)
         if self._light_rectangles is not None and item.light_rectangles:
             sides = item.light_rectangles[: self._light_rectangles.array_length]
             self._light_rectangles.write(np.array(sides, dtype=np.float32))

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.scene.draw_item import DrawItem
+from omnisim.gpu.scene.item_uniforms import ItemUniforms
 from omnisim.gpu.shader_files import build_program
-from omnisim.gpu.uniforms import find_uniform
 
 
 class CasterVariant(NamedTuple):
@@ -47,9 +47,7 @@ class CasterProgram:
     def __init__(self, context: moderngl.Context, variant: CasterVariant):
         files = "scene/caster.vert", "scene/caster.frag"
         self.program = program = build_program(context, *files, variant.defines)
-        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
-        self._base_alpha = find_uniform(program, "u_base_alpha")
-        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
+        self._item = ItemUniforms(program)
         self._is_textured = "TEXTURED" in variant.defines
         if self._is_textured:
             program["u_textures" if variant.clustered else "u_texture"] = 0
@@ -61,15 +59,11 @@ class CasterProgram:
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
         """Set the matrix (4, 4), columns first, of the next draw calls; depth needs no others."""
-        if self._clip_from_mesh is not None:
-            self._clip_from_mesh.write(clip_from_mesh)
+        self._item.set_clip_from_mesh(clip_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind the material of an item for the next draw calls."""
-        if self._base_alpha is not None:
-            self._base_alpha.value = item.material.base_color[3]
-        if self._alpha_cutoff is not None:
-            self._alpha_cutoff.value = item.material.hit_cutoff
+        self._item.bind_material(item)
         if self._is_textured:
             item.texture.use(0)
 
