@@ -39,6 +39,7 @@ EXTRAS = {
         "mitsuba": "mitsuba",
         "opencv-contrib-python-headless": "cv2",
         "pycolmap": "pycolmap",
+        "xatlas": "xatlas",
         **({"pyrender": "pyrender"} if sys.version_info < (3, 12) else {}),
     },
 }

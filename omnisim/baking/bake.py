@@ -76,7 +76,7 @@ class Bake:
         self.transport = Transport(self.rays, self.patches)
         entries = len(self.patches.of_sample)
         points = points_at(self.rays, self.transport, self.patches, 0, entries)
-        aimed = max(8, settings.samples // 4)
+        aimed = max(8, settings.samples // 2)
         lighting = scene.lighting
         self._emitters = Emitters(self.patches, points, aimed, settings.samples)
         self._links = min(_LINKS, settings.samples)

@@ -34,7 +34,10 @@ class Emitters:
         self.aimed = aimed if total > 0.0 else 0
         self._gathered = gathered
         self._emission = patches.emission
-        self._mine = np.flatnonzero(power > 0.0)
+        mine = np.flatnonzero(power > 0.0)
+        # side after side of what shines, so that rays are shared among them evenly
+        triangles = patches.samples.triangles[patches.of_sample[patches.first[mine]]]
+        self._mine = mine[np.lexsort((mine, triangles, patches.sides[mine]))]
         share = power[self._mine].astype(np.float64) / max(total, 1e-300)
         self._ends = np.cumsum(share)
         density = np.zeros(patches.count)

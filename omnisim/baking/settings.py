@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-DEFAULT_SAMPLES = 256
+DEFAULT_SAMPLES = 128
 DEFAULT_BOUNCES = 16
 
 

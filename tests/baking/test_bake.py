@@ -7,9 +7,12 @@ pytest.importorskip("embreex")
 pytest.importorskip("xatlas")
 
 from omnisim.baking.bake import Bake
+from omnisim.baking.lightmap import lightmap
 from omnisim.baking.settings import BakeSettings
 from omnisim.baking.tiles import TileFolder, no_progress
-from tests.baking.rooms import box, lit_by, shining
+from omnisim.scene import Scene
+from omnisim.scene.model import Light, Lighting, LightKind
+from tests.baking.rooms import DARK, box, lit_by, shining
 
 
 def baked(tmp_path, scene, **settings):
@@ -32,3 +35,113 @@ def test_furnace(tmp_path, albedo):
     np.testing.assert_allclose(np.median(light, axis=0), expected, rtol=0.03)
     level = probes["sh"][probes["valid"]][:, 0]
     np.testing.assert_allclose(level, expected, rtol=0.03)
+
+
+def at(bake, light, surface, place, normal=(0.0, 0.0, 1.0), within_m=0.15):
+    """Mean light (3,) of an instance's patches near a place, that face along a normal."""
+    surfaces = bake.surfaces(np.ones(bake.patches.count, dtype=bool))
+    positions = surfaces.positions_m + bake.transport.centre_m
+    near = np.linalg.norm(positions - place, axis=1) < within_m
+    near &= surfaces.normals @ np.array(normal) > 0.99
+    near &= (bake.patches.surfaces == surface) & (np.diff(bake.patches.first) > 0)
+    assert near.any()
+    return light[near].mean(axis=0)
+
+
+def black_room(lighting=DARK):
+    return lit_by(box("room", (4.0, 4.0, 3.0), color=(0.0, 0.0, 0.0), inwards=True), lighting)
+
+
+def _share_of_corner(a, b):
+    """Share of light that a rectangle gives a point below its corner, its sides over the height.
+
+    Source: Howell, "A catalog of radiation heat transfer configuration factors", B-3.
+    """
+    first, second = a / np.hypot(1.0, a), b / np.hypot(1.0, b)
+    return (first * np.arctan(b / np.hypot(1.0, a)) + second * np.arctan(a / np.hypot(1.0, b))) / (
+        2.0 * np.pi
+    )
+
+
+@pytest.mark.parametrize("half_m", [0.2, 1.0])
+def test_panel(tmp_path, half_m):
+    """An emissive panel gives the floor below it what its form factor says."""
+    panel = box("panel", (2.0 * half_m, 2.0 * half_m, 0.02), (0.0, 0.0, 1.01))
+    room = black_room().added("panel", shining(panel, 5.0))
+    bake, found, _ = baked(tmp_path, room, texel_m=0.2, samples=256, bounces=0)
+    side = half_m / 2.5  # over the floor
+    expected = 5.0 * 4.0 * _share_of_corner(side, side)
+    light = at(bake, found.gathered, 0, (0.0, 0.0, -1.5), within_m=0.25)
+    np.testing.assert_allclose(light, expected, rtol=0.03)
+    away = at(bake, found.gathered, 0, (half_m, half_m, -1.5), within_m=0.25)
+    np.testing.assert_allclose(away, 5.0 * _share_of_corner(2.0 * side, 2.0 * side), rtol=0.04)
+
+
+def test_lamp_and_its_shadow(tmp_path):
+    """A point lamp gives I cos θ / d², and nothing behind a crate."""
+    lamp = Light(LightKind.POINT, (1.0, 0.5, 0.25), 8.0, position_m=np.array([0.0, 0.0, 0.5]))
+    lighting = Lighting((0.0, 0.0, 0.0), (lamp,), exposure=0.5)
+    crate = box("crate", (0.5, 0.5, 0.2), (1.0, 0.0, -0.4))
+    room = black_room(lighting).added("crate", crate)
+    bake, found, (_, probes) = baked(tmp_path, room, texel_m=0.1, samples=4, bounces=0)
+    expected = 4.0 * np.array([1.0, 0.5, 0.25])
+    np.testing.assert_allclose(at(bake, found.lamps, 0, (0, 0, -1.5)), expected / 4.0, rtol=0.01)
+    slanted = expected * 2.0 / (4.0 + 1.0) ** 1.5
+    np.testing.assert_allclose(at(bake, found.lamps, 0, (0, -1, -1.5)), slanted, rtol=0.02)
+    assert not at(bake, found.lamps, 0, (1.8, 0.0, -1.5)).any()
+    assert probes["valid"].mean() > 0.9
+
+
+def test_sky_over_a_plain(tmp_path):
+    plain = lit_by(box("plain", (6.0, 6.0, 0.2)), Lighting((0.2, 0.4, 0.6), ()), (0.0, 0.0, 1.0))
+    bake, found, (_, probes) = baked(tmp_path, plain, texel_m=0.5, samples=16)
+    top = at(bake, found.gathered, 0, (0.0, 0.0, 0.1), within_m=3.0)
+    np.testing.assert_allclose(top, [0.2, 0.4, 0.6], rtol=1e-5)
+    bottom = at(bake, found.gathered, 0, (0.0, 0.0, -0.1), (0.0, 0.0, -1.0), within_m=3.0)
+    np.testing.assert_allclose(bottom, [0.2, 0.4, 0.6], rtol=1e-5)
+    assert probes["sh"].shape[-2:] == (9, 3)
+
+
+def test_foot_of_a_wall_is_not_darker(tmp_path):
+    """Texels that a wall half covers have the light of their other half, and so have its pixels."""
+    lighting = Lighting((0.0, 0.0, 0.0), (Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1.0),))
+    floor = lit_by(box("floor", (4.0, 4.0, 0.1)), lighting, (1.0, 0.0, 1.0))
+    scene = floor.added("wall", box("wall", (0.37, 3.1, 1.0), (0.01, 0.0, 0.55)))
+    bake, found, _ = baked(tmp_path, scene, texel_m=0.2, samples=8, bounces=0)
+    places = bake.patches.places[found.is_valid & (bake.patches.surfaces == 0)]
+    assert len(places) < (bake.patches.surfaces == 0).sum()  # those below the wall are none
+    pixels = lightmap(bake.patches, bake.light(found), found.is_valid)
+    left, top, wide, high = bake.atlas.rects_px[0]
+    upper = found.lamps[found.is_valid & (bake.patches.surfaces == 0)][:, 0] > 0.0
+    np.testing.assert_allclose(
+        found.lamps[found.is_valid & (bake.patches.surfaces == 0)][upper], 1.0, rtol=1e-5
+    )
+    lit = pixels[top : top + high, left : left + wide]
+    assert lit.max() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_both_sides_of_a_sheet_have_their_own_light(tmp_path):
+    corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    sheet = Scene.from_arrays("sheet", corners, [(0, 1, 2), (0, 2, 3)], base_color=(0.5, 0.5, 0.5))
+    lighting = Lighting((0.0, 0.0, 0.0), (Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1.0),))
+    bake, found, _ = baked(
+        tmp_path, lit_by(sheet, lighting, (0, 0, 1)), texel_m=0.25, samples=4, bounces=0
+    )
+    assert list(bake.atlas.shares(bake.atlas.back_rects_px)) == [0]
+    pixels = lightmap(bake.patches, found.lamps, found.is_valid)
+    for rect, level in ((bake.atlas.rects_px[0], 1.0), (bake.atlas.back_rects_px[0], 0.0)):
+        left, top, wide, high = rect
+        middle = pixels[top + high // 2, left + wide // 2]
+        np.testing.assert_allclose(middle, level, atol=1e-5)
+
+
+def test_red_wall_colours_its_neighbour(tmp_path):
+    """Of a room that is lit from its ceiling, a white wall reddens towards a red one."""
+    room = lit_by(box("room", (2.0, 2.0, 2.0), color=(0.7, 0.7, 0.7), inwards=True))
+    red = box("red", (0.02, 1.9, 1.9), (-0.98, 0.0, 0.0), color=(0.7, 0.05, 0.05))
+    panel = shining(box("panel", (0.5, 0.5, 0.02), (0.0, 0.0, 0.98)), 10.0)
+    scene = room.added("red", red).added("panel", panel)
+    bake, found, _ = baked(tmp_path, scene, texel_m=0.1, samples=32, bounces=8)
+    near, far = (at(bake, found.gathered, 0, (x, 0.0, -1.0), within_m=0.2) for x in (-0.7, 0.7))
+    assert near[0] / near[1] > 1.15 * far[0] / far[1]
+    assert bake.light(found)[found.is_valid].min() > 0.0
