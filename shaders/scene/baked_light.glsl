@@ -14,10 +14,10 @@ in vec4 v_light_coordinate;
 in vec2 v_light_coordinate;
 #define LIGHT_PLACE v_light_coordinate
 #endif
-uniform sampler2D u_lightmap;
+uniform sampler2D u_lightmap;  // of one level: a look-up needs no derivatives
 
 vec3 lightmap_light() {
-    return textureLod(u_lightmap, LIGHT_PLACE, 0.0).rgb;
+    return texture(u_lightmap, LIGHT_PLACE).rgb;
 }
 #endif
 
