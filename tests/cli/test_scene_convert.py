@@ -92,9 +92,9 @@ def test_materials_and_textures_come_back(tmp_path):
                 assert (values[0].wrap_u, values[0].wrap_v) == (values[1].wrap_u, values[1].wrap_v)
             else:
                 assert values[0] == values[1], key
-    for first, second in zip(before.meshes, after.meshes, strict=True):
+        meshes = [scene.meshes[one.mesh] for scene, one in ((before, first), (after, second))]
         for key in ("triangles", "normals", "texture_coordinates", "colors"):
-            np.testing.assert_array_equal(getattr(first, key), getattr(second, key))
+            np.testing.assert_array_equal(*(getattr(one, key) for one in meshes))
 
 
 def test_maps_of_gloss_and_clear_coats_come_back(tmp_path):
