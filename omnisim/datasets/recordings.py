@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_folder, check_new_folder
-from omnisim.datasets.samples import Shards
-from omnisim.errors import PlanError
+from omnisim.datasets.samples import Shards, in_shard
+from omnisim.errors import OutputError, PlanError
 from omnisim.exporting.export import for_format
 from omnisim.exporting.export_format import ExportSettings, PrintNote
 from omnisim.exporting.recorded_camera import RecordedCamera
@@ -57,7 +57,10 @@ class _Files:
             self._pictures = {path.stem.partition(".")[2] or "camera": path for path in found}
             self._row = row
         if camera not in self._pictures:
-            raise PlanError(f"sample {row}: expected a picture of {camera}: its shard is damaged")
+            raise PlanError(
+                f"{self._shards.folder}: sample {row}: expected a picture of {camera}: its shard "
+                "is damaged"
+            )
         return self._pictures[camera]
 
 
@@ -106,7 +109,13 @@ def write_recordings(
                     place = target / folder_name(group.scene) / folder_name(group.rig)
                     place.mkdir(parents=True)
                 taken = for_format(recording, form, print_note)
-                yield from form.write(taken, place, settings, print_note)
+                try:
+                    yield from form.write(taken, place, settings, print_note)
+                except OutputError as reason:
+                    message = in_shard(str(reason))
+                    if message == str(reason):
+                        raise
+                    raise PlanError(f"{shards.folder}: {message}") from None
 
 
 @contextmanager
@@ -148,9 +157,9 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
                 known = mounts.setdefault(name, mount)
                 if found["camera"] != picture["camera"] or np.abs(mount - known).max() > SAME:
                     raise PlanError(
-                        f"sample {content['number']}: {name} is not as in sample {numbers[0]:.0f}: "
-                        "expected cameras that do not vary, as this format has one calibration for "
-                        "all pictures"
+                        f"{shards.folder}: sample {content['number']}: {name} is not as in sample "
+                        f"{numbers[0]:.0f}: expected cameras that do not vary, as this format has "
+                        "one calibration for all pictures"
                     )
     run = _run(shards, group, list(first))
     cameras = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 import itertools
 import json
+import re
 import tarfile
 import tempfile
 from collections.abc import Iterator
@@ -16,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.datasets.manifest import Manifest, read_manifest
-from omnisim.errors import PlanError
+from omnisim.errors import OutputError, PlanError
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.image_files import read_image
 
 PICTURES = (".png", ".jpg")
+_PREFIX = "omnisim-"  # of temporary folders
 
 
 class Shards:
@@ -80,7 +82,7 @@ class Shards:
             IndexError: beyond the last.
             PlanError: a shard with a fault.
         """
-        with self.damage_named(row), tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        with self.damage_named(row), tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
             return _metadata(self.extract(row, Path(name), only=".json"))
 
     @contextmanager
@@ -92,6 +94,8 @@ class Shards:
         """
         try:
             yield
+        except OutputError as reason:  # of a file in a temporary folder
+            raise PlanError(f"{self._shard_of(row)[1]}: {in_shard(str(reason))}") from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise self._damaged(row, "a sample's files as they were written, got others") from None
 
@@ -120,7 +124,7 @@ class Shards:
             IndexError: beyond the last.
             PlanError: a shard with a fault.
         """
-        with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        with tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
             yield self.extract(row, Path(name))
 
     def pictures(self, folder: Path) -> list[Path]:
@@ -165,6 +169,11 @@ class Shards:
             fault = str(reason).partition("\n")[0]
             raise PlanError(f"{path}: cannot be read: {fault}") from None
         return folder
+
+
+def in_shard(message: str) -> str:
+    """Message about a sample's file without the temporary folder that it was extracted to."""
+    return re.sub(rf"{re.escape(tempfile.gettempdir())}/{_PREFIX}\w+/(sample/)?", "", message)
 
 
 def _metadata(folder: Path) -> dict[str, Any]:

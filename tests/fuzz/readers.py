@@ -65,6 +65,7 @@ from omnisim.trajectories.files import FORMATS
 from tests.baked import write_baked
 from tests.calibration.sample_files import EXACT_SAMPLES
 from tests.camera_examples import CAMERA_EXAMPLES
+from tests.fuzz.data_sets import PLAN, read_data_set, read_plan, write_data_set
 from tests.fuzz.mutations import glb
 from tests.fuzz.usd_sample import write_sample
 from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
@@ -523,6 +524,8 @@ def _readers() -> list[Reader]:
     runs = [
         Reader("run", _run, _read_run, RUN_FILES),
         Reader("export", _run, _export, RUN_FILES),
+        Reader("plan", partial(_write, "plan.toml", PLAN), read_plan),
+        Reader("data-set", write_data_set, read_data_set),
     ]
     return [*scene, *tables, *calibrations, *routes, *pictures, *measurements, *runs]
 

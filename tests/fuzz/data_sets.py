@@ -1,0 +1,88 @@
+"""Plans and data sets for the fuzzer."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from omnisim.datasets.distributions import Even
+from omnisim.datasets.manifest import MANIFEST, Manifest
+from omnisim.datasets.prepared_plan import PreparedPlan
+from omnisim.datasets.recordings import write_recordings
+from omnisim.datasets.samples import Shards
+from omnisim.datasets.shard import ShardSummary, shard_stem
+from omnisim.datasets.statistics import Statistics
+from omnisim.datasets.tar_file import write_tar
+from omnisim.image_files import write_image
+from omnisim.sensors import OmniCamera
+
+PLAN = """channels = ["range", "semantic"]
+pictures_per_shard = 10
+shards = 2
+seed = 7
+[[scenes]]
+file = "soccer"
+weight = 2.0
+[[cameras]]
+name = "mirror"
+size_px = 64
+parameters = { focal_length_px = { normal = [0.0, 2.0] } }
+degradation = { noise = { read_noise_e = [1.0, 4.0] } }
+mount_turn_deg = { choice = [0.0, 1.0] }
+[stand]
+where = "free"
+height_m = { log_uniform = [0.3, 1.2] }
+[vary]
+exposure_ev = [-1.0, 1.0]
+[vary.sky]
+hour = [9.0, 15.0]
+[vary.light]
+lamp_temperature_k = [2500.0, 6500.0]
+[[vary.recolor]]
+nodes = ["goal_*"]
+[[objects]]
+file = "ball.obj"
+count = [0, 2]
+[reject]
+least_hits = 0.2
+"""
+
+
+def read_plan(folder: Path) -> None:
+    """Read a plan, and make its cameras."""
+    prepared = PreparedPlan.read(folder / "plan.toml")
+    for share in (0.1, 0.5, 0.9):
+        for file in prepared.rig_files:
+            file.rig(Even(share))
+
+
+def write_data_set(folder: Path) -> None:
+    """Write a data set of one sample, without rendering it."""
+    camera = OmniCamera().resized(24)
+    picture = {
+        "scene": "soccer",
+        "camera": camera.model.parameters(),
+        "polygons": "exact",
+        "world_from_base": np.eye(4).tolist(),
+        "world_from_optical": camera.base_from_optical.tolist(),
+    }
+    content = {"number": 0, "scene": "soccer", "camera": "paper", "pictures": {"camera": picture}}
+    with tempfile.TemporaryDirectory() as name:
+        write_image(Path(name) / "000000000.png", np.zeros((24, 24, 3), dtype=np.uint8), picture)
+        (Path(name) / "000000000.json").write_text(json.dumps(content))
+        digest, size = write_tar(folder / f"{shard_stem(0)}.tar", Path(name))
+    shard = ShardSummary(0, "plan", digest, size, Statistics(samples=1))
+    (folder / f"{shard_stem(0)}.json").write_text(json.dumps(shard.to_json()))
+    manifest = Manifest("rooms", None, "plan", (), (shard,))
+    (folder / MANIFEST).write_text(json.dumps(manifest.to_json()))
+
+
+def read_data_set(folder: Path) -> None:
+    """Read a data set's sample, and convert it."""
+    shards = Shards(folder)
+    if not len(shards):
+        return
+    shards[0]
+    with tempfile.TemporaryDirectory() as parent:
+        list(write_recordings(shards, "kitti360", Path(parent) / "out"))
