@@ -80,6 +80,8 @@ def read_manifest(folder: Path) -> Manifest:
         title, licence = str(content["title"]), content["licence"]
         plan, channels = str(content["plan"]), tuple(map(str, content["channels"]))
         count = len(content["shards"])
+        if not count:
+            raise ValueError("no shard")
     except OSError as reason:
         raise PlanError(
             f"{path}: cannot be read: {reason.strerror}: expected a data set that `omnisim "
