@@ -32,8 +32,8 @@ LAYOUTS = ("coco", "kitti360", "nerfstudio", "colmap", "colmap-binary")  # of da
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
     "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "materials",
-    "shadows", "baked", "rays", "quality", "markers", "omnidir", "boards", "orientation", "unwarping",
-    "optics", "optics-path-tracer", "optics-triangles", "optics-calibration",
+    "shadows", "baked", "rays", "quality", "markers", "omnidir", "boards", "orientation",
+    "unwarping", "optics", "optics-path-tracer", "optics-triangles", "optics-calibration",
 )  # fmt: skip
 Completion = Callable[[str], list[str]]
 
