@@ -141,7 +141,7 @@ def test_both_sides_of_a_sheet_have_their_own_light(tmp_path):
 
 
 def test_red_wall_colours_its_neighbour(tmp_path):
-    """Of a room that is lit from its ceiling, a white wall reddens towards a red one."""
+    """A floor lit from the ceiling reddens towards a red wall."""
     room = lit_by(box("room", (2.0, 2.0, 2.0), color=(0.7, 0.7, 0.7), inwards=True))
     red = box("red", (0.02, 1.9, 1.9), (-0.98, 0.0, 0.0), color=(0.7, 0.05, 0.05))
     panel = shining(box("panel", (0.5, 0.5, 0.02), (0.0, 0.0, 0.98)), 10.0)
