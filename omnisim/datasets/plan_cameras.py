@@ -13,7 +13,7 @@ import numpy as np
 from omnisim.cameras import CentralCamera
 from omnisim.datasets.distributions import Distribution, Shares
 from omnisim.datasets.plan import PlanCameraTable
-from omnisim.errors import PlanError, did_you_mean
+from omnisim.errors import OmnisimError, PlanError, did_you_mean
 from omnisim.poses import pose
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.camera_parameters import camera_of_parameters
@@ -111,7 +111,10 @@ class RigFile:
                 )
             known[key] = [one + distribution.draw(stream) for one in numbers]
             wanted[key] = known[key] if isinstance(wanted[key], list) else known[key][0]
-        found = camera_of_parameters(wanted)
+        try:
+            found = camera_of_parameters(wanted)
+        except OmnisimError as reason:
+            raise PlanError(f"{self._place('parameters')}: {reason}") from None
         for key in parameters:
             if not np.allclose(_numbers(found.parameters()[key]), known[key], rtol=ROUNDING):
                 raise PlanError(

@@ -150,6 +150,7 @@ def test_exposure_is_in_stops(tmp_path):
         ("[vary]\npictures_per_setup = 0", "", "pictures_per_setup: expected a number ≥ 1, got 0"),
         ("", "parameters = { focal = 1.0 }", "focal: of model 'hyperbolic': did you"),
         ("", "parameters = { xi = 0.1 }", "parameters.xi: follows from the other parameters"),
+        ("", "parameters = { focal_length_px = [-9e3, 0] }", "plan.toml: cameras: "),
         ("", "parameters = { focal_length_px = [-9e3, 0] }", "focal_length_px: expected"),
         ("", "degradation = { noise = { read = 1.0 } }", "noise.read: unknown key; did you mean"),
         ("", "degradation = { noisy = { read = 1.0 } }", "degradation.noisy: unknown key; did you"),
