@@ -13,6 +13,8 @@ import numpy as np
 
 from omnisim.errors import OpticsError
 
+LARGEST_COEFFICIENT = 1e60  # times a power of a radius it is finite
+
 
 def check_limits(
     camera: object, name: str, lowest: float, highest: float, expected: str | None = None
@@ -68,7 +70,7 @@ def point(parameters: Mapping[str, Any], key: str) -> tuple[float, float]:
 
 
 def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
-    """Finite numbers of the list under `key`.
+    """Coefficients of the list under `key`.
 
     Raises:
         OpticsError: they are missing, or something else.
@@ -76,7 +78,10 @@ def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
     value = _value(parameters, key)
     if not isinstance(value, list | tuple):
         raise _unexpected(key, "a list of numbers", value)
-    return tuple(number({key: one}, key) for one in value)
+    found = tuple(number({key: one}, key) for one in value)
+    if found and max(map(abs, found)) > LARGEST_COEFFICIENT:
+        raise _unexpected(key, f"numbers up to {LARGEST_COEFFICIENT:g}", value)
+    return found
 
 
 def word(parameters: Mapping[str, Any], key: str) -> str:

@@ -61,6 +61,16 @@ def test_parameters_of_other_types_say_what_was_expected(camera, value):
             dataclasses.replace(camera, **{field.name: value})
 
 
+@pytest.mark.parametrize("value", [1e300, -1e61])
+def test_coefficients_whose_terms_overflow_are_refused(value):
+    for camera in CAMERA_EXAMPLES.values():
+        for field in dataclasses.fields(camera):
+            if str(field.type) == "tuple[float, ...]":
+                changed = {field.name: (*getattr(camera, field.name)[:-1], value)}
+                with pytest.raises(OpticsError, match=f"{field.name}: expected numbers up to 1e"):
+                    dataclasses.replace(camera, **changed)
+
+
 @examples
 def test_numpy_numbers_are_plain_parameters(camera):
     given = {field.name: getattr(camera, field.name) for field in dataclasses.fields(camera)}
