@@ -25,6 +25,8 @@ from omnisim.errors import PlanError
 
 MOST_WAITING = 4  # samples that are rendered and not yet written
 KEY_DIGITS = 9
+# what a summary that was not written by `ShardSummary.to_json` may raise
+_DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ def find_shard(folder: Path, number: int) -> ShardSummary | None:
             Statistics.from_json(content["statistics"]),
         )
         is_whole = (folder / f"{stem}.tar").stat().st_size == found.size_bytes
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
+    except (OSError, *_DAMAGE):
         return None
     return found if is_whole and found.number == number else None
 

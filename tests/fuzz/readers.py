@@ -51,7 +51,7 @@ from omnisim.sensors.point_cloud import POINT, PointCloud
 from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.simulation.calibration_file import calibration_json, read_mount
 from omnisim.simulation.drive import Drive
-from omnisim.simulation.gazebo import import_model
+from omnisim.simulation.gazebo.robot_import import import_model
 from omnisim.simulation.manifest import read_manifest
 from omnisim.simulation.robot_models.importers import load_robot_model
 from omnisim.simulation.route import Route, plan_route

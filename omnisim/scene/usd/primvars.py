@@ -38,8 +38,9 @@ def rows(value: object, width: int) -> NDArray[np.float64] | None:
 
 
 def integers(value: object) -> NDArray[np.int64]:
-    """Array (k,) of an attribute of integers; empty where it has none."""
-    return np.array(() if value is None else value, dtype=np.int64).reshape(-1)
+    """Array (k,) of an attribute of integers; empty where it has none, or another type."""
+    found = np.asarray(value)
+    return found.astype(np.int64).reshape(-1) if found.dtype.kind in "iu" else np.zeros(0, np.int64)
 
 
 def texts(value: object) -> list[str]:

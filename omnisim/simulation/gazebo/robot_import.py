@@ -29,7 +29,6 @@ from omnisim.simulation.robot_models.imported_model import (
     load_body,
 )
 
-SUFFIXES = (".sdf", ".world")
 _GROUND_M = 0.02  # a body whose lowest point is as near to 0 stands on the ground
 
 

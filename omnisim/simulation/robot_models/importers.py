@@ -12,12 +12,11 @@ from typing import NamedTuple
 from omnisim.errors import RobotFileError
 from omnisim.extras import require_extra
 from omnisim.robot import Robot, parse_robot
-from omnisim.simulation import gazebo
 from omnisim.simulation.robot_models.imported_model import ImportedModel
 from omnisim.simulation.vehicle import Vehicle
 
-_MJCF = (".xml", ".mjcf")
-SUFFIXES = (*gazebo.SUFFIXES, ".urdf", *_MJCF)
+_GAZEBO, _MJCF = (".sdf", ".world"), (".xml", ".mjcf")
+SUFFIXES = (*_GAZEBO, ".urdf", *_MJCF)
 
 
 def import_model(
@@ -37,8 +36,11 @@ def import_model(
     """
     if not path.is_file():
         raise RobotFileError(f"{path}: no such file")
-    if path.suffix.lower() in gazebo.SUFFIXES:
-        return gazebo.import_model(path, output, name, resources)
+    # drives of robot files import none of these
+    if path.suffix.lower() in _GAZEBO:
+        from omnisim.simulation.gazebo.robot_import import import_model as import_gazebo_model
+
+        return import_gazebo_model(path, output, name, resources)
     if name is not None:
         raise RobotFileError(f"{path}: --class: expected none, as the file has one robot")
     from omnisim.scene.urdf.document import is_urdf

@@ -6,6 +6,7 @@ import trimesh
 
 from omnisim.scene.usd.corners import Corners, Values, make_vertices
 from omnisim.scene.usd.polygons import triangulate
+from omnisim.scene.usd.primvars import integers
 
 
 def _star(corners, seed):
@@ -87,3 +88,9 @@ def test_corners_share_vertices_as_far_as_their_values_are_equal():
     made = make_vertices(found, [by_corner])
     assert len(made.points) == 4
     np.testing.assert_array_equal(made.points[made.triangles].ravel(), vertices)
+
+
+@pytest.mark.parametrize("value", [None, "a", object(), [0.5], [None]])
+def test_indices_of_another_type_are_none(value):
+    assert integers(value).shape == (0,)
+    assert integers([3, 1]).tolist() == [3, 1]

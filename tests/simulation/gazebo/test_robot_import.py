@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.errors import RobotFileError
 from omnisim.simulation import Vehicle
-from omnisim.simulation.gazebo import import_model
+from omnisim.simulation.gazebo.robot_import import import_model
 from tests.scene.sdf.worlds import BOX, model, sdf, visual, world
 
 ROVER = Path(__file__).parents[3] / "examples" / "gazebo" / "models" / "rover" / "model.sdf"
