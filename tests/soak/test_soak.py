@@ -19,7 +19,7 @@ def test_killed_at_any_moment_a_drive_resumes_and_ends_the_same(tmp_path, seed):
 @pytest.mark.slow
 def test_dropped_renderers_take_no_more_memory_than_a_few():
     """In a process of its own: memory of other tests would hide it."""
-    command = [sys.executable, "-m", "tests.soak", "renderers", "--times", "50"]
+    command = [sys.executable, "-m", "tests.soak", "renderers", "--times", "200"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
 
