@@ -10,6 +10,7 @@ import numpy as np
 
 from omnisim.atomic_file import atomic_folder, check_new_folder
 from omnisim.baking.bake import Bake
+from omnisim.baking.even_light import without_even_light
 from omnisim.baking.lightmap import lightmap
 from omnisim.baking.settings import BakeSettings
 from omnisim.baking.tiles import Arrays, Progress, TileFolder, no_progress, write_arrays
@@ -63,7 +64,7 @@ def bake_scene(
     require_extra("bake", "baking light")
     check_new_folder(output)
     fingerprint = baked_fingerprint(scene)
-    bake = Bake(scene, settings)
+    bake = Bake(without_even_light(scene), settings)
     plan = {
         "omnisim": __version__,
         "fingerprint": fingerprint,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from scenes.modelling.geometry import Patch, pose
 # glTF is Y up: world (x, y, z) is stored as (x, z, -y).
 TO_GLTF = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 UNLIT = "KHR_materials_unlit"
+SPECULAR, STRENGTH = "KHR_materials_specular", "KHR_materials_emissive_strength"
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,17 @@ class Stage:
         materials: by name.
         unlit: names of materials that show their plain colours under any lamp
             (KHR_materials_unlit).
+        emissive: luminance of materials that are seen as lamps, times their colour
+            (KHR_materials_emissive_strength).
+        is_matte: all others are without gloss (KHR_materials_specular).
         models, nodes: filled by `place`.
     """
 
     name: str
     materials: dict[str, PBRMaterial]
     unlit: frozenset[str] = frozenset()
+    emissive: Mapping[str, float] = field(default_factory=dict)
+    is_matte: bool = False
     models: dict[str, Model] = field(default_factory=dict)
     nodes: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
 
@@ -96,6 +103,18 @@ class Stage:
             process=False,
         )
 
+    def _extensions(self, material: dict) -> dict[str, dict]:
+        """Extensions of a material, whose own keys follow them."""
+        if material["name"] in self.unlit:
+            return {UNLIT: {}}
+        found: dict[str, dict] = {SPECULAR: {"specularFactor": 0.0}} if self.is_matte else {}
+        if material["name"] in self.emissive:
+            shape = material["pbrMetallicRoughness"]
+            material["emissiveFactor"] = shape["baseColorFactor"][:3]
+            shape["baseColorFactor"] = [0.0, 0.0, 0.0, 1.0]
+            found[STRENGTH] = {"emissiveStrength": self.emissive[material["name"]]}
+        return found
+
     def _finish_tree(self, tree: dict) -> None:
         """State what the exporter leaves to chance: texture filtering, buffer use, origin."""
         tree["asset"] = {"version": "2.0", "generator": f"omnisim scenes/{self.name}/build.py"}
@@ -120,9 +139,9 @@ class Stage:
                         target
                     )
         for material in tree.get("materials", []):
-            if material["name"] in self.unlit:
-                material["extensions"] = {UNLIT: {}}
-                tree["extensionsUsed"] = [UNLIT]
+            if found := self._extensions(material):
+                material["extensions"] = found
+                tree["extensionsUsed"] = sorted({*tree.get("extensionsUsed", ()), *found})
         for scene in tree["scenes"]:
             scene["name"] = self.name
             scene.pop("extras", None)

@@ -1,0 +1,33 @@
+"""Even light is baked, unless bright surfaces take its place."""
+
+import dataclasses
+
+import pytest
+
+from omnisim.baking.even_light import without_even_light
+from omnisim.scene.lighting import DEFAULT_LIGHTING
+from omnisim.scene.model import Lighting, Material
+from tests.scenes import scene_of, square
+
+
+@pytest.mark.parametrize(
+    ("material", "options", "is_left_out"),
+    [
+        ({"emissive": (20.0, 20.0, 18.0)}, {}, True),
+        ({"emissive": (1.0, 0.5, 0.5)}, {}, False),  # a screen
+        ({}, {}, False),
+        ({"emissive": (20.0, 20.0, 18.0)}, {"is_matte": True}, False),  # it is not seen to shine
+    ],
+)
+def test_bright_surfaces_take_the_place_of_even_light(material, options, is_left_out):
+    lighting = dataclasses.replace(DEFAULT_LIGHTING, **options)
+    scene = scene_of([square()], [Material(**material)], lighting=lighting)
+    found = without_even_light(scene).lighting
+    assert (found.lights == () and found.ambient == (0.0, 0.0, 0.0)) is is_left_out
+    assert (found is lighting) is not is_left_out
+
+
+def test_lamps_and_ambient_light_of_a_file_stay():
+    lighting = Lighting((0.5, 0.5, 0.5), ())
+    scene = scene_of([square()], [Material(emissive=(9.0, 9.0, 9.0))], lighting=lighting)
+    assert without_even_light(scene) is scene
