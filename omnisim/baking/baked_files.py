@@ -12,6 +12,7 @@ from omnisim.atomic_file import atomic_folder, check_new_folder
 from omnisim.baking.bake import Bake
 from omnisim.baking.even_light import without_even_light
 from omnisim.baking.lightmap import lightmap
+from omnisim.baking.rounding import rounded_halves
 from omnisim.baking.settings import BakeSettings
 from omnisim.baking.tiles import Arrays, Progress, TileFolder, no_progress, write_arrays
 from omnisim.extras import require_extra
@@ -35,9 +36,6 @@ class Baked(NamedTuple):
     atlas_px: tuple[int, int]
     texel_m: float
     probes: int
-
-
-_LARGEST_HALF = 65504.0
 
 
 def bake_scene(
@@ -90,11 +88,10 @@ def bake_scene(
         },
     }
     with atomic_folder(output) as partial:
-        write_radiance(
-            partial / "irradiance.exr", np.clip(pixels, 0.0, _LARGEST_HALF).astype(np.float16)
-        )
+        write_radiance(partial / "irradiance.exr", rounded_halves(np.maximum(pixels, 0.0), -1))
         with (partial / "probes.npz").open("wb") as file:
-            write_arrays(file, probes, is_compressed=True)
+            stored = probes | {"sh": rounded_halves(probes["sh"], (-2, -1))}
+            write_arrays(file, stored, is_compressed=True)
         unwrapping: Arrays = {
             f"{key}_{mesh}": values
             for mesh, page in sorted(bake.atlas.unwrappings.items())

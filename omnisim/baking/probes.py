@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from omnisim.baking.gathering import Gatherer
 from omnisim.baking.lamps import lamps_on
 from omnisim.baking.sampling import Floats, generator, sphere_directions, spread_points
+from omnisim.baking.texel_sizes import camera_places_m
 from omnisim.baking.tiles import Arrays
 from omnisim.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.scene.environment import factors_of_moments, shares_of_normals
@@ -17,7 +18,10 @@ from omnisim.scene.model import Scene
 
 PROBE_BUDGET = 16384
 TILE = 1024
-_LEAST_SPACING_M = 0.25
+_LEAST_SPACING_M, _LEAST_SIZE_M = 0.25, 1e-3
+# Around places of cameras the grid is as large as spacings of this width allow, or the least of it.
+_WIDEST_SPACING_M = 0.6
+_AROUND_M = ((np.inf, np.inf), (32.0, 16.0), (16.0, 8.0), (8.0, 4.0))  # level, upwards
 _RAYS = 256
 _MOST_INSIDE = 0.25  # share of rays that meet backs
 _PROBES = 2  # stage of random numbers
@@ -47,18 +51,32 @@ class ProbeGrid(NamedTuple):
 
 
 def probe_grid(scene: Scene) -> ProbeGrid:
-    """Grid within the static surfaces' bounds of at most about `PROBE_BUDGET` probes."""
+    """Grid of at most about `PROBE_BUDGET` probes within the static surfaces' bounds.
+
+    Of a scene too large for it, the grid is around the places of cameras and vehicles.
+    """
     low, high = scene.bounds_m()
-    size_m = np.maximum(high - low, 1e-3)
+    places = camera_places_m(scene)
+    for level_m, upwards_m in _AROUND_M:
+        around = np.array((level_m, level_m, upwards_m))
+        first = np.maximum(low, places.min(axis=0) - around)
+        last = np.minimum(high, places.max(axis=0) + around)
+        spacing_m, shape = _spacing(last - first)
+        if spacing_m <= _WIDEST_SPACING_M:
+            break
+    steps = np.maximum(last - first, _LEAST_SIZE_M) / shape
+    nx, ny, nz = (int(number) for number in shape)
+    return ProbeGrid(first + 0.5 * steps, steps, (nx, ny, nz))
+
+
+def _spacing(size_m: NDArray[np.float64]) -> tuple[float, NDArray[np.intp]]:
+    """Spacing of a grid that keeps to the budget, and its numbers of probes."""
     spacing_m = _LEAST_SPACING_M
     while True:
-        shape = np.maximum(np.ceil(size_m / spacing_m).astype(int), 1)
+        shape = np.maximum(np.ceil(size_m / spacing_m).astype(np.intp), 1)
         if shape.prod() <= PROBE_BUDGET:
-            break
+            return spacing_m, shape
         spacing_m *= 1.05
-    steps = size_m / shape
-    nx, ny, nz = (int(number) for number in shape)
-    return ProbeGrid(low + 0.5 * steps, steps, (nx, ny, nz))
 
 
 class ProbeBaker:

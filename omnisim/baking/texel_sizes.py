@@ -27,7 +27,7 @@ def areas_m2(scene: Scene) -> NDArray[np.float64]:
 
 def coarseness(scene: Scene) -> NDArray[np.float64]:
     """Factors (n,) of the texels' size, by the distance of the triangles from cameras."""
-    places = _places_m(scene)
+    places = camera_places_m(scene)
     nearest_m = []
     for instance in scene.instances:
         mesh = scene.meshes[instance.mesh]
@@ -66,7 +66,7 @@ def _limited(
     return sizes
 
 
-def _places_m(scene: Scene) -> NDArray[np.float64]:
+def camera_places_m(scene: Scene) -> NDArray[np.float64]:
     """Places (n, 3) of cameras and vehicles."""
     height_m = scene.start.position_m[2]
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]

@@ -49,7 +49,7 @@ def test_files(tmp_path):
     assert list(pixels.shape[1::-1]) == document["atlas_px"]
     with np.load(tmp_path / "room.baked" / "probes.npz") as probes:
         assert probes["sh"].shape == (*document["probes"]["shape"], 9, 3)
-        assert probes["sh"].dtype == np.float32
+        assert probes["sh"].dtype == np.float16
         assert probes["valid"].any()
     lit = with_baked_light(scene, tmp_path / "room.baked")
     assert lit.lighting.baked is not None
