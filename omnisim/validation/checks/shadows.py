@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,17 @@ from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import load_scene
+from omnisim.scene.model import Light, LightKind
 from omnisim.sensors import Renderer
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.shadow_edges import (
+    edge_distance_px,
+    grey_in_one_light,
+    inside_surfaces,
+    lit_share,
+)
 from omnisim.validation.traced_mirror import beside, inside_mirror, small_mirror, traced_in_mirror
 
 FOLDER = Path(__file__).parents[1] / "lit"
@@ -23,6 +31,17 @@ SCENES, QUICK_SCENES = ("soccer", "courtyard"), ("soccer",)
 SIZE_PX, QUICK_SIZE_PX = 160, 128
 SAMPLES, QUICK_SAMPLES = 144, 36  # squares, as its sampler wants
 BOUND_DB = 34.0
+# Lamps whose shadows' edges lie on floors: a low sun, and a lamp beside the field.
+LOW_LAMPS = {
+    "soccer": Light(
+        LightKind.POINT, (1.0, 1.0, 1.0), 1500.0, position_m=np.array([-4.0, -2.5, 1.6])
+    ),
+    "courtyard": Light(
+        LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1e5, direction=np.array([0.74, 0.395, -0.544])
+    ),
+}
+EDGES_SIZE_PX, EDGES_SAMPLES = 200, 25
+EDGES_BOUND_PX = 1.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -43,6 +62,7 @@ def check(fixture: Fixture, title: str) -> Section:
         measures.append(
             Measure(f"{name}, default quality", found_db, "dB", BOUND_DB, at_least=True)
         )
+        measures.append(_edges(fixture, name))
         pictures |= beside(name, traced, ours, inside)
     measures += [Measure("size", size_px, "px"), Measure("samples per pixel", samples)]
     return Section(
@@ -50,7 +70,8 @@ def check(fixture: Fixture, title: str) -> Section:
         f"Mitsuba's path tracer follows {samples} rays a pixel from a real mirror to diffuse "
         "surfaces, and from each to every lamp: direct light with hard shadows. The scenes are "
         "built-in ones, lit by lamps inside them and by the sun: `omnisim/validation/lit`, with "
-        "exposures of 0.001 and 0.00001 for a lux.",
+        "exposures of 0.001 and 0.00001 for a lux. Edges of shadows are those of one low lamp on "
+        f"grey surfaces, at {EDGES_SIZE_PX} px, two pixels from any other edge.",
         tuple(measures),
         figures=(
             CaptionedFigure(
@@ -61,6 +82,26 @@ def check(fixture: Fixture, title: str) -> Section:
             ),
         ),
     )
+
+
+def _edges(fixture: Fixture, name: str) -> Measure:
+    """Distance of the edges of shadows from a path tracer's."""
+    lit = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
+    scene = grey_in_one_light(lit, LOW_LAMPS[name])
+    bare = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
+    sensor = small_mirror(EDGES_SIZE_PX)
+    pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
+    with Renderer(scene, sensor, device=fixture.device) as renderer:
+        frame = renderer.render(pose, linear=True, also=("instance", "normals"))
+    with Renderer(bare, sensor, device=fixture.device) as renderer:
+        unshadowed = linear_picture(renderer.render(pose, linear=True))
+    counted = inside_mirror(mirror_camera(sensor)) & inside_surfaces(
+        frame.channels["instance"], frame.channels["normals"], unshadowed
+    )
+    traced = traced_in_mirror(scene, sensor, pose, EDGES_SAMPLES)
+    ours, theirs = (lit_share(one, unshadowed) for one in (linear_picture(frame), traced))
+    found_px = edge_distance_px(ours, theirs, counted)
+    return Measure(f"{name}, edges of shadows, mean", found_px, "px", EDGES_BOUND_PX)
 
 
 def _figure(pictures: dict[str, NDArray[np.generic]]) -> Figure:
