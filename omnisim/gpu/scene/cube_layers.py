@@ -56,7 +56,7 @@ class CubeLayers:
     ):
         self.atlases, self._background = atlases, cameras.background
         self._is_unlit = cameras.unlit
-        self._context = buffers.context
+        self._context, self._buffers = buffers.context, buffers
         self._target, self._depth = layered_target(buffers.context, atlases)
 
         def layered(variant: SurfaceVariant) -> moderngl.Program:
@@ -83,7 +83,9 @@ class CubeLayers:
     def draw(
         self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
     ) -> None:
-        """Draw all from poses of the cameras' rigs and of the dynamic objects."""
+        """Draw all from poses of the cameras' rigs and of the dynamic objects, which have the same
+        shadow maps.
+        """
         rigs = np.array([rig for rig, _ in poses])
         objects = np.array([objects for _, objects in poses])
         positions_m = self._surface_programs.positions_m
@@ -93,7 +95,8 @@ class CubeLayers:
             positions[..., :3] = positions_m - rigs[:, None, :3, 3]
             self._positions.write(positions)
         if shadows is not None:
-            shadows.prepare(rigs[0, :3, 3], objects[0])
+            self._buffers.deform(poses[0][1])  # what the camera does not see casts shadows
+            shadows.prepare(poses[0][0][:3, 3], poses[0][1])
         self._tiles.begin(self._target, (*self._background, 1.0))
         if self._sky is not None:
             self._sky.draw(self._target, rigs)

@@ -154,7 +154,7 @@ class CubePass:
 
         The layers are as large as the atlas, which keeps what it has.
         """
-        layers = self._layers_of(atlases)
+        layers = self._layers_of(poses, atlases)
         if layers is None:
             self._draw_each(poses, atlases)
         else:
@@ -170,15 +170,19 @@ class CubePass:
         sorted_bytes = 0 if self._blended_drawer is None else self._blended_drawer.memory_bytes
         return _LAYER_TEXEL_BYTES * texels + self.tiles.culling_bytes + sorted_bytes
 
-    def _layers_of(self, atlases: moderngl.TextureArray) -> CubeLayers | None:
+    def _layers_of(
+        self,
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        atlases: moderngl.TextureArray,
+    ) -> CubeLayers | None:
         """Draws all layers together; None: here they are drawn one after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
-        shadows = None if self._cameras.unlit else self._programs.shadows
-        if shadows is not None and not shadows.is_shared:
-            has_drawers = False
         if self._blended.size and self._blended_drawer is None:
             has_drawers = False
         if self._is_multisampled or not has_drawers or not self._context.extensions >= EXTENSIONS:
+            return None
+        shadows = None if self._cameras.unlit else self._programs.shadows
+        if shadows is not None and not shadows.are_shared(poses):
             return None
         if self._layers is None or self._layers.atlases is not atlases:
             self._layers = None  # frees its memory first

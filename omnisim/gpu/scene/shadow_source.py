@@ -21,9 +21,10 @@ class ShadowSource(Protocol):
     def anchor_m(self) -> NDArray[np.float64]:
         """Origin (3,) of the maps, world."""
 
-    @property
-    def is_shared(self) -> bool:
-        """All viewpoints and poses have the same maps."""
+    def are_shared(
+        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
+    ) -> bool:
+        """Tell whether poses of rigs and of the dynamic objects all have the same maps."""
 
     def connect(self, program: moderngl.Program) -> None:
         """Connect a program that looks shadows up."""

@@ -59,7 +59,7 @@ class ShadowMaps:
             self._maps = []
         while len(self._maps) < 1 + self._drawer.has_dynamic:
             self._maps.append(_allocate(context, size_px))
-        at_anchor = plan.clips(plan.middles_m(np.zeros(3)), self.anchor_m)
+        at_anchor = self._clips(self.anchor_m)
         # of cubes alone it has nothing
         self._block = context.buffer(reserve=max(16, plan.block_data(at_anchor).nbytes))
         self._drawn: NDArray[np.float64] | None = None  # matrices of the static maps
@@ -78,10 +78,16 @@ class ShadowMaps:
         """Defines of the shaders."""
         return (*self._plan.defines, f"LAMP_NEAR_M {LAMP_NEAR_M}")
 
-    @property
-    def is_shared(self) -> bool:
-        """All viewpoints and poses have the same maps."""
-        return not (self._plan.follows_viewpoint or self._drawer.has_dynamic)
+    def are_shared(
+        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
+    ) -> bool:
+        """Tell whether poses of rigs and of the dynamic objects all have the same maps."""
+        if self._drawer.has_dynamic and not _at_rest([objects for _, objects in poses]):
+            return False
+        if not self._plan.follows_viewpoint:
+            return True
+        first, *others = (self._clips(rig[:3, 3]) for rig, _ in poses)
+        return all(np.array_equal(one, first) for one in others)
 
     def connect(self, program: moderngl.Program) -> None:
         """Connect a program that looks shadows up."""
@@ -94,8 +100,7 @@ class ShadowMaps:
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the maps that a frame needs, and bind them; see `ShadowSource`."""
-        middles_m = self._plan.middles_m(viewpoint_m - self.anchor_m)
-        clips = self._plan.clips(middles_m, self.anchor_m)
+        clips = self._clips(viewpoint_m)
         stale = np.ones(len(clips), dtype=np.bool_)
         if self._drawn is not None:
             stale = np.any(clips != self._drawn, axis=(1, 2))
@@ -107,6 +112,10 @@ class ShadowMaps:
             self._draw_dynamic(clips, stale, world_from_objects)
         self._maps[-1].texture.use(_UNIT)
         self._block.bind_to_uniform_block(_BLOCK_BINDING)
+
+    def _clips(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrices (maps, 4, 4) clip_from_anchor of the maps for a viewpoint (3,), world."""
+        return self._plan.clips(self._plan.middles_m(viewpoint_m - self.anchor_m), self.anchor_m)
 
     def _draw_static(
         self,
@@ -154,6 +163,15 @@ class ShadowMaps:
         self._drawer.draw(live.target, clips, every, world_from_objects, dynamic=True)
         live.coarsen(restored + self._covered.tolist())
         self._posed = time_s, poses
+
+
+def _at_rest(worlds: Sequence[Sequence[NDArray[np.float64]]]) -> bool:
+    """Tell whether dynamic objects are at the same time where they are in the first world."""
+    first = worlds[0]
+    return all(
+        world is first or (time_of(world) == time_of(first) and np.array_equal(world, first))
+        for world in worlds
+    )
 
 
 def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> DepthLevels:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import pixel_grid
+from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.shadows.shadow_plan import make_shadow_plan
 from omnisim.poses import pose
 from omnisim.scene.labels import BODY
@@ -212,6 +213,36 @@ def test_a_batch_of_what_is_static_is_drawn_together():
         assert np.array_equal(renderer.render_batch(states), single)
 
 
+def _in_batches(renderer, states, monkeypatch):
+    """Pictures of a batch, and whether they were drawn together."""
+    alone = []
+    with monkeypatch.context() as patch:
+        draw_each = CubePass._draw_each
+        patch.setattr(
+            CubePass, "_draw_each", lambda *given: alone.append(given) or draw_each(*given)
+        )
+        return renderer.render_batch(states), not alone
+
+
+@pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
+def test_a_batch_in_a_world_that_rests_is_drawn_together(light, monkeypatch):
+    """Shadows of what moves are drawn once for all viewpoints, and again when it has moved."""
+    camera, scene = _camera(), scene_of([square(6.0)], lighting=_lighting(light))
+    with Stage(scene, dynamic_objects={"moving": _moving()}) as stage:
+        renderer = Renderer(stage, camera)
+        rests = [
+            [_state(camera, place).moved({BODY: camera.base_pose(at, yaw_deg=10.0)}) for at in eyes]
+            for place in PLACES
+            for eyes in [[VIEWPOINT_M, VIEWPOINT_M + (0.3, 0.2, 0.0), VIEWPOINT_M - 0.1]]
+        ]
+        for states in (*rests, rests[0][:1] + rests[1][1:]):
+            batch, is_together = _in_batches(renderer, states, monkeypatch)
+            assert is_together == (states in rests)
+            single = [renderer.render(state).rgb for state in states]
+            assert np.array_equal(batch, single)
+            assert len({picture.tobytes() for picture in batch}) == 3
+
+
 def test_edited_instances_cast_shadows_where_they_are():
     camera, scene = _camera(), scene_of(_table(), lighting=_lighting(LIGHTS["point"]))
     with Renderer(scene, camera) as renderer:
@@ -227,7 +258,7 @@ def test_edited_instances_cast_shadows_where_they_are():
     assert np.mean(np.abs(moved.astype(int) - expected) > 1) < 1e-3
 
 
-def test_cascades_are_around_the_viewpoint():
+def test_cascades_are_around_the_viewpoint(monkeypatch):
     """Far apart in a large scene, shadows are as fine as in a small one."""
     camera, light = _camera(), LIGHTS["directional"]
     small = _render(scene_of(_table(), lighting=_lighting(light)), camera)
@@ -238,7 +269,12 @@ def test_cascades_are_around_the_viewpoint():
         renderer.render(camera.base_pose((0.0, 0.0, 1.0)))
         there = camera.base_pose(VIEWPOINT_M + away_m, yaw_deg=20.0)
         shown = renderer.render(there, linear=True).linear[..., 1]
-        assert np.array_equal(renderer.render_batch([there])[0], renderer.render(there).rgb)
+        beside = camera.base_pose(VIEWPOINT_M + away_m + 0.02, yaw_deg=60.0)
+        here = camera.base_pose(VIEWPOINT_M)
+        for states, has_same_maps in [([there, beside], True), ([there, here], False)]:
+            batch, is_together = _in_batches(renderer, states, monkeypatch)
+            assert is_together == has_same_maps
+            assert np.array_equal(batch, [renderer.render(state).rgb for state in states])
     assert np.mean(np.abs(shown - small) > 0.02) < 0.01
 
 
