@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim import Renderer, Stage
+from omnisim.gpu.scene import tile_renderer
 from omnisim.poses import pose
 from omnisim.scene.baked import with_baked_light
 from omnisim.scene.environment import Environment, map_directions
@@ -112,6 +113,19 @@ def test_clusters_draw_what_items_do(monkeypatch, furnished):
     """Also glass, which the reference sorts in Python."""
     with Stage(furnished, body()) as stage, reference_stage(monkeypatch, furnished, body()) as one:
         assert_same(*(Renderer(each, CAMERA).render(HERE).rgba for each in (stage, one)))
+
+
+def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
+    """Later passes read the depth of those before: not in place of the lightmap."""
+    pictures = []
+    for least in ((10**9,) * 2, (0, 10**9), (0, 0)):
+        monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", least)
+        with Stage(furnished, body()) as stage, Renderer(stage, CAMERA) as renderer:
+            poses = np.stack([HERE, HERE])
+            pictures.append((renderer.render(HERE).rgba, renderer.render_batch(poses)))
+    for frame, batch in pictures[1:]:
+        np.testing.assert_array_equal(frame, pictures[0][0])
+        np.testing.assert_array_equal(batch, pictures[0][1])
 
 
 def test_batches_are_single_frames(furnished):

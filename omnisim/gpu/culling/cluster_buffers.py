@@ -32,8 +32,8 @@ _CLUSTER = np.dtype(
     ]
 )
 _ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries
-BOUNDS_UNIT = 8
-DEPTH_UNIT = 7  # whose sampler is the texture's own, whatever draws in between
+# Texture units that no program that draws has: in between, all that it reads stays bound.
+DEPTH_UNIT, BOUNDS_UNIT = 16, 17
 
 
 class CullingShaders(NamedTuple):
