@@ -7,18 +7,18 @@
 #include "scene/vertex.glsl"
 
 #if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
-in vec2 in_texture_coordinate;
+layout(location = 2) in vec2 in_texture_coordinate;
 out vec2 v_texture_coordinate;
 #endif
 #ifdef COLORED
-in vec4 in_color;
+layout(location = 3) in vec4 in_color;
 out vec4 v_color;
 #endif
 
 flat out uint v_first_plus_one;  // 1 + ID of the call's first triangle
 #ifdef CLUSTERED
 #if defined(TEXTURED) || defined(ALPHA_MASK)
-in vec2 in_material;
+layout(location = 4) in vec2 in_material;
 flat out vec2 v_material;
 #endif
 layout(std430, binding = 7) readonly buffer Commands { uint commands[]; };

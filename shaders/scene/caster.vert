@@ -4,16 +4,16 @@
 #include "scene/vertex.glsl"
 
 #ifdef ALPHA_MASK
-in vec4 in_color;  // of clusters, times the base colour
+layout(location = 3) in vec4 in_color;  // of clusters, times the base colour
 out float v_alpha;
 #ifdef CLUSTERED
-in vec2 in_material;
+layout(location = 4) in vec2 in_material;
 flat out vec2 v_material;
 #else
 uniform vec4 u_base_color;
 #endif
 #ifdef TEXTURED
-in vec2 in_texture_coordinate;
+layout(location = 2) in vec2 in_texture_coordinate;
 out vec2 v_texture_coordinate;
 #endif
 #endif

@@ -8,18 +8,18 @@
 
 #include "scene/vertex.glsl"
 
-in vec4 in_color;  // of clusters, times the base colour
+layout(location = 3) in vec4 in_color;  // of clusters, times the base colour
 #ifdef BAKED
 flat
 #endif
 out vec4 v_color;
 
 #if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
-in vec2 in_texture_coordinate;
+layout(location = 2) in vec2 in_texture_coordinate;
 out vec2 v_texture_coordinate;
 #endif
 #ifdef BAKED
-in vec3 in_light;
+layout(location = 1) in vec3 in_light;
 #endif
 #ifdef BOTH_SIDES
 #define SIDES 2
@@ -29,11 +29,11 @@ in vec3 in_light;
 #define LIGHT_COORDINATE vec2
 #endif
 #ifdef LIGHTMAP
-in LIGHT_COORDINATE in_light_coordinate;  // of the front, and of the back
+layout(location = 5) in LIGHT_COORDINATE in_light_coordinate;  // of the front, and of the back
 out LIGHT_COORDINATE v_light_coordinate;
 #endif
 #ifdef LIT
-in vec3 in_normal;
+layout(location = 1) in vec3 in_normal;
 out vec3 v_normal;
 #endif
 #ifdef POSITION
@@ -42,11 +42,11 @@ out vec3 v_position;
 
 #ifdef CLUSTERED
 #if defined(TEXTURED) || defined(ALPHA_MASK) || defined(ALPHA_BLEND)
-in vec2 in_material;
+layout(location = 4) in vec2 in_material;
 flat out vec2 v_material;  // layer of the texture array, and cutoff of alpha
 #endif
 #if defined(LIT) || defined(POSITION)
-in mat3x4 in_viewpoint_from_object;  // its rows are columns here; rigid
+layout(location = 11) in mat3x4 in_viewpoint_from_object;  // its rows are columns here; rigid
 #endif
 #else
 uniform vec4 u_base_color;

@@ -4,6 +4,8 @@
 // atlas are drawn at once. Otherwise of one item in one tile, which is the viewport.
 // With LAYERED each camera has a layer of the target. Included before all else, for its extensions.
 // u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
+// Attributes of clusters have the same locations in all programs, which share their vertex arrays:
+// those of CLUSTER_VERTEX and INSTANCE in omnisim/gpu/scene/vertex_format.py, in order.
 
 #ifdef LAYERED
 #extension GL_ARB_shader_draw_parameters : require
@@ -12,11 +14,11 @@
 flat out int v_camera;
 #endif
 
-in vec3 in_position;
+layout(location = 0) in vec3 in_position;
 
 #ifdef CLUSTERED
-in mat4 in_clip_from_object;
-in vec4 in_placement;  // scale and shift of the tile in the atlas
+layout(location = 6) in mat4 in_clip_from_object;
+layout(location = 10) in vec4 in_placement;  // scale and shift of the tile in the atlas
 out float gl_ClipDistance[4];
 
 vec4 clip_position() {

@@ -18,7 +18,7 @@ SUBMISSIONS = (
     "glDispatchCompute", "glDispatchComputeIndirect", "glMultiDrawElementsIndirectCountARB",
     "glDrawArraysInstanced", "glDrawElementsInstanced", "glMultiDrawElementsIndirect",
 )  # fmt: skip
-MOST_CALLS, MOST_SUBMISSIONS = 225, 45  # in the built-in scenes: state, draws and dispatches
+MOST_CALLS, MOST_SUBMISSIONS = 205, 45  # in the built-in scenes: state, draws and dispatches
 
 
 def _poses(count):

@@ -1,6 +1,6 @@
 """Culling of clusters on the GPU, for all views at once: frusta, normal cones, size, occlusion.
 
-The outcome is a list of draw commands for each bucket of the geometry, near clusters first, and
+The outcome is a list of draw commands for each batch of buckets, near clusters first, and
 how many there are. Nothing of it comes back to the CPU. Where there can be too many for a buffer,
 clusters are drawn slice by slice: the memory is bounded, whatever the scene.
 """
@@ -56,6 +56,7 @@ class ClusterCuller:
     Args:
         context: where.
         buffers: the clusters.
+        groups_of_batch: (batches,) numbers of groups that one draw call shows, in order.
         views: of all cameras.
         depth: of the atlas, with a layer for each camera if there may be several, to test for
             occlusion between passes; None: there is one pass.
@@ -80,6 +81,7 @@ class ClusterCuller:
         self,
         context: moderngl.Context,
         buffers: ClusterBuffers,
+        groups_of_batch: NDArray[np.integer],
         views: Views,
         depth: moderngl.Texture | moderngl.TextureArray | None,
         passes: int,
@@ -92,7 +94,7 @@ class ClusterCuller:
         self.passes, self._depth = (1 if depth is None else passes), depth
         limit = min(MAX_COMMAND_BYTES, int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]))
         self.slices, table, most_commands = command_slices(
-            buffers.clusters_of_group, buffers.groups_of_bucket, views.count, limit // COMMAND_BYTES
+            buffers.clusters_of_group, groups_of_batch, views.count, limit // COMMAND_BYTES
         )
         self.ranges = len(table)
         words = buffers.group_count * views.count

@@ -14,17 +14,17 @@ RANGE = np.dtype(  # as in shaders/culling/commands.comp
 
 
 class CommandRange(NamedTuple):
-    """Draw commands of a bucket in a slice, near ones and far ones.
+    """Draw commands of a batch in a slice, near ones and far ones.
 
     Attributes:
         number: of the range, counted over all slices.
-        bucket: of the clusters.
+        batch: of buckets that one draw call shows.
         first: of the near ones in the buffer of commands; the far ones begin `most` later.
         most: as many as there can be of either.
     """
 
     number: int
-    bucket: int
+    batch: int
     first: int
     most: int
 
@@ -33,7 +33,7 @@ class CommandSlices(NamedTuple):
     """Slices, one after the other in the same buffer.
 
     Attributes:
-        slices: ranges of each, bucket by bucket.
+        slices: ranges of each, batch by batch.
         table: (ranges,) of `RANGE`.
         most_commands: of a slice.
     """
@@ -45,27 +45,27 @@ class CommandSlices(NamedTuple):
 
 def command_slices(
     clusters_of_group: NDArray[np.integer],
-    groups_of_bucket: NDArray[np.integer],
+    groups_of_batch: NDArray[np.integer],
     views: int,
     most_commands: int,
 ) -> CommandSlices:
     """Cut the groups into slices, as few as there can be; each group stays whole.
 
     Args:
-        clusters_of_group: (groups,) numbers of clusters, bucket by bucket.
-        groups_of_bucket: (buckets,).
+        clusters_of_group: (groups,) numbers of clusters, batch by batch.
+        groups_of_batch: (batches,).
         views: each may show each cluster, in either band.
         most_commands: of a slice, unless a single group may have more.
     """
     clusters = np.concatenate(([0], np.cumsum(clusters_of_group)))
-    of_bucket = np.concatenate(([0], np.cumsum(groups_of_bucket)))
+    of_batch = np.concatenate(([0], np.cumsum(groups_of_batch)))
     most_clusters = most_commands // (BANDS * views)
     slices, rows, most = [], list[tuple[int, int, int, int]](), 0
     start = 0
     while start < len(clusters) - 1:
         end = int(np.searchsorted(clusters, clusters[start] + most_clusters, side="right")) - 1
         end = max(end, start + 1)
-        slices.append(tuple(_ranges(clusters, of_bucket, (start, end), views, rows)))
+        slices.append(tuple(_ranges(clusters, of_batch, (start, end), views, rows)))
         most = max(most, BANDS * views * int(clusters[end] - clusters[start]))
         start = end
     return CommandSlices(tuple(slices), np.array(rows, dtype=RANGE), most)
@@ -73,7 +73,7 @@ def command_slices(
 
 def _ranges(
     clusters: NDArray[np.integer],
-    of_bucket: NDArray[np.integer],
+    of_batch: NDArray[np.integer],
     groups: tuple[int, int],
     views: int,
     rows: list[tuple[int, int, int, int]],
@@ -82,12 +82,12 @@ def _ranges(
     ranges = []
     start, end = groups
     first = 0
-    bucket = int(np.searchsorted(of_bucket, start, side="right")) - 1
+    batch = int(np.searchsorted(of_batch, start, side="right")) - 1
     while start < end:
-        last = min(end, int(of_bucket[bucket + 1]))
+        last = min(end, int(of_batch[batch + 1]))
         most = views * int(clusters[last] - clusters[start])
-        ranges.append(CommandRange(len(rows), bucket, first, most))
+        ranges.append(CommandRange(len(rows), batch, first, most))
         rows.append((start, last - start, first, most))
         first += BANDS * most
-        start, bucket = last, bucket + 1
+        start, batch = last, batch + 1
     return ranges

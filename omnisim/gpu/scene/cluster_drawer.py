@@ -1,19 +1,21 @@
-"""Draws the visible clusters of all views: one call for each bucket, whatever the scene."""
+"""Draws the visible clusters of all views: one call for each batch of buckets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import product
+from itertools import groupby, product
 from typing import NamedTuple
 
 import moderngl
+import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.command_slices import BANDS, CommandRange
 from omnisim.gpu.gl_functions import IndirectDraws
-from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry
-from omnisim.gpu.scene.texture_array import bind_maps
+from omnisim.gpu.scene.clustered_geometry import Bucket, ClusteredGeometry
+from omnisim.gpu.scene.material_units import map_units
 from omnisim.gpu.scene.vertex_format import cluster_vertex_array
 
 
@@ -31,15 +33,69 @@ class BucketProgram(NamedTuple):
     first_command: moderngl.Uniform | None = None
 
 
+class DrawState(NamedTuple):
+    """State of a draw call.
+
+    Attributes:
+        shader: program of all of its buckets.
+        shows_back: back faces are drawn, too.
+        textures: names of those that the program reads, by unit.
+    """
+
+    shader: BucketProgram
+    shows_back: bool
+    textures: tuple[tuple[int, int], ...]
+
+
+class DrawBatches:
+    """Batches of a geometry's buckets: those that follow each other and have one state.
+
+    Args:
+        geometry: the clusters.
+        find_program: of a bucket.
+        both_sides: draw back faces, too.
+
+    Attributes:
+        states: of the batches.
+        groups: (batches,) their numbers of cluster groups.
+    """
+
+    def __init__(
+        self,
+        geometry: ClusteredGeometry,
+        find_program: Callable[[Bucket], BucketProgram],
+        both_sides: bool,
+    ):
+        states = [_state(one, find_program(one), both_sides) for one in geometry.buckets]
+        runs = [(state, len(list(run))) for state, run in groupby(states)]
+        self.states = [state for state, _ in runs]
+        ends = np.cumsum([length for _, length in runs])
+        groups = np.concatenate(([0], np.cumsum(geometry.buffers.groups_of_bucket)[ends - 1]))
+        self.groups: NDArray[np.intp] = np.diff(groups)
+
+
+def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool) -> DrawState:
+    arrays = [(0, "u_textures", bucket.array)]
+    arrays += [(*one, array) for one, array in zip(map_units(), bucket.maps or (), strict=False)]
+    return DrawState(
+        shader,
+        bucket.double_sided or both_sides,
+        tuple(
+            (unit, array.array.glo)
+            for unit, name, array in arrays
+            if array is not None and name in shader.program
+        ),
+    )
+
+
 class ClusterDrawer:
     """Draws what a culler left, by the programs of one pass.
 
     Args:
         context: where.
         geometry: the clusters.
-        culler: of their views.
-        programs: of each bucket.
-        both_sides: draw back faces, too.
+        culler: of their views, by these batches.
+        batches: their states.
 
     Attributes:
         culler: as given.
@@ -50,26 +106,18 @@ class ClusterDrawer:
         context: moderngl.Context,
         geometry: ClusteredGeometry,
         culler: ClusterCuller,
-        programs: Sequence[BucketProgram],
-        both_sides: bool = False,
+        batches: DrawBatches,
     ):
-        self._context, self.culler = context, culler
+        self._context, self.culler, self._states = context, culler, batches.states
         self._draws = IndirectDraws()
-        arrays = {
-            id(one.program): cluster_vertex_array(
-                context,
-                one.program,
-                geometry.vertices,
-                geometry.indices,
-                culler.instances,
-                geometry.light_coordinates,
-            )
-            for one in programs
-        }
-        self._buckets = [
-            (one, arrays[id(one.program)], bucket.double_sided or both_sides, bucket)
-            for bucket, one in zip(geometry.buckets, programs, strict=True)
-        ]
+        self._array = cluster_vertex_array(
+            context,
+            batches.states[0].shader.program,
+            geometry.vertices,
+            geometry.indices,
+            culler.instances,
+            geometry.light_coordinates,
+        )
         # the same in each frame
         self._calls = [
             [self._calls_of(pass_index, ranges) for ranges in culler.slices]
@@ -80,6 +128,7 @@ class ClusterDrawer:
         """Draw the commands of a pass; target, depth, viewport and clip distances are set."""
         self._context.front_face = "cw"
         self._draws.bind(self.culler.commands.glo, self.culler.counts.glo)
+        self._draws.bind_vertex_array(self._array.glo)
         for number, calls in enumerate(self._calls[pass_index]):
             if number:
                 self.culler.next_slice(pass_index, number)
@@ -89,30 +138,30 @@ class ClusterDrawer:
     def _calls_of(
         self, pass_index: int, ranges: Sequence[CommandRange]
     ) -> list[Callable[[], object]]:
-        """Calls that draw a slice, band by band."""
+        """Calls that draw a slice, band by band; state that stays is not set again."""
         context, draws = self._context, self._draws
         calls: list[Callable[[], object]] = []
-        program = array = double_sided = None
+        program = sampler = shows_back = None
+        bound: dict[int, int] = {}
         for band, commands in product(range(BANDS), ranges):
-            one, vertices, shows_back, bucket = self._buckets[commands.bucket]
-            textures, first = bucket.array, commands.first + band * commands.most
-            if one.program is not program:
-                program = one.program
+            state, first = self._states[commands.batch], commands.first + band * commands.most
+            shader = state.shader
+            if shader.program is not program:
+                program = shader.program
                 calls.append(partial(draws.use_program, program.glo))
-                calls.append(partial(draws.bind_vertex_array, vertices.glo))
-            if shows_back is not double_sided:
-                double_sided = shows_back
+            if state.shows_back is not shows_back:
+                shows_back = state.shows_back
                 toggle = context.disable if shows_back else context.enable
                 calls.append(partial(toggle, moderngl.CULL_FACE))
-            if textures is not None and textures is not array:
-                array = textures
-                calls.append(partial(draws.bind_texture, 0, array.array.glo))
-            if bucket.maps is not None:
-                calls.append(partial(bind_maps, bucket.maps))
-            if one.sampler is not None:
-                calls.append(partial(one.sampler.use, 0))
-            if one.first_command is not None:
-                calls.append(partial(setattr, one.first_command, "value", first))
+            for unit, texture in state.textures:
+                if bound.get(unit) != texture:
+                    bound[unit] = texture
+                    calls.append(partial(draws.bind_texture, unit, texture))
+            if shader.sampler is not None and shader.sampler is not sampler:
+                sampler = shader.sampler
+                calls.append(partial(sampler.use, 0))
+            if shader.first_command is not None:
+                calls.append(partial(setattr, shader.first_command, "value", first))
             count = (BANDS * pass_index + band) * self.culler.ranges + commands.number
             calls.append(draws.drawing(first, count, commands.most))
         return calls

@@ -18,6 +18,11 @@ _MAP_UNITS = {f"u_{name}": unit for unit, name in zip(MAP_UNITS, MAPS, strict=Tr
 _DETAILS_UNIT, _MATERIALS_UNIT, _ITEM_DETAILS_UNIT = 10, 11, 12
 
 
+def map_units() -> list[tuple[int, str]]:
+    """Texture units and samplers of the maps, in the order of `Material.maps`."""
+    return [(unit, name) for name, unit in _MAP_UNITS.items()]
+
+
 def reflectance_defines(
     maps: Sequence[bool] | None, second_coordinates: bool = False
 ) -> tuple[str, ...]:

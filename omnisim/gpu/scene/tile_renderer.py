@@ -14,7 +14,7 @@ from omnisim.gpu.atlas.tile_views import TileView, TileViews, clips_from_rig
 from omnisim.gpu.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.scene.clip_distances import clip_distances
-from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
+from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer, DrawBatches
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
@@ -85,6 +85,7 @@ class TileRenderer:
         if geometry is None:
             return
         context, depths_m = buffers.context, (cameras.near_m, cameras.far_m)
+        batches = DrawBatches(geometry, find_program, cameras.both_sides)
         self._cluster_views = Views(
             context,
             clips_from_rig(plan, *depths_m),
@@ -96,6 +97,7 @@ class TileRenderer:
         self.culler = ClusterCuller(
             context,
             geometry.buffers,
+            batches.groups,
             self._cluster_views,
             depth,
             1 + sum(len(geometry.triangles) >= least for least in MIN_TRIANGLES_OF_PASSES),
@@ -108,13 +110,7 @@ class TileRenderer:
         shown = buffers.shown(cameras.hidden)
         shown |= np.array([item.object_index is None for item in buffers.draw_items])
         self.culler.show(geometry.shown_clusters(shown))
-        self._clusters = ClusterDrawer(
-            context,
-            geometry,
-            self.culler,
-            [find_program(bucket) for bucket in geometry.buckets],
-            cameras.both_sides,
-        )
+        self._clusters = ClusterDrawer(context, geometry, self.culler, batches)
 
     @property
     def culling_bytes(self) -> int:

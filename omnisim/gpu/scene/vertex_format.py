@@ -36,6 +36,9 @@ INSTANCE = np.dtype(  # of an object in a view, as in shaders/culling/views.glsl
         ("viewpoint", "<f4", 4),  # of culling alone
     ]
 )
+# Of attributes of clusters, as in shaders/scene/vertex.glsl.
+_FIRST_LOCATION, _LIGHT_COORDINATE_LOCATION, _FIRST_INSTANCE_LOCATION = 0, 5, 6
+_ATTRIBUTE = "in_"
 # Attribute of baked triangles, stored in the place of another one.
 _LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
 # Attribute of a buffer of its own, which only scenes with baked light have.
@@ -74,14 +77,34 @@ def cluster_vertex_array(
     instances: moderngl.Buffer,
     light_coordinates: moderngl.Buffer | None = None,
 ) -> moderngl.VertexArray:
-    """Vertex array of `CLUSTER_VERTEX`, whose base instance is an entry of `INSTANCE`."""
-    layout, *names = _layout(program, INSTANCE)
-    content = [
-        (vertices, *_layout(program, CLUSTER_VERTEX)),
-        *_light(program, light_coordinates),
-        (instances, f"{layout} /i", *names),
-    ]
-    return context.vertex_array(program, content, indices, index_element_size=4)
+    """Vertex array of `CLUSTER_VERTEX`, whose base instance is an entry of `INSTANCE`.
+
+    It feeds all programs of clusters, as their attributes have the same locations: a change of
+    program is none of vertex arrays. Moderngl asks for one of them.
+    """
+    array = context.vertex_array(program, [], indices, index_element_size=4)
+    _bind_attributes(array, vertices, CLUSTER_VERTEX, _FIRST_LOCATION)
+    if light_coordinates is not None:
+        array.bind(_LIGHT_COORDINATE_LOCATION, "f", light_coordinates, "4f4", 0, 16)
+    _bind_attributes(array, instances, INSTANCE, _FIRST_INSTANCE_LOCATION, divisor=1)
+    return array
+
+
+def _bind_attributes(
+    array: moderngl.VertexArray,
+    buffer: moderngl.Buffer,
+    record: np.dtype[np.void],
+    location: int,
+    divisor: int = 0,
+) -> None:
+    """Bind the fields of a record to locations that follow each other, one for each row."""
+    for name, (field, offset, *_) in (record.fields or {}).items():
+        rows, columns = field.shape if len(field.shape) == 2 else (1, *field.shape)
+        for row in range(rows if name.startswith(_ATTRIBUTE) else 0):
+            at = offset + row * columns * field.base.itemsize
+            form = f"{columns}f{field.base.itemsize}"
+            array.bind(location, "f", buffer, form, at, record.itemsize, divisor)
+            location += 1
 
 
 def light_coordinates(

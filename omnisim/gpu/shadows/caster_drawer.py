@@ -13,7 +13,7 @@ from omnisim.gpu.atlas.tile_views import frustum_planes
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.scene.clip_distances import clip_distances
-from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer
+from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer, DrawBatches
 from omnisim.gpu.scene.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.reversed_depth import DEPTH_FUNCTION
@@ -163,20 +163,21 @@ class CasterDrawer:
         nowhere = np.tile(_NOWHERE, (count, 1, 1))
         views = Views(context, nowhere, self._rectangles_px, self.anchor_m, geometry.objects)
         depths_m = (LAMP_NEAR_M, math.inf)
+        batches = DrawBatches(geometry, self._program_of_bucket, both_sides=True)
         culler = ClusterCuller(
-            context, geometry.buffers, views, None, 1, size_px, depths_m, both_sides=True
-        )
-        programs = [BucketProgram(self._program_of_bucket(one)) for one in geometry.buckets]
-        return culler, ClusterDrawer(context, geometry, culler, programs, both_sides=True)
+            context, geometry.buffers, batches.groups, views, None, 1, size_px, depths_m,
+            both_sides=True,
+        )  # fmt: skip
+        return culler, ClusterDrawer(context, geometry, culler, batches)
 
     def _program_of(self, item: DrawItem) -> CasterProgram:
         material = item.material
         textured = material.texture is not None
         return self._program(CasterVariant(material.hit_cutoff > 0.0, textured))
 
-    def _program_of_bucket(self, bucket: Bucket) -> moderngl.Program:
+    def _program_of_bucket(self, bucket: Bucket) -> BucketProgram:
         variant = CasterVariant(bucket.cutoff, bucket.array is not None, clustered=True)
-        return self._program(variant).program
+        return BucketProgram(self._program(variant).program)
 
     def _program(self, variant: CasterVariant) -> CasterProgram:
         if not variant.holes:

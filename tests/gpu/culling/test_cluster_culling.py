@@ -71,7 +71,9 @@ def _culler(context, buffers, far_m):
     clips = clips_from_rig(PLAN, *depths_m)
     views = Views(context, clips, PLAN.rectangles_px, geometry.anchor_m, geometry.objects)
     size_px = (PLAN.width_px, PLAN.height_px)
-    return ClusterCuller(context, geometry.buffers, views, None, 1, size_px, depths_m), views
+    buffers = geometry.buffers
+    batches = buffers.groups_of_bucket
+    return ClusterCuller(context, buffers, batches, views, None, 1, size_px, depths_m), views
 
 
 def _drawn(culler, geometry):

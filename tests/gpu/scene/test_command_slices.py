@@ -29,25 +29,25 @@ POSES = np.stack(
 @pytest.mark.parametrize("most_commands", [10**9, 4000, 640, 1])
 def test_slices_are_of_whole_groups_and_fit(most_commands):
     generator = np.random.default_rng(4)
-    clusters, of_bucket, views = generator.integers(1, 33, 60), np.array([20, 1, 39]), 3
-    slices, table, most = command_slices(clusters, of_bucket, views, most_commands)
+    clusters, of_batch, views = generator.integers(1, 33, 60), np.array([20, 1, 39]), 3
+    slices, table, most = command_slices(clusters, of_batch, views, most_commands)
     assert [one.number for ranges in slices for one in ranges] == list(range(len(table)))
     covered = [np.arange(row["first_group"], row["first_group"] + row["groups"]) for row in table]
     assert np.array_equal(np.concatenate(covered), np.arange(60))
-    bucket_of_group = np.repeat(np.arange(3), of_bucket)
+    batch_of_group = np.repeat(np.arange(3), of_batch)
     largest = BANDS * views * clusters.max()
     assert most <= max(most_commands, largest)
     for ranges in slices:
         first = 0
         for one in ranges:
             own = covered[one.number]
-            assert np.all(bucket_of_group[own] == one.bucket)
+            assert np.all(batch_of_group[own] == one.batch)
             assert (one.first, one.most) == (first, views * clusters[own].sum())
             first += BANDS * one.most
         assert first <= most
     if most_commands == 10**9:
         assert len(slices) == 1
-        assert [one.bucket for one in slices[0]] == [0, 1, 2]
+        assert [one.batch for one in slices[0]] == [0, 1, 2]
 
 
 def _everything(stage):
