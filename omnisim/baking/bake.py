@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.baking.atlas import automatic_atlas, build_atlas
 from omnisim.baking.denoising import TexelSurfaces, denoised
-from omnisim.baking.emitters import Emitters
+from omnisim.baking.emitters import LUMINANCE, Emitters
 from omnisim.baking.gathering import Gatherer
 from omnisim.baking.lamps import lamp_light, lamps_on
 from omnisim.baking.patches import Patches, build_patches
@@ -26,7 +26,10 @@ from omnisim.scene.model import Scene
 
 TILE = 4096  # patches
 _LINKS = 32  # rays from each patch, between which all bounces but the last are counted
+_AIMED_LINKS = 16  # rays to what shines
 _MOST_PLACES = 32
+_BRIGHT = 4.0  # times the mean: rays are aimed at what reflects more
+_TRIED_PATCHES = 8  # one of so many tells which lights are worth rays
 _DIRECT, _GATHER = range(2)  # stages of random numbers
 
 
@@ -75,14 +78,11 @@ class Bake:
         self.patches = usable(self.rays, Transport(self.rays, patches), patches)
         self.transport = Transport(self.rays, self.patches)
         entries = len(self.patches.of_sample)
-        points = points_at(self.rays, self.transport, self.patches, 0, entries)
-        aimed = max(8, settings.samples // 2)
-        lighting = scene.lighting
-        self._emitters = Emitters(self.patches, points, aimed, settings.samples)
+        self._points = points_at(self.rays, self.transport, self.patches, 0, entries)
         self._links = min(_LINKS, settings.samples)
-        self._coarse_emitters = Emitters(self.patches, points, 16, self._links)
-        self.gatherer = Gatherer(lighting, self.transport, self._emitters, settings.samples)
-        self._coarse = Gatherer(lighting, self.transport, self._coarse_emitters, self._links)
+        self._coarse_emitters = self._emitters(self.patches.emission, _AIMED_LINKS, self._links)
+        self.gatherer = Gatherer(scene.lighting, self.transport, settings.samples)
+        self._coarse = Gatherer(scene.lighting, self.transport, self._links)
         self.tiles = -(-self.patches.count // TILE)
 
     def run(self, folder: TileFolder, jobs: int | None, progress: Progress) -> BakedPatches:
@@ -90,8 +90,14 @@ class Bake:
         direct = _joined(in_tiles(folder, "direct light", self._direct, self.tiles, jobs, progress))
         radiosity = self._solve(direct)
 
+        bright = self._bright(radiosity)
+        lights = np.where(bright[:, None], radiosity + self.patches.emission, np.float32(0.0))
+        samples = self.settings.samples
+        emitters = self._emitters(lights, max(8, samples // 4 * 2), samples)
+        others = np.where(bright[:, None], np.float32(0.0), radiosity)
+
         def gather(tile: int) -> Arrays:
-            return self._gather(tile, radiosity)
+            return self._gather(tile, others, emitters)
 
         found = _joined(in_tiles(folder, "bounces", gather, self.tiles, jobs, progress))
         return BakedPatches(
@@ -129,6 +135,17 @@ class Bake:
                 normals[first + some] = places[0].normals
         return TexelSurfaces(positions, normals, is_valid)
 
+    def _emitters(self, emission: Floats, aimed: int, gathered: int) -> Emitters:
+        return Emitters(self.patches, self._points, emission, aimed, gathered)
+
+    def _bright(self, radiosity: Floats) -> NDArray[np.bool_]:
+        """True (p,) of patches that shine, and of those that reflect far more than the mean."""
+        luminance, areas_m2 = radiosity @ LUMINANCE, self.patches.areas_m2
+        mean = np.sum(luminance * areas_m2) / max(float(areas_m2.sum()), 1e-30)
+        bright: NDArray[np.bool_] = luminance > _BRIGHT * mean
+        bright |= np.any(self.patches.emission > 0.0, axis=1)
+        return bright
+
     def _range(self, tile: int) -> tuple[int, int]:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)
 
@@ -158,13 +175,14 @@ class Bake:
         if len(some):
             lamps[some] = self._lamps(places)
             random = generator(self.settings.seed, _DIRECT, tile)
-            shifts = random.random((count, 4), dtype=np.float32)[some]
+            shifts = random.random((count, 6), dtype=np.float32)[some]
+            emitters = self._focused(self._coarse_emitters, places, shifts[:, 4:])
             hits, directions, cosines = self._coarse.hits(places, shifts[:, :2], 0, self._links)
             nothing = np.zeros((self.patches.count, 3), dtype=np.float32)
-            light = self._coarse.seen(hits, directions, cosines, nothing)
+            light = self._coarse.seen(hits, directions, cosines, nothing, emitters)
             valid = np.maximum((hits.patches != INSIDE).reshape(len(some), -1).sum(axis=1), 1)
             other[some] = light.reshape(len(some), -1, 3).sum(axis=1) / valid[:, None]
-            other[some] += self._aimed(self._coarse_emitters, places, shifts[:, 2:])
+            other[some] += self._aimed(emitters, places, shifts[:, 2:4]).sum(axis=1)
             links[some] = hits.patches.reshape(len(some), -1)
         return {"lamps": lamps, "other": other, "links": links}
 
@@ -175,14 +193,21 @@ class Bake:
             total += lamp_light(lamps, at)
         return total / np.float32(len(places))
 
+    def _focused(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Emitters:
+        """Emitters chosen by the light that they give these places."""
+        tried = slice(None, None, _TRIED_PATCHES)
+        at = Points(*(values[tried] for values in places[0]))
+        return emitters.focused(self.transport, at, shifts[tried])
+
     def _aimed(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Floats:
-        """Light of emitters by rays to them, shared among the places."""
-        total = np.zeros_like(places[0].origins_m)
+        """Light (n, 2, 3) of emitters by every other ray to them, shared among the places."""
+        total = np.zeros((len(shifts), 2, 3), dtype=np.float32)
         points = spread_points(emitters.aimed)
         for number, at in enumerate(places):
-            mine = points[number :: len(places)]
-            if len(mine):
-                total += emitters.light(self.transport, at, mine, shifts)
+            for half in (0, 1):
+                mine = points[half::2][number :: len(places)]
+                if len(mine):
+                    total[:, half] += emitters.light(self.transport, at, mine, shifts)
         return total
 
     def _solve(self, direct: Arrays) -> Floats:
@@ -202,7 +227,7 @@ class Bake:
             radiosity = albedo * (first + bounced / numbers)
         return radiosity
 
-    def _gather(self, tile: int, radiosity: Floats) -> Arrays:
+    def _gather(self, tile: int, radiosity: Floats, emitters: Emitters) -> Arrays:
         first, last = self._range(tile)
         count = last - first
         light = np.zeros((count, 3), dtype=np.float32)
@@ -211,11 +236,12 @@ class Bake:
         some, places = self._places(first, last)
         if len(some):
             random = generator(self.settings.seed, _GATHER, tile)
-            shifts = random.random((count, 4), dtype=np.float32)[some]
-            found = self.gatherer.gather(places, shifts[:, :2], radiosity)
-            aimed = self._aimed(self._emitters, places, shifts[:, 2:])
-            light[some] = found.light + aimed
-            halves[some] = found.halves + aimed[:, None]
+            shifts = random.random((count, 6), dtype=np.float32)[some]
+            focused = self._focused(emitters, places, shifts[:, 4:])
+            found = self.gatherer.gather(places, shifts[:, :2], radiosity, focused)
+            aimed = self._aimed(focused, places, shifts[:, 2:4])
+            light[some] = found.light + aimed.sum(axis=1)
+            halves[some] = found.halves + 2.0 * aimed
             is_valid[some] = found.is_valid
         return {"light": light, "halves": halves, "is_valid": is_valid}
 

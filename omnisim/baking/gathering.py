@@ -36,12 +36,11 @@ class Gatherer:
     Args:
         lighting: with the sky.
         transport: through the scene.
-        emitters: of the scene.
         samples: rays from each place.
     """
 
-    def __init__(self, lighting: Lighting, transport: Transport, emitters: Emitters, samples: int):
-        self._transport, self._emitters, self._samples = transport, emitters, samples
+    def __init__(self, lighting: Lighting, transport: Transport, samples: int):
+        self._transport, self._samples = transport, samples
         self._ambient = np.array(lighting.ambient, dtype=np.float32)
         self._environment = lighting.environment
         self._points = spread_points(samples)
@@ -77,8 +76,10 @@ class Gatherer:
         aims = directions.reshape(-1, 3)
         return self._transport.cast(origins.reshape(-1, 3), aims), aims, cosines.ravel()
 
-    def gather(self, places: list[Points], shifts: Floats, radiosity: Floats) -> Gathered:
-        """Light at places (n,) from patches of radiosity (p, 3), emissive ones, and the sky."""
+    def gather(
+        self, places: list[Points], shifts: Floats, radiosity: Floats, emitters: Emitters
+    ) -> Gathered:
+        """Light at places (n,) from patches of radiosity (p, 3), from emitters, and the sky."""
         count = len(shifts)
         halves = np.zeros((count, 2, 3), dtype=np.float32)
         numbers = np.zeros((count, 2), dtype=np.float32)
@@ -86,7 +87,8 @@ class Gatherer:
         for first in range(0, self._samples, step):
             last = min(first + step, self._samples)
             hits, directions, cosines = self.hits(places, shifts, first, last)
-            light = self.seen(hits, directions, cosines, radiosity).reshape(count, -1, 3)
+            light = self.seen(hits, directions, cosines, radiosity, emitters)
+            light = light.reshape(count, -1, 3)
             valid = (hits.patches != INSIDE).reshape(count, -1)
             for half in (0, 1):
                 halves[:, half] += light[:, half::2].sum(axis=1)
@@ -96,7 +98,12 @@ class Gatherer:
         return Gathered(light, halves, numbers.sum(axis=1) > 0.0)
 
     def seen(
-        self, hits: PatchHits, directions: Floats, cosines: Floats, radiosity: Floats
+        self,
+        hits: PatchHits,
+        directions: Floats,
+        cosines: Floats,
+        radiosity: Floats,
+        emitters: Emitters,
     ) -> Floats:
         """Light (n, 3) along rays."""
         light = np.zeros((len(cosines), 3), dtype=np.float32)
@@ -104,5 +111,5 @@ class Gatherer:
         light[free] = self.sky(directions[free])
         some = np.flatnonzero(hits.patches >= 0)
         mine = hits.take(some)
-        light[some] = radiosity[mine.patches] + self._emitters.seen(mine, cosines[some])
+        light[some] = radiosity[mine.patches] + emitters.seen(mine, cosines[some])
         return light
