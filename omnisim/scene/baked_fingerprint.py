@@ -59,10 +59,11 @@ class _Digest:
             self._tag("other", value)
 
     def _add_fields(self, value: Any) -> None:
-        """Add the fields that are given: later versions may have more."""
+        """Add the fields that are not as by default: later versions may have more."""
         for field in dataclasses.fields(value):
             given = getattr(value, field.name)
-            if field.name not in _NAMES and given is not None:
+            is_default = not isinstance(given, np.ndarray) and given == field.default
+            if field.name not in _NAMES and not is_default:
                 self._tag("field", field.name)
                 self.add(given)
         self._tag("end", type(value).__name__)
