@@ -199,7 +199,9 @@ def measure_wide(
     drop_m = panorama.mount.height_m - top_m
     limits = (top_m, panorama.mount.height_m - drop_m * range_m / (range_m + longest))
     slack_m = 0.15 * top_m + 2.0 * range_m / panorama.camera.focal_length_px
-    at = slice(max(nearest - 1, 0), nearest + 2)
+    # three columns, so that their median is none of a post's whose mask begins far below its top
+    first = min(max(nearest - 1, 0), width - 3)
+    at = slice(first, first + 3)
     seen_m = float(np.median(panorama.heights_m(top[at] - 0.5, range_m)))
     if not is_cut and not min(limits) - slack_m <= seen_m <= max(limits) + slack_m:
         return None
