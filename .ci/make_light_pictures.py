@@ -21,11 +21,11 @@ from omnisim.scene.model import Fog, Instance, Material, Mesh, Scene, StartPose
 from omnisim.srgb import srgb8_from_linear
 from omnisim.validation.checks.shadows import FOLDER
 from omnisim.validation.color_difference import ciede2000, lab_from_linear
-from omnisim.validation.fixture import linear_picture, mirror_camera
+from omnisim.validation.fixture import linear_picture
 from omnisim.validation.material_chart import BASE_COLOR, ROUGHNESS, sphere
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.psnr import psnr_db
-from omnisim.validation.traced_mirror import inside_mirror, small_mirror, traced_in_mirror
+from omnisim.validation.traced_light import inside_rim, small_mirror, traced_light
 
 ROOT = Path(__file__).resolve().parents[1]
 SIZE_PX, SAMPLES = 300, 256  # squares, as Mitsuba's sampler wants
@@ -36,7 +36,7 @@ SENSOR = small_mirror(SIZE_PX)
 
 def main(path: str) -> None:
     """Write the picture."""
-    inside = inside_mirror(mirror_camera(SENSOR))[..., None]
+    inside = inside_rim(SENSOR)[..., None]
     tiles = [(title, np.where(inside, linear, 0.0)) for title, linear in (*courtyard(), *spheres())]
     shown = [
         (title, srgb8_from_linear(np.clip(linear, 0.0, 1.0)))
@@ -51,8 +51,8 @@ def courtyard():
     lit = matte_on_both_sides(load_scene(FOLDER / "courtyard.toml"))
     bare = dataclasses.replace(lit, lighting=lit.lighting.without_shadows())
     at = SENSOR.base_pose(lit.start.position_m, yaw_deg=20.0)
-    ours, traced = rendered(lit, at), traced_in_mirror(lit, SENSOR, at, SAMPLES)
-    inside = inside_mirror(mirror_camera(SENSOR))
+    ours, traced = rendered(lit, at), traced_light(lit, SENSOR, at, SAMPLES)
+    inside = inside_rim(SENSOR)
     print(f"courtyard: {psnr_db(traced, ours, inside):.1f} dB")
     return [
         ("even light", rendered(plain, at)),
@@ -68,7 +68,7 @@ def spheres():
     matte = dataclasses.replace(scene, lighting=dataclasses.replace(scene.lighting, is_matte=True))
     even = dataclasses.replace(scene, lighting=load_scene("courtyard").lighting)
     at = SENSOR.base_pose(VIEWPOINT_M)
-    ours, traced = rendered(scene, at), traced_in_mirror(scene, SENSOR, at, SAMPLES)
+    ours, traced = rendered(scene, at), traced_light(scene, SENSOR, at, SAMPLES)
     with Renderer(scene, SENSOR) as renderer:
         truth = renderer.render(at, also=("instance",)).channels
     apart = ciede2000(lab_from_linear(ours), lab_from_linear(traced))

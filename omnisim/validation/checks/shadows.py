@@ -15,7 +15,7 @@ from omnisim.reports.report import CaptionedFigure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, LightKind
 from omnisim.sensors import Renderer
-from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
+from omnisim.validation.fixture import Fixture, linear_picture
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.shadow_edges import (
@@ -24,12 +24,22 @@ from omnisim.validation.shadow_edges import (
     inside_surfaces,
     lit_share,
 )
-from omnisim.validation.traced_mirror import beside, inside_mirror, small_mirror, traced_in_mirror
+from omnisim.validation.traced_light import (
+    CAMERAS,
+    beside,
+    inside_rim,
+    samples_of,
+    sensor_of,
+    small_mirror,
+    traced_light,
+)
 
 FOLDER = Path(__file__).parents[1] / "lit"
 SCENES, QUICK_SCENES = ("soccer", "courtyard"), ("soccer",)
 SIZE_PX, QUICK_SIZE_PX = 160, 128
-SAMPLES, QUICK_SAMPLES = 144, 36  # squares, as its sampler wants
+# Squares, as its sampler wants, by camera: a texel of the fisheye's is a sixteenth of a pixel.
+SAMPLES = {"mirror": 144, "fisheye": 9}
+QUICK_SAMPLES = {"mirror": 36, "fisheye": 4}
 BOUND_DB = 34.0
 # Lamps whose shadows' edges lie on floors: a low sun, and a lamp beside the field.
 LOW_LAMPS = {
@@ -45,30 +55,32 @@ EDGES_BOUND_PX = 1.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Trace scenes lit by lamps inside them in a real mirror, and compare."""
+    """Trace scenes lit by lamps inside them in a real mirror and a fisheye, and compare."""
     measures: list[Measure] = []
     pictures: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
     samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     for name in QUICK_SCENES if fixture.is_quick else SCENES:
         scene = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
-        sensor = small_mirror(size_px)
-        pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-        traced = traced_in_mirror(scene, sensor, pose, samples)
-        inside = inside_mirror(mirror_camera(sensor))
-        with Renderer(scene, sensor, device=fixture.device) as renderer:
-            ours = linear_picture(renderer.render(pose, linear=True))
-        found_db = psnr_db(traced, ours, inside)
-        measures.append(
-            Measure(f"{name}, default quality", found_db, "dB", BOUND_DB, at_least=True)
-        )
+        for camera in CAMERAS:
+            sensor = sensor_of(camera, size_px)
+            pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
+            traced = traced_light(scene, sensor, pose, samples[camera])
+            with Renderer(scene, sensor, device=fixture.device) as renderer:
+                ours = linear_picture(renderer.render(pose, linear=True))
+            inside, place = inside_rim(sensor), f"{name}, {camera}"
+            found_db = psnr_db(traced, ours, inside)
+            measures.append(
+                Measure(f"{place}: default quality", found_db, "dB", BOUND_DB, at_least=True)
+            )
+            pictures |= beside(place, traced, ours, inside)
         measures.append(_edges(fixture, name))
-        pictures |= beside(name, traced, ours, inside)
-    measures += [Measure("size", size_px, "px"), Measure("samples per pixel", samples)]
+    measures += [Measure("size", size_px, "px"), *samples_of(samples)]
     return Section(
         title,
-        f"Mitsuba's path tracer follows {samples} rays a pixel from a real mirror to diffuse "
-        "surfaces, and from each to every lamp: direct light with hard shadows. The scenes are "
+        "Mitsuba's path tracer follows rays from a real mirror to diffuse surfaces, and from each "
+        "to every lamp: direct light with hard shadows. It has no fisheye: it traces the faces of "
+        "a cube, whose texels are averaged by the lens's published formula. The scenes are "
         "built-in ones, lit by lamps inside them and by the sun: `omnisim/validation/lit`, with "
         "exposures of 0.001 and 0.00001 for a lux. Edges of shadows are those of one low lamp on "
         f"grey surfaces, at {EDGES_SIZE_PX} px, two pixels from any other edge.",
@@ -77,8 +89,8 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure(
                 "lit-scenes",
                 _figure(pictures),
-                "Lit scenes in a traced mirror, our pictures, and their difference, eight times "
-                "enhanced.",
+                "Lit scenes traced in a mirror and through a fisheye, our pictures, and their "
+                "difference, eight times enhanced.",
             ),
         ),
     )
@@ -95,10 +107,10 @@ def _edges(fixture: Fixture, name: str) -> Measure:
         frame = renderer.render(pose, linear=True, also=("instance", "normals"))
     with Renderer(bare, sensor, device=fixture.device) as renderer:
         unshadowed = linear_picture(renderer.render(pose, linear=True))
-    counted = inside_mirror(mirror_camera(sensor)) & inside_surfaces(
+    counted = inside_rim(sensor) & inside_surfaces(
         frame.channels["instance"], frame.channels["normals"], unshadowed
     )
-    traced = traced_in_mirror(scene, sensor, pose, EDGES_SAMPLES)
+    traced = traced_light(scene, sensor, pose, EDGES_SAMPLES)
     ours, theirs = (lit_share(one, unshadowed) for one in (linear_picture(frame), traced))
     found_px = edge_distance_px(ours, theirs, counted)
     return Measure(f"{name}, edges of shadows, mean", found_px, "px", EDGES_BOUND_PX)

@@ -1,7 +1,6 @@
-"""Light of lamps in a mirror, traced by Mitsuba 3.
+"""Light of lamps in a scene and in a mirror, traced by Mitsuba 3.
 
 Surfaces are diffuse on both sides, or of glTF's materials without maps; lamps are Mitsuba's own.
-Direct light has paths of three parts, with the reflection of the mirror; light that bounces, more.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ from omnisim.validation.oracles.mitsuba_scene import (
 from omnisim.validation.oracles.mitsuba_tracer import RIM_UNITS, mirror_of_metal, pinhole
 from omnisim.validation.oracles.surfaces import opaque_only
 
-DIRECT_DEPTH = 3  # parts of a path: from a lamp by a surface and the mirror
-ALL_DEPTH = 24
+# Parts of a path from a lamp to the camera: by one surface, and by so many that more add nothing.
+DIRECT_DEPTH, ALL_DEPTH = 2, 23
 
 
 def matte_on_both_sides(scene: Scene) -> Scene:
@@ -66,33 +65,51 @@ def trace_lit_mirror(
     """Trace the picture (height, width, 3), linear RGB, of a mirror in a scene lit by its lamps.
 
     Args:
-        scene: of `matte_on_both_sides`, or of materials of `principled`, without ambient light, on
-            black or under an environment map.
+        scene: see `lit_world`.
         camera, world_from_optical, samples, seed: see `trace_mirror`.
-        depth: most parts of a path, that of the mirror and of the lamp among them.
+        depth: most parts of a path from a lamp to the mirror.
 
     Raises:
         OmnisimError: a matrix that is not a pose.
-        SceneError: a spot light, whose edge falls off in another way.
+        SceneError: see `lit_world`.
     """
     pose = check_pose(world_from_optical)
     units_per_m = RIM_UNITS / camera.mirror.rim_radius_m
+    with scalar_variant():
+        content = lit_world(scene, pose[:3, 3], units_per_m, depth + 1)
+        content["sensor"] = pinhole(camera, pose[:3, :3], units_per_m, samples)
+        content["mirror"] = mirror_of_metal(camera.mirror, pose[:3, :3], units_per_m)
+        picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
+        return np.array(picture, dtype=np.float32)[..., :3]
+
+
+def lit_world(
+    scene: Scene, viewpoint_m: NDArray[np.float64], units_per_m: float, depth: int
+) -> dict[str, Any]:
+    """Surfaces and lamps around a viewpoint, and their path tracer, for `mitsuba.load_dict`.
+
+    Args:
+        scene: of `matte_on_both_sides`, or of materials of `principled`, without ambient light, on
+            black or under an environment map.
+        viewpoint_m: (3,) origin of the coordinates, world.
+        units_per_m: scale of the coordinates.
+        depth: most parts of a path.
+
+    Raises:
+        SceneError: a spot light, whose edge falls off in another way.
+    """
     content: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": depth},
     }
-    with scalar_variant():
-        content["sensor"] = pinhole(camera, pose[:3, :3], units_per_m, samples)
-        content["mirror"] = mirror_of_metal(camera.mirror, pose[:3, :3], units_per_m)
-        for number, light in enumerate(scene.lighting.lights):
-            level = scene.lighting.exposure
-            content[f"lamp {number}"] = _lamp(light, level, pose[:3, 3], units_per_m)
-        for number, instance in enumerate(scene.instances):
-            content[f"surface {number}"] = _surface(scene, instance, pose[:3, 3], units_per_m)
-        if scene.lighting.environment is not None:
-            content["sky"] = sky(scene.lighting.environment)
-        picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
-        return np.array(picture, dtype=np.float32)[..., :3]
+    for number, light in enumerate(scene.lighting.lights):
+        level = scene.lighting.exposure
+        content[f"lamp {number}"] = _lamp(light, level, viewpoint_m, units_per_m)
+    for number, instance in enumerate(scene.instances):
+        content[f"surface {number}"] = _surface(scene, instance, viewpoint_m, units_per_m)
+    if scene.lighting.environment is not None:
+        content["sky"] = sky(scene.lighting.environment)
+    return content
 
 
 def _lamp(

@@ -1,0 +1,125 @@
+"""Scenes with light through a real mirror and a fisheye, traced by Mitsuba beside our pictures."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim import frames
+from omnisim.cameras import EquidistantCamera, HyperbolicCamera, pixel_grid
+from omnisim.errors import OpticsError
+from omnisim.reports.measure import Measure
+from omnisim.scene import Scene
+from omnisim.sensors import OmniCamera
+from omnisim.srgb import srgb_from_linear
+from omnisim.validation.fixture import mirror_camera
+
+# Of the paper's mirror, so that its own shadow, which our camera has none of, is a few pixels wide.
+_MIRROR_SCALE = 0.25
+_FISHEYE_THETA_RAD = math.radians(95.0)
+_RIM_PX = 2.0  # left out, where pixels blend
+
+
+CAMERAS = ("mirror", "fisheye")
+
+
+def sensor_of(camera: str, size_px: int) -> OmniCamera:
+    """Sensor of one of `CAMERAS`."""
+    return small_mirror(size_px) if camera == "mirror" else fisheye(size_px)
+
+
+def samples_of(samples: Mapping[str, int]) -> list[Measure]:
+    """Rays a pixel of each camera, at least, of those that are given for `traced_light`."""
+    found = [Measure("rays a pixel of the mirror", samples["mirror"])]
+    return [*found, Measure("rays a pixel of the fisheye", 16 * samples["fisheye"])]
+
+
+def small_mirror(size_px: int) -> OmniCamera:
+    """Camera of the paper with a smaller mirror, which sees the same."""
+    sensor = OmniCamera().with_polygons(None).resized(size_px)
+    camera = mirror_camera(sensor)
+    scale = _MIRROR_SCALE * camera.mirror.meters_per_unit
+    mirror = dataclasses.replace(camera.mirror, meters_per_unit=scale)
+    return dataclasses.replace(sensor, model=dataclasses.replace(camera, mirror=mirror))
+
+
+def fisheye(size_px: int) -> OmniCamera:
+    """Camera with an equidistant fisheye of 190°, which looks ahead."""
+    middle = 0.5 * (size_px - 1)
+    focal_px = 0.5 * size_px / _FISHEYE_THETA_RAD
+    lens = EquidistantCamera(size_px, size_px, focal_px, (middle, middle), _FISHEYE_THETA_RAD)
+    return OmniCamera(model=lens, polygons=None)
+
+
+def traced_light(
+    scene: Scene,
+    sensor: OmniCamera,
+    world_from_base: NDArray[np.float64],
+    samples: int,
+    bounces: bool = False,
+) -> NDArray[np.float32]:
+    """Picture (height, width, 3), linear RGB, of a vehicle's camera, by Mitsuba.
+
+    Args:
+        scene: see `lit_world`.
+        sensor: with a hyperbolic mirror or an equidistant fisheye.
+        world_from_base: (4, 4) pose of the vehicle.
+        samples: see `trace_lit_mirror` and `trace_lit_fisheye`.
+        bounces: all light; False: that which comes from a lamp to the surface seen.
+
+    Raises:
+        OpticsError: another camera.
+    """
+    from omnisim.validation.oracles.mitsuba_fisheye import trace_lit_fisheye  # may be missing
+    from omnisim.validation.oracles.mitsuba_light import (
+        ALL_DEPTH,
+        DIRECT_DEPTH,
+        trace_lit_mirror,
+    )
+
+    depth = ALL_DEPTH if bounces else DIRECT_DEPTH
+    pose = world_from_base @ sensor.base_from_rig
+    model = sensor.model
+    if isinstance(model, HyperbolicCamera):
+        pose[:3, :3] = pose[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
+        return trace_lit_mirror(scene, model, pose, samples, depth=depth)
+    if isinstance(model, EquidistantCamera):
+        pose[:3, :3] = pose[:3, :3] @ frames.BASE_FROM_OPTICAL_LOOKING_AHEAD
+        return trace_lit_fisheye(scene, model, pose, samples, depth=depth)
+    raise OpticsError(f"expected a mirror or a fisheye, got model {model.model_name!r}")
+
+
+def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
+    """Mask (height, width) of the pixels that see nothing but the mirror, or the fisheye's disc.
+
+    Raises:
+        OpticsError: another camera.
+    """
+    camera = sensor.model
+    if isinstance(camera, HyperbolicCamera):
+        radius_px = camera.rim_radius_px
+    elif isinstance(camera, EquidistantCamera):
+        radius_px = camera.focal_length_px * camera.theta_max_rad
+    else:
+        raise OpticsError(f"expected a mirror or a fisheye, got model {camera.model_name!r}")
+    off_axis = pixel_grid(camera.width_px, camera.height_px) - camera.principal_point_px
+    inside: NDArray[np.bool_] = np.linalg.norm(off_axis, axis=-1) < radius_px - _RIM_PX
+    return inside
+
+
+def beside(
+    name: str, traced: NDArray[np.float32], ours: NDArray[np.float32], inside: NDArray[np.bool_]
+) -> dict[str, NDArray[np.generic]]:
+    """Pictures of a scene, ours and a traced one, and their enhanced difference, by title."""
+    one, other = (np.where(inside[..., None], values, 0.0) for values in (traced, ours))
+    off = np.abs(srgb_from_linear(one) - srgb_from_linear(other))
+    enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)
+    return {
+        f"{name}, traced by Mitsuba": one,
+        f"{name}, by omnisim": other,
+        f"{name}, difference × 8": enhanced,
+    }
