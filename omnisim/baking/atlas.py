@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.baking.packing import pack
 from omnisim.baking.texel_sizes import (
     MOST_GIVEN_TEXELS,
     MOST_TEXELS,
@@ -20,12 +21,8 @@ from omnisim.baking.unwrapping import Unwrapping, unwrap
 from omnisim.errors import SceneError
 from omnisim.scene.model import Scene
 
-GUTTER_PX = 2  # around each rectangle
-_STEP_PX = 2
 MAX_SIDE_PX = 8192
-_LEAST_SCALE = 0.5  # of a mesh's page: below it its padding would be less than a texel
 _LEAST_TEXELS = 1.0  # of an instance's area; a smaller one has one light all over
-_LEAST_FILL, _SMALL_PAGE_PX = 0.02, 16384
 
 
 class Atlas(NamedTuple):
@@ -52,6 +49,22 @@ class Atlas(NamedTuple):
             int(index): (rects_px[index] / whole).tolist()
             for index in np.flatnonzero(rects_px[:, 2])
         }
+
+    def charts(self, mesh_of: Sequence[int]) -> NDArray[np.int32]:
+        """Chart (height, width) that each texel is of; -1: none.
+
+        Args:
+            mesh_of: (n,) meshes of the instances.
+        """
+        found = np.full(self.size_px[::-1], -1, dtype=np.int32)
+        number = 0
+        for rects_px in (self.rects_px, self.back_rects_px):
+            for index in np.flatnonzero(rects_px[:, 2]).tolist():
+                for left, top, wide, high in self.unwrappings[mesh_of[index]].charts_px:
+                    x, y = rects_px[index, :2] + (left, top)
+                    found[y : y + high, x : x + wide] = number
+                    number += 1
+        return found
 
 
 def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_]) -> tuple[float, Atlas]:
@@ -101,12 +114,11 @@ def build_atlas(
             raise _too_fine(texel_m, scene, covered)
         matrix = scene.instances[finest].world_from_mesh[:3, :3] / texels_m[finest]
         page = unwrap(scene.meshes[mesh], matrix)
-        if page is None or not _is_worth(page, covered):
+        if page is None:
             continue
         unwrappings[mesh] = page
-        for index in members:
-            scale = float(np.clip(scales[index] / scales[finest], _LEAST_SCALE, 1.0))
-            sizes_px[index] = np.ceil(np.array(page.size_px) * scale)
+        sizes_px[members] = page.size_px
+        texels_m[members] *= scales[members] / scales[finest]
     both, size_px = pack(np.concatenate((sizes_px, sizes_px * has_back[:, None])))
     rects_px, back_rects_px = both[: len(sizes_px)], both[len(sizes_px) :]
     if max(size_px) > MAX_SIDE_PX:
@@ -114,38 +126,9 @@ def build_atlas(
     return Atlas(unwrappings, rects_px, back_rects_px, texels_m, size_px)
 
 
-def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]:
-    """Rectangles (n, 4) of sizes (n, 2), with gutters, and the size of their atlas.
-
-    The highest come first, each as near to the top as there is room below the others.
-    """
-    rects = np.zeros((len(sizes_px), 4), dtype=np.intp)
-    used = np.flatnonzero(sizes_px.min(axis=1, initial=1))
-    if not len(used):
-        return rects, (1, 1)
-    outer = -(-(sizes_px[used] + 2 * GUTTER_PX) // _STEP_PX)
-    width = max(int(outer[:, 0].max()), int(np.ceil(np.sqrt(outer.prod(axis=1).sum()))))
-    ends = np.zeros(width, dtype=np.intp)  # of what each column holds
-    for at in np.lexsort((used, -outer[:, 0], -outer[:, 1])):
-        wide, high = outer[at]
-        tops = np.lib.stride_tricks.sliding_window_view(ends, wide).max(axis=1)
-        left = int(tops.argmin())
-        top = int(tops[left])
-        ends[left : left + wide] = top + high
-        corner = _STEP_PX * np.array((left, top)) + GUTTER_PX
-        rects[used[at]] = *corner, *sizes_px[used[at]]
-    return rects, (_STEP_PX * width, _STEP_PX * int(ends.max()))
-
-
 def _scale(matrix: NDArray[np.float64]) -> float:
     """Mean factor of lengths."""
     return float(np.abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
-
-
-def _is_worth(page: Unwrapping, covered: float) -> bool:
-    """Tell pages of charts from pages of padding, as crumbs of many small pieces have."""
-    texels = page.size_px[0] * page.size_px[1]
-    return texels <= _SMALL_PAGE_PX or covered >= _LEAST_FILL * texels
 
 
 def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:

@@ -15,6 +15,14 @@ from omnisim.rays.ray_scene import RayScene
 FRONT, BACK = 0, 1
 NO_PATCH = -1
 _SAMPLES_WITHOUT_TEXELS = 32
+_MOST_STEPS = 8  # from a texel without a patch to one
+_FIRST, _LAST, _ALL = slice(None, -1), slice(1, None), slice(None)
+_ALONG = {-1: (_LAST, _FIRST), 0: (_ALL, _ALL), 1: (_FIRST, _LAST)}
+# Parts of an atlas and those beside them, each way: (to, of).
+NEIGHBOURS = tuple(
+    ((_ALONG[down][0], _ALONG[right][0]), (_ALONG[down][1], _ALONG[right][1]))
+    for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +45,7 @@ class Patches:
         is_hollow: (m,) what sees the back of a triangle is outside, not in a solid.
         has_rect: (surfaces,).
         back_shift: (surfaces,) texels from a front's place to its back's; 0: it has none.
-        size_px: of the atlas.
+        charts: (height, width) chart of each texel of the atlas; -1: none.
     """
 
     samples: Samples
@@ -55,7 +63,13 @@ class Patches:
     is_hollow: NDArray[np.bool_]
     has_rect: NDArray[np.bool_]
     back_shift: NDArray[np.intp]
-    size_px: tuple[int, int]
+    charts: NDArray[np.int32]
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the atlas."""
+        height, width = self.charts.shape
+        return width, height
 
     @property
     def count(self) -> int:
@@ -114,7 +128,8 @@ def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) ->
     of_place = np.full((2, width * height + len(scene.instances)), NO_PATCH, dtype=np.int32)
     of_place[FRONT, places] = np.arange(len(places))
     of_place[BACK, places[backs]] = len(places) + np.arange(len(backs))
-    of_place[:, : width * height] = _spread_to_empty(of_place[:, : width * height], width)
+    charts = atlas.charts([instance.mesh for instance in scene.instances])
+    of_place[:, : width * height] = _spread_to_empty(of_place[:, : width * height], charts)
     from_front = atlas.back_rects_px[:, :2] - atlas.rects_px[:, :2]
     sizes = counts[both]
     starts = np.concatenate(([0], np.cumsum(sizes)))
@@ -135,7 +150,7 @@ def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) ->
         is_hollow,
         has_rect,
         np.where(atlas.back_rects_px[:, 2] > 0, from_front[:, 1] * width + from_front[:, 0], 0),
-        atlas.size_px,
+        charts,
     )
 
 
@@ -203,15 +218,22 @@ def _appearance(
     return albedo, emission
 
 
-def _spread_to_empty(of_texel: NDArray[np.int32], width: int) -> NDArray[np.int32]:
-    """Patches of texels, those of the nearest covered ones where there are none."""
+def _spread_to_empty(of_texel: NDArray[np.int32], charts: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Patches (2, texels), with those of covered texels beside them where there are none.
+
+    Texels take those of their own chart, if there are any near.
+    """
     from scipy.ndimage import distance_transform_edt
 
-    fronts = of_texel[FRONT].reshape(-1, width)
+    height, width = charts.shape
+    fronts = of_texel[FRONT].reshape(height, width)
     if (fronts == NO_PATCH).all():
         return of_texel
-    rows, columns = distance_transform_edt(
-        fronts == NO_PATCH, return_distances=False, return_indices=True
-    )
-    nearest = (rows.astype(np.intp) * width + columns).ravel()
-    return of_texel[:, nearest]
+    nearest = np.where(fronts == NO_PATCH, -1, np.arange(fronts.size).reshape(height, width))
+    for _ in range(_MOST_STEPS):
+        empty = nearest < 0
+        for to, of in NEIGHBOURS:
+            some = empty[to] & (nearest[of] >= 0) & (charts[to] == charts[of])
+            nearest[to] = np.where(some & (nearest[to] < 0), nearest[of], nearest[to])
+    rows, columns = distance_transform_edt(nearest < 0, return_distances=False, return_indices=True)
+    return of_texel[:, nearest[rows, columns].ravel()]

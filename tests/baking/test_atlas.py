@@ -7,7 +7,8 @@ import pytest
 
 pytest.importorskip("xatlas")
 
-from omnisim.baking.atlas import GUTTER_PX, build_atlas, pack
+from omnisim.baking.atlas import build_atlas
+from omnisim.baking.packing import pack
 from omnisim.baking.rasterisation import GRID, rasterise
 from omnisim.baking.solids import hollow_triangles, instances_of
 from omnisim.baking.texel_sizes import coarseness
@@ -50,15 +51,32 @@ def test_samples_cover_triangles():
     )
 
 
-def test_rectangles_lie_apart():
+def test_charts_end_at_the_centres_of_their_rectangles_texels():
+    (mesh,) = load_scene("rings").meshes[:1]
+    page = unwrap(mesh, 8.0 * np.eye(3))
+    places = page.uv * page.size_px
+    used = np.zeros(page.size_px[::-1], dtype=int)
+    found = np.zeros(len(places), dtype=bool)
+    for left, top, wide, high in page.charts_px:
+        used[top : top + high, left : left + wide] += 1
+        low, last = np.array([left, top]), np.array([left + wide, top + high])
+        mine = (np.abs(places - (low + last) / 2) < (last - low) / 2).all(axis=1)
+        np.testing.assert_allclose(places[mine].min(axis=0), low + 0.5, atol=1e-3)
+        np.testing.assert_allclose(places[mine].max(axis=0), last - 0.5, atol=1e-3)
+        found |= mine
+    assert used.max() == 1
+    assert found.all()
+
+
+def test_rectangles_do_not_overlap():
     sizes = np.random.default_rng(1).integers(0, 40, (60, 2))
     rects, (width, height) = pack(sizes)
     used = np.zeros((height, width), dtype=int)
     for (left, top, wide, high), size in zip(rects, sizes, strict=True):
         assert (wide, high) == (tuple(size) if size.min() else (0, 0))
-        gutter = GUTTER_PX if wide else 0
-        used[top - gutter : top + high + gutter, left - gutter : left + wide + gutter] += 1
+        used[top : top + high, left : left + wide] += 1
     assert used.max() == 1
+    assert used.mean() > 0.8
 
 
 def test_texels_grow_with_the_distance():
