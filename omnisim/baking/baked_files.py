@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_folder, check_new_folder
 from omnisim.baking.bake import Bake
@@ -15,6 +16,7 @@ from omnisim.baking.lightmap import lightmap
 from omnisim.baking.rounding import rounded_halves
 from omnisim.baking.settings import BakeSettings
 from omnisim.baking.tiles import Arrays, Progress, TileFolder, no_progress, write_arrays
+from omnisim.baking.unwrapping import Unwrapping
 from omnisim.extras import require_extra
 from omnisim.image_files import write_radiance
 from omnisim.scene.baked_fingerprint import baked_fingerprint
@@ -22,6 +24,7 @@ from omnisim.scene.model import Scene
 from omnisim.version import __version__
 
 VERSION = 1
+_UV_STEPS = np.float32(1 << 16)
 
 
 class Baked(NamedTuple):
@@ -92,18 +95,34 @@ def bake_scene(
         with (partial / "probes.npz").open("wb") as file:
             stored = probes | {"sh": rounded_halves(probes["sh"], (-2, -1))}
             write_arrays(file, stored, is_compressed=True)
-        unwrapping: Arrays = {
-            f"{key}_{mesh}": values
-            for mesh, page in sorted(bake.atlas.unwrappings.items())
-            for key, values in (
-                ("vertex_of", page.vertex_of),
-                ("triangles", page.triangles),
-                ("uv", page.uv),
-            )
-        }
         with (partial / "unwrapping.npz").open("wb") as file:
-            write_arrays(file, unwrapping, is_compressed=True)
+            write_arrays(file, _joined(bake.atlas.unwrappings), is_compressed=True)
         text = json.dumps(document, indent=1) + "\n"
         (partial / "baked.json").write_text(text, encoding="utf-8", newline="\n")
     folder.remove()
     return Baked(bake.atlas.size_px, bake.texel_m, int(probes["valid"].sum()))
+
+
+def _joined(unwrappings: dict[int, Unwrapping]) -> Arrays:
+    """Arrays of all meshes, one after the other: an archive of few is small, and read fast."""
+    numbers = sorted(unwrappings)
+    pages = [unwrappings[mesh] for mesh in numbers]
+    counts = [
+        (mesh, len(unwrappings[mesh].vertex_of), len(unwrappings[mesh].triangles))
+        for mesh in numbers
+    ]
+    nothing = np.empty(0, np.int32)
+    vertex_of = np.concatenate([nothing, *(page.vertex_of for page in pages)])
+    triangles = np.concatenate([nothing.reshape(0, 3), *(page.triangles for page in pages)])
+    uv = np.concatenate([np.empty((0, 2), np.float32), *(page.uv for page in pages)])
+    return {
+        "meshes": np.array(counts, dtype=np.int32).reshape(-1, 3),
+        "vertex_of": _short(vertex_of),
+        "triangles": _short(triangles),
+        "uv": (np.rint(uv * _UV_STEPS) / _UV_STEPS).astype(np.float32),
+    }
+
+
+def _short(indices: NDArray[np.int32]) -> NDArray[np.unsignedinteger[Any]]:
+    """Indices as short as they fit."""
+    return indices.astype(np.uint16 if indices.max(initial=0) <= 0xFFFF else np.uint32)

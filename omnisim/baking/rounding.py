@@ -17,5 +17,7 @@ def rounded_halves(
     """Round to steps by the largest number along axes, like colours with a shared exponent."""
     largest = np.abs(values).max(axis=axes, keepdims=True)
     steps = 2.0 ** (np.floor(np.log2(np.maximum(largest, _LEAST))) - _BITS)
-    rounded = np.clip(np.round(values / steps) * steps, -_LARGEST, _LARGEST)
-    return rounded.astype(np.float16)
+    rounded: NDArray[np.float16] = np.clip(
+        np.round(values / steps) * steps, -_LARGEST, _LARGEST
+    ).astype(np.float16)
+    return rounded

@@ -158,12 +158,34 @@ def _read_probes(folder: Path, grid: _Grid) -> Probes:
 
 
 def _split_meshes(meshes: tuple[Mesh, ...], used: list[int], path: Path) -> tuple[Mesh, ...]:
-    names = {f"{key}_{mesh}" for mesh in used for key in ("vertex_of", "triangles", "uv")}
-    stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
+    stored = _read_unwrapping(path, used)
     split = list(meshes)
     for number in used:
         split[number] = _split_mesh(meshes[number], number, stored, path)
     return tuple(split)
+
+
+def _read_unwrapping(path: Path, used: list[int]) -> dict[str, NDArray[Any]]:
+    """Arrays of meshes, by names with the number of the mesh; older files store them so."""
+    keys = ("vertex_of", "triangles", "uv")
+    names = {"meshes", *keys, *(f"{key}_{mesh}" for mesh in used for key in keys)}
+    stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
+    if "meshes" not in stored:
+        return stored
+    meshes = _array(stored, "meshes", "iu", (None, 3), path).astype(np.int64)
+    found = {}
+    for key, kinds, width, column in (
+        ("vertex_of", "iu", (), 1), ("triangles", "iu", (3,), 2), ("uv", "f", (2,), 1)
+    ):  # fmt: skip
+        ends = np.cumsum(meshes[:, column])
+        joined = _array(stored, key, kinds, (None, *width), path)
+        if (meshes < 0).any() or ends[-1:].sum() != len(joined):
+            raise SceneError(
+                f"{path}: meshes: expected numbers of {len(joined)} in all, as {key} has"
+            )
+        for mesh, part in zip(meshes[:, 0], np.split(joined, ends[:-1]), strict=True):
+            found[f"{key}_{mesh}"] = part
+    return found
 
 
 def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: Path) -> Mesh:

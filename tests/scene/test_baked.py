@@ -195,3 +195,43 @@ def test_edits_take_the_light_of_what_moves(folder):
     added = scene.added("crate", scene_of([box("crate", 0)]))
     assert added.instances[-1].light_rectangle is None
     assert added.lighting.baked is scene.lighting.baked
+
+
+def _joined(folder, **changes):
+    """Store the arrays of all meshes as one each, as `omnisim bake` does."""
+    with np.load(folder / "unwrapping.npz") as stored:
+        arrays = dict(stored)
+    keys = ("vertex_of", "triangles", "uv")
+    numbers = sorted(int(name.removeprefix("uv_")) for name in arrays if name.startswith("uv_"))
+    joined = {key: np.concatenate([arrays[f"{key}_{one}"] for one in numbers]) for key in keys}
+    joined["meshes"] = np.array(
+        [(one, len(arrays[f"uv_{one}"]), len(arrays[f"triangles_{one}"])) for one in numbers]
+    )
+    np.savez(folder / "unwrapping.npz", **joined | changes)
+
+
+def test_arrays_of_all_meshes_may_be_one(folder):
+    apart = with_baked_light(surroundings(), folder)
+    _joined(folder)
+    joined = with_baked_light(surroundings(), folder)
+    for one, other in zip(apart.meshes, joined.meshes, strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+        np.testing.assert_array_equal(one.triangles, other.triangles)
+        np.testing.assert_array_equal(one.light_coordinates, other.light_coordinates)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"meshes": np.array([[0, 36, 12], [1, -1, 0]])}, "meshes: expected numbers of"),
+        ({"meshes": np.array([[0, 35, 12]])}, "meshes: expected numbers of"),
+        ({"meshes": np.empty((0, 3), int)}, "meshes: expected numbers of"),
+        ({"meshes": np.zeros(3, int)}, "meshes: expected n × 3 whole numbers"),
+        ({"uv": np.zeros((1, 2))}, "meshes: expected numbers of 1 in all, as uv has"),
+    ],
+)
+def test_damage_of_joined_arrays_is_one_line(folder, changes, message):
+    _joined(folder, **changes)
+    with pytest.raises(SceneError, match=re.escape(f"unwrapping.npz: {message}")) as error:
+        with_baked_light(surroundings(), folder)
+    assert "\n" not in str(error.value)
