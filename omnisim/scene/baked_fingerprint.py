@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from omnisim.scene.lighting import background_light
 from omnisim.scene.model import Scene
 
 _NAMES = frozenset(("name", "world_from_node"))  # without an effect on light
@@ -18,7 +19,8 @@ _NAMES = frozenset(("name", "world_from_node"))  # without an effect on light
 def baked_fingerprint(scene: Scene) -> str:
     """SHA-256 (64 hexadecimal digits) of static geometry, materials, lights and exposure.
 
-    Names, dynamic objects, fog, background and where vehicles start count for nothing.
+    Names, dynamic objects, fog, a background that does not shine and where vehicles start count for
+    nothing.
     """
     lighting = scene.lighting
     digest = _Digest()
@@ -27,6 +29,8 @@ def baked_fingerprint(scene: Scene) -> str:
     digest.add(scene.instances)
     digest.add((lighting.ambient, lighting.lights, lighting.exposure, lighting.is_matte))
     digest.add(None if lighting.environment is None else lighting.environment.radiance)
+    if any(sky := background_light(scene.background)):
+        digest.add(sky)
     return digest.hexdigest()
 
 

@@ -74,6 +74,14 @@ def expose(
     return Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
 
 
+def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Light from everywhere, in baked light without lamps, of a background.
+
+    One that is brighter than white is a sky that shines, any other a picture.
+    """
+    return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
+
+
 def around(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
     """Lighting with an environment map, in cd/m², in place of its even light."""
     radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
