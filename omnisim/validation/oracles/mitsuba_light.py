@@ -1,6 +1,7 @@
 """Light of lamps in a scene and in a mirror, traced by Mitsuba 3.
 
-Surfaces are diffuse on both sides, or of glTF's materials without maps; lamps are Mitsuba's own.
+Surfaces are diffuse on both sides, or of glTF's materials without maps, and may shine to the front;
+lamps are Mitsuba's own.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.errors import SceneError
 from omnisim.poses import check_pose
 from omnisim.scene import Scene
-from omnisim.scene.model import Instance, Light, LightKind
+from omnisim.scene.model import Instance, Light, LightKind, Material
 from omnisim.validation.oracles.mitsuba_materials import principled, sky
 from omnisim.validation.oracles.mitsuba_scene import (
     VERTEX_COLOR,
@@ -31,6 +32,7 @@ from omnisim.validation.oracles.surfaces import opaque_only
 
 # Parts of a path from a lamp to the camera: by one surface, and by so many that more add nothing.
 DIRECT_DEPTH, ALL_DEPTH = 2, 23
+_DARK = (0.0, 0.0, 0.0)
 
 
 def matte_on_both_sides(scene: Scene) -> Scene:
@@ -52,6 +54,27 @@ def matte_on_both_sides(scene: Scene) -> Scene:
     return dataclasses.replace(
         scene, materials=tuple(materials), meshes=tuple(meshes), lighting=lighting
     )
+
+
+def matte_and_shining(scene: Scene) -> Scene:
+    """Scene of `matte_on_both_sides` whose bright surfaces shine, to their front alone."""
+    matte = matte_on_both_sides(scene)
+    materials = []
+    for plain, one in zip(matte.materials, scene.materials, strict=True):
+        shines = any(one.emissive) and not one.unlit
+        material = Material(
+            one.name,
+            plain.base_color,
+            plain.texture,
+            plain.alpha_mode,
+            plain.alpha_cutoff,
+            double_sided=not shines,
+            emissive=one.emissive if shines else _DARK,
+            emissive_map=one.emissive_map if shines else None,
+        )
+        materials.append(material)
+    lighting = dataclasses.replace(matte.lighting, is_matte=False)
+    return dataclasses.replace(matte, materials=tuple(materials), lighting=lighting)
 
 
 def trace_lit_mirror(
@@ -89,14 +112,14 @@ def lit_world(
     """Surfaces and lamps around a viewpoint, and their path tracer, for `mitsuba.load_dict`.
 
     Args:
-        scene: of `matte_on_both_sides`, or of materials of `principled`, without ambient light, on
-            black or under an environment map.
+        scene: of `matte_on_both_sides` or `matte_and_shining`, or of materials of `principled`,
+            without ambient light, on black or under an environment map.
         viewpoint_m: (3,) origin of the coordinates, world.
         units_per_m: scale of the coordinates.
         depth: most parts of a path.
 
     Raises:
-        SceneError: a spot light, whose edge falls off in another way.
+        SceneError: a spot light, whose edge falls off in another way; or a map of light.
     """
     content: dict[str, Any] = {
         "type": "scene",
@@ -147,13 +170,19 @@ def _surface(
     if mesh.normals is not None:
         normals = mesh.normals @ np.linalg.inv(linear)
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
-    is_matte = scene.lighting.is_matte or material.is_matte
+    is_matte = scene.lighting.is_matte or dataclasses.replace(material, emissive=_DARK).is_matte
     nested = {"type": "diffuse", "reflectance": reflectance} if is_matte else principled(material)
     bsdf = {"type": "twosided", "nested": nested}
+    properties: dict[str, Any] = {"mesh_bsdf": mi.load_dict(bsdf), "face_normals": normals is None}
+    if any(material.emissive) and not scene.lighting.is_matte:
+        if material.emissive_map is not None:
+            raise SceneError(f"material {material.name!r}: emissive_map: expected none for Mitsuba")
+        light = {"type": "area", "radiance": rgb(material.emissive)}
+        properties["mesh_emitter"] = mi.load_dict(light)
     return mesh_of(
         positions_m * units_per_m,
         triangles,
-        {"mesh_bsdf": mi.load_dict(bsdf), "face_normals": normals is None},
+        properties,
         normals=normals,
         coordinates=coordinates,
         colors=colors,
