@@ -98,12 +98,13 @@ class CubeLayers:
             self._buffers.deform(poses[0][1])  # what the camera does not see casts shadows
             shadows.prepare(poses[0][0][:3, 3], poses[0][1])
         self._tiles.begin(self._target, (*self._background, 1.0))
-        if self._sky is not None:
-            self._sky.draw(self._target, rigs)
         self._surface_programs.bind_tables()
         self._positions.bind_to_storage_buffer(_POSITIONS)
         self._tiles.draw_clusters(rigs, objects)
+        if self._sky is not None:
+            self._sky.draw(self._target, rigs)
         if self._blended is not None:
+            self._positions.bind_to_storage_buffer(_POSITIONS)  # which may be the sky's binding
             begin_blending(self._context, self._target)
             self._blended.draw()
         self._tiles.end(self._target)

@@ -218,9 +218,9 @@ class CubePass:
             program.set_viewpoint(viewpoint_m)
         self._programs.bind_tables()
         tiles.begin(target, (*self._background, 1.0))
+        tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
         if self._sky is not None:
             self._sky.draw(target, world_from_rig[None])
-        tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
         if self._blended.size:
             self._draw_blended(world_from_rig, world_from_objects)
         tiles.end(target)

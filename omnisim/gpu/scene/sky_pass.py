@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import clips_from_rig
+from omnisim.gpu.scene.reversed_depth import DEPTH_FUNCTION
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
 
@@ -16,7 +17,7 @@ SKY_UNIT = 0
 
 
 class SkyPass:
-    """Draws the sky first, before all surfaces.
+    """Draws the sky where nothing opaque is, before all that is blended.
 
     Args:
         context: where.
@@ -47,7 +48,8 @@ class SkyPass:
         """Draw from poses (cameras, 4, 4); depth stays as it is."""
         context = self._context
         target.depth_mask = False
-        context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        context.depth_func = "=="  # as deep as the sky is, and the target where it is clear
+        context.disable(moderngl.CULL_FACE)
         self._sky.use(SKY_UNIT)
         matrices: NDArray[np.float64] = self._rig_from_clips
         if self._rigs is None:
@@ -63,4 +65,4 @@ class SkyPass:
         target.viewport = before
         target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
         target.depth_mask = True
-        context.enable(moderngl.DEPTH_TEST)
+        context.depth_func = DEPTH_FUNCTION
