@@ -186,10 +186,10 @@ SkyOption = Annotated[
     str | None,
     typer.Option(
         "--sky",
-        metavar="clear|FILE",
-        autocompletion=one_of("clear"),
-        help="Sky that lights the scene instead of its own: a clear one, or an environment map, "
-        ".hdr or .exr.",
+        metavar="clear|none|FILE",
+        autocompletion=one_of("clear", "none"),
+        help="Sky that lights the scene instead of its own sky and sun: a clear one, around its "
+        "sun if it has one; none; or an environment map, .hdr or .exr.",
         show_default="the scene's",
     ),
 ]

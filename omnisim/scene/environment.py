@@ -36,6 +36,10 @@ class Environment:
         height, width = self.radiance.shape[:2]
         return short_repr(self, f"{width} × {height} px")
 
+    def scaled(self, factor: float) -> Environment:
+        """Map that is so many times as bright."""
+        return Environment((factor * self.radiance).astype(np.float32))
+
     @cached_property
     def irradiance(self) -> NDArray[np.float64]:
         """Light on white surfaces: factors (9, 3) of the polynomials in `shares_of_normals`."""

@@ -47,6 +47,10 @@ class LightTable(Table):
     """Folder of baked light, relative to this file, as `omnisim bake` writes it, in place of the
     light of lamps and sky; left out: none."""
 
+    sky: Literal["none"] | None = None
+    """none: without the sky and the sun of the scene that this one extends; left out: with them,
+    unless this one has some."""
+
     @property
     def has_own_light(self) -> bool:
         """Some key changes the light on surfaces."""

@@ -20,13 +20,15 @@ _VISIBLE_CONTRAST = 0.05
 
 
 def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
-    """Scene in the light and fog of its TOML."""
+    """Scene in the light and fog of its TOML; lamps beside the sky of a base have its exposure."""
     table, lighting = settings.light, scene.lighting
     lamps = [_lamp(one) for one in settings.lamps]
     if settings.sun is not None:
         lamps += _sun(settings.sun)
     if lamps:
         lighting = _with_lamps(scene, tuple(lamps))
+        if settings.extends is not None and scene.lighting.environment is not None:
+            lighting = replace(lighting, exposure=scene.lighting.exposure)
     elif settings.sun is not None and lighting.lights is DEFAULT_LIGHTING.lights:
         lighting = replace(lighting, lights=(), ambient=FILL_AMBIENT)  # it is night
     if table.shadows is not None and lighting.lights is not DEFAULT_LIGHTING.lights:
@@ -34,6 +36,11 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
     if table.ambient is not None:
         lighting = replace(lighting, ambient=table.ambient)
     if table.exposure is not None:
+        if settings.extends is not None and lighting.environment is not None:
+            lighting = replace(
+                lighting,
+                environment=lighting.environment.scaled(table.exposure / lighting.exposure),
+            )
         lighting = replace(lighting, exposure=table.exposure)
     if settings.fog is not None:
         lighting = replace(lighting, fog=_fog(settings.fog))

@@ -33,7 +33,7 @@ from omnisim.scene.model import (
 )
 from omnisim.scene.readers import check_format, read_file
 from omnisim.scene.scene_file import SceneFile
-from omnisim.scene.source import SceneSource, resolve_source, sky_table
+from omnisim.scene.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
 from omnisim.scene.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
@@ -63,7 +63,8 @@ def load_scene(
             environment.
         animation: name of the animation of a glTF file that is played, "none" for none; by default
             that of its TOML, or else the first. What it moves are dynamic objects.
-        sky: "clear", or an environment map (.hdr, .exr), instead of the sky of its TOML.
+        sky: "clear", or an environment map (.hdr, .exr), instead of the sky and the sun of its
+            TOML; "none" for neither. A clear sky stands around the sun of its TOML, if it has one.
         baked: folder of its baked light, "none" for none; by default that of its TOML, if any.
 
     Raises:
@@ -73,7 +74,8 @@ def load_scene(
         FileAxes(up_axis, meters_per_unit),
         tuple(map(Path, resources)),
         animation,
-        sky=None if sky is None else sky_table(sky),
+        sky=None if sky is None or str(sky) == NO_SKY else sky_table(sky),
+        keeps_sky=sky is None,
         takes_baked=baked is None and sky is None,
     )
     scene = _load_source(source, options, ())
@@ -88,6 +90,7 @@ class _Options(NamedTuple):
     Attributes:
         is_shape: of an object, in which nobody stands and no other object moves.
         sky: instead of those of the TOMLs.
+        keeps_sky: the TOMLs' skies and suns shine.
         takes_baked: the light that its TOML names.
     """
 
@@ -96,6 +99,7 @@ class _Options(NamedTuple):
     animation: str | None
     is_shape: bool = False
     sky: SkyTable | None = None
+    keeps_sky: bool = True
     takes_baked: bool = False
 
 
@@ -109,8 +113,8 @@ def _load_source(
         found = resolve_source(source)
     except OSError as reason:  # a name too long, a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
-    if options.sky is not None:  # of the outermost file, over all that it extends
-        found = found.under(None if outer else options.sky)
+    if not options.keeps_sky:
+        found = _under_option(found, None if outer else options.sky)
     folder = Path() if options.sky is not None or found.toml is None else found.toml.parent
     if found.toml is None:
         return _under_sky(_load_mesh_file(source, found, options), found, folder)
@@ -127,7 +131,7 @@ def _load_source(
 
     def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
         played = animation or NO_ANIMATION
-        shape = _Options(FileAxes(axis), options.resources, played, is_shape=True)
+        shape = _Options(FileAxes(axis), options.resources, played, is_shape=True, keeps_sky=False)
         return _load_source(path, shape, outer)
 
     try:
@@ -138,6 +142,12 @@ def _load_source(
     if found.settings.light.baked is None or not options.takes_baked:
         return scene
     return _with_baked_light(scene, found.toml.parent / found.settings.light.baked)
+
+
+def _under_option(found: SceneSource, sky: SkyTable | None) -> SceneSource:
+    """Source under another sky, over all that it extends: a clear one is around their sun."""
+    is_clear = sky is not None and sky.file is None
+    return found.under(sky, shining_sun(found) if is_clear else None)
 
 
 def _with_baked_light(scene: Scene, folder: Path) -> Scene:
@@ -163,13 +173,14 @@ def _load_extended(
 ) -> Scene:
     """Load the scene that a TOML extends, and add what the TOML has."""
     settings, toml = found.settings, found.toml
-    assert settings.extends is not None
+    assert found.base is not None
     assert toml is not None
-    beside = toml.parent / settings.extends
     if settings.has_own_light:
         options = options._replace(takes_baked=False)
+    if settings.has_own_sky:
+        options = options._replace(keeps_sky=False)
     try:
-        base = _load_source(beside if beside.exists() else settings.extends, options, outer)
+        base = _load_source(found.base, options, outer)
     except SceneError as reason:
         raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
     return extend(

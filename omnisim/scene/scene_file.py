@@ -255,6 +255,11 @@ class SceneFile(Table):
         tables = (self.lamps, self.sun, self.sky, self.light.baked)
         return any(tables) or self.light.has_own_light
 
+    @property
+    def has_own_sky(self) -> bool:
+        """Sky and sun are not those of a scene that it extends."""
+        return any((self.sun, self.sky, self.light.sky))
+
     @model_validator(mode="after")
     def _one_source(self) -> SceneFile:
         if self.file is None and self.extends is None:
@@ -265,6 +270,8 @@ class SceneFile(Table):
             raise ValueError("expected no up_axis and no meters_per_unit with extends")
         if self.extends is not None and self.animation is not None:
             raise ValueError("expected no animation with extends")
+        if self.light.sky is not None and (self.sun or self.sky):
+            raise ValueError("light.sky: expected no sun and no sky beside it")
         return self
 
     @field_validator("landmarks")

@@ -54,7 +54,7 @@ def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Sce
     elif settings.sun is not None:
         lighting = _around_sun(lighting, table, settings.sun, settings.light, toml)
     else:
-        lighting = _with_own_sun(lighting, table, settings.light.shadows is not False)
+        lighting = _with_own_sun(lighting, table, settings.light)
     return replace(scene, lighting=lighting)
 
 
@@ -71,24 +71,29 @@ def _with_map(
     """
     level = sun + _level_luminance(radiance)
     scale = brightness / level if level > 0.0 else 1.0
-    return replace(lighting, environment=Environment((scale * radiance).astype(np.float32)))
+    return replace(lighting, environment=Environment(radiance).scaled(scale))
 
 
-def _with_own_sun(lighting: Lighting, table: SkyTable, casts_shadow: bool) -> Lighting:
-    """Lighting by a clear sky and its sun, both as bright as the table asks."""
+def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) -> Lighting:
+    """Lighting by a clear sky and its sun, both as bright as the table asks.
+
+    Without other lamps the exposure is that of the sun in lux.
+    """
     towards_sun = _direction(table.sun_azimuth_deg, table.sun_elevation_deg)
     radiance = clear_sky(towards_sun, table.turbidity)
     light = sun_illuminance(towards_sun, table.turbidity)
     level = float(_LUMINANCE @ light) * towards_sun[2] / math.pi
     lit = _with_map(lighting, radiance, table.brightness, level)
     scale = table.brightness / (level + _level_luminance(radiance))
+    if not lit.lights and light_table.exposure is None:
+        lit = replace(lit, exposure=scale / math.pi)
     red, green, blue = light / light.max()
     sun = Light(
         LightKind.DIRECTIONAL,
         (red, green, blue),
-        float(light.max()) * scale / (math.pi * lighting.exposure),
+        float(light.max()) * scale / (math.pi * lit.exposure),
         direction=-towards_sun,
-        casts_shadow=casts_shadow,
+        casts_shadow=light_table.shadows is not False,
     )
     return replace(lit, lights=(*lit.lights, sun))
 
@@ -110,8 +115,8 @@ def _around_sun(
     level_lx = illuminance_lx * float(_LUMINANCE @ sun.color) * towards_sun[2]
     level_lx += math.pi * _level_luminance(radiance)
     exposure = table.brightness / level_lx if light.exposure is None else light.exposure
-    pixels = (math.pi * exposure * radiance).astype(np.float32)
-    return replace(lighting, exposure=exposure, environment=Environment(pixels))
+    environment = Environment(radiance).scaled(math.pi * exposure)
+    return replace(lighting, exposure=exposure, environment=environment)
 
 
 def _level_luminance(radiance: NDArray[np.float32]) -> float:

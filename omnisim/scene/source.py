@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 from omnisim.errors import SceneError, did_you_mean
 from omnisim.resources import SCENES, built_in
-from omnisim.scene.light_tables import SkyTable
+from omnisim.scene.light_tables import SkyTable, SunTable
 from omnisim.scene.scene_file import SceneFile
 from omnisim.toml_file import find_beside, read_toml
 
 CLEAR_SKY = "clear"
+NO_SKY = "none"  # in place of a sky: even light
 
 
 def builtin_scenes() -> list[str]:
@@ -32,9 +33,29 @@ class SceneSource(NamedTuple):
     settings: SceneFile
     toml: Path | None
 
-    def under(self, sky: SkyTable | None) -> SceneSource:
-        """Source with another sky, or without one."""
-        return self._replace(settings=self.settings.model_copy(update={"sky": sky}))
+    @property
+    def base(self) -> str | Path | None:
+        """Source that it extends; None: it has a mesh file."""
+        if self.toml is None or self.settings.extends is None:
+            return None
+        beside = self.toml.parent / self.settings.extends
+        return beside if beside.exists() else self.settings.extends
+
+    def under(self, sky: SkyTable | None, sun: SunTable | None) -> SceneSource:
+        """Source with another sky and sun, or without them."""
+        return self._replace(settings=self.settings.model_copy(update={"sky": sky, "sun": sun}))
+
+
+def shining_sun(source: SceneSource) -> SunTable | None:
+    """Sun of a source, or of those that it extends; None: there is none, or files are faulty."""
+    seen = set()
+    while not source.settings.has_own_sky and source.base is not None and source.toml not in seen:
+        seen.add(source.toml)
+        try:
+            source = resolve_source(source.base)
+        except (SceneError, OSError):  # which loading it reports
+            return None
+    return source.settings.sun
 
 
 def sky_table(sky: str | Path) -> SkyTable:
@@ -48,8 +69,8 @@ def sky_table(sky: str | Path) -> SkyTable:
     path = Path(sky)
     if not path.is_file():
         raise SceneError(
-            f"sky {str(sky)!r}: expected {CLEAR_SKY!r} or an environment map (.hdr, .exr), got no "
-            "file"
+            f"sky {str(sky)!r}: expected {CLEAR_SKY!r}, {NO_SKY!r} or an environment map (.hdr, "
+            ".exr), got no file"
         )
     return SkyTable(file=str(path))
 

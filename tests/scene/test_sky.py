@@ -8,6 +8,7 @@ from omnisim.errors import SceneError
 from omnisim.scene import load_scene
 from omnisim.scene.clear_sky import clear_sky, sun_illuminance
 from omnisim.scene.environment import Environment, map_directions
+from omnisim.scene.lighting import DEFAULT_LIGHTING
 
 UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -55,6 +56,103 @@ def test_a_sky_over_a_sun_of_a_toml_has_its_time(tmp_path):
     assert given.exposure == expected.exposure
     assert len(given.lights) == 1
     np.testing.assert_array_equal(given.environment.radiance, expected.environment.radiance)
+
+
+NOON = "[sun]\ntime = 2026-06-21T10:00:00Z\nlatitude_deg = 48.0\nlongitude_deg = 11.0\n"
+EVENING = NOON.replace("T10", "T17")
+LAMP = '[[lamps]]\nkind = "point"\nposition_m = [0, 0, 2]\nintensity = 500.0\n'
+
+
+def _chain(folder, base, child):
+    """Lighting of a scene that extends one that extends a built-in one."""
+    (folder / "base.toml").write_text(f'extends = "rings"\n{base}')
+    path = folder / "child.toml"
+    path.write_text(f'extends = "base.toml"\n{child}')
+    return path
+
+
+def _assert_same_light(found, expected):
+    assert found.exposure == expected.exposure
+    assert found.ambient == expected.ambient
+    assert [one.intensity for one in found.lights] == [one.intensity for one in expected.lights]
+    for one, other in zip(found.lights, expected.lights, strict=True):
+        np.testing.assert_array_equal(one.direction, other.direction)
+    if expected.environment is None:
+        assert found.environment is None
+    else:
+        np.testing.assert_array_equal(found.environment.radiance, expected.environment.radiance)
+
+
+def test_the_courtyard_is_lit_by_the_sun_at_its_clock_s_time_and_evenly_without_it():
+    lit, even = load_scene("courtyard").lighting, load_scene("courtyard", sky="none").lighting
+    (sun,) = lit.lights
+    assert sun.casts_shadow
+    assert lit.environment is not None
+    assert -sun.direction[2] == pytest.approx(np.sin(np.radians(31.5)), abs=0.01)
+    assert 50_000.0 < sun.intensity < 100_000.0
+    assert even.lights is DEFAULT_LIGHTING.lights
+    _assert_same_light(even, DEFAULT_LIGHTING)
+
+
+@pytest.mark.parametrize("own", [EVENING, "[sky]\nturbidity = 4.0\n", f"{EVENING}[sky]\n"])
+def test_a_sun_or_sky_takes_the_place_of_those_of_the_base(tmp_path, own):
+    found = load_scene(_chain(tmp_path, f"{NOON}[sky]\n", own)).lighting
+    _assert_same_light(found, load_scene(_chain(tmp_path, "", own)).lighting)
+
+
+def test_a_scene_may_be_without_the_sky_and_the_sun_of_its_base(tmp_path):
+    even = load_scene("rings").lighting
+    for base in (f"{NOON}[sky]\n", NOON, "[sky]\n"):
+        found = load_scene(_chain(tmp_path, base, '[light]\nsky = "none"\n')).lighting
+        path = _chain(tmp_path, base, "")
+        for one in (found, load_scene(path, sky="none").lighting):
+            assert one.lights is DEFAULT_LIGHTING.lights
+            _assert_same_light(one, even)
+        assert load_scene(path).lighting.lights[0].intensity > 1000.0  # lux
+    lit = load_scene(_chain(tmp_path, f"{NOON}[sky]\n", f'{LAMP}[light]\nsky = "none"\n')).lighting
+    _assert_same_light(lit, load_scene(_chain(tmp_path, "", LAMP)).lighting)
+
+
+@pytest.mark.parametrize("base", [f"{NOON}[sky]\n", "[sky]\n"])
+def test_lamps_shine_beside_the_sky_of_the_base_at_its_exposure(tmp_path, base):
+    before = load_scene(_chain(tmp_path, base, "")).lighting
+    lit = load_scene(_chain(tmp_path, base, LAMP)).lighting
+    assert [one.kind.value for one in lit.lights] == ["directional", "point"]
+    assert lit.exposure == before.exposure
+    np.testing.assert_array_equal(lit.environment.radiance, before.environment.radiance)
+
+
+def test_an_exposure_is_that_of_the_base_s_sky_too(tmp_path):
+    before = load_scene(_chain(tmp_path, f"{NOON}[sky]\n", "")).lighting
+    bright = f"[light]\nexposure = {2.0 * before.exposure}\n"
+    found = load_scene(_chain(tmp_path, f"{NOON}[sky]\n", bright)).lighting
+    assert found.exposure == 2.0 * before.exposure
+    np.testing.assert_allclose(found.environment.radiance, 2.0 * before.environment.radiance)
+    assert found.lights[0].intensity == before.lights[0].intensity
+
+
+def test_a_sky_of_the_option_takes_the_place_of_all(tmp_path):
+    map_file = tmp_path / "map.exr"
+    _write(map_file, np.full((16, 32, 3), 0.5))
+    for base in (f"{NOON}[sky]\nturbidity = 5.0\n", NOON):
+        path = _chain(tmp_path, base, "[fog]\ncolor = [0, 0, 0]\nvisibility_m = 9.0\n")
+        found = load_scene(path, sky="clear").lighting  # around the sun of the base
+        expected = _chain(tmp_path, f"{NOON}[sky]\n", "")
+        _assert_same_light(found, load_scene(expected).lighting)
+        (tmp_path / "base.toml").write_text(f'extends = "rings"\n{base}')
+        assert load_scene(path, sky=map_file).lighting.lights == ()
+
+
+@pytest.mark.parametrize(
+    ("light", "expected"),
+    [
+        ('[light]\nsky = "clear"', "light.sky: expected 'none', got 'clear'"),
+        ('[light]\nsky = "none"\n[sky]', "light.sky: expected no sun and no sky beside it"),
+    ],
+)
+def test_a_base_s_sky_is_left_out_by_one_word(tmp_path, light, expected):
+    with pytest.raises(SceneError, match=expected):
+        load_scene(_chain(tmp_path, "", light))
 
 
 def _towards(elevation_deg):
