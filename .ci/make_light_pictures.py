@@ -47,7 +47,7 @@ def main(path: str) -> None:
 
 def courtyard():
     """Titles and linear pictures (height, width, 3)."""
-    plain = load_scene("courtyard")
+    plain = load_scene("courtyard", sky="none")
     lit = matte_on_both_sides(load_scene(FOLDER / "courtyard.toml"))
     bare = dataclasses.replace(lit, lighting=lit.lighting.without_shadows())
     at = SENSOR.base_pose(lit.start.position_m, yaw_deg=20.0)
@@ -66,7 +66,7 @@ def spheres():
     """Titles and linear pictures (height, width, 3)."""
     scene = ring_scene()
     matte = dataclasses.replace(scene, lighting=dataclasses.replace(scene.lighting, is_matte=True))
-    even = dataclasses.replace(scene, lighting=load_scene("courtyard").lighting)
+    even = dataclasses.replace(scene, lighting=load_scene("courtyard", sky="none").lighting)
     at = SENSOR.base_pose(VIEWPOINT_M)
     ours, traced = rendered(scene, at), traced_light(scene, SENSOR, at, SAMPLES)
     with Renderer(scene, SENSOR) as renderer:
@@ -83,7 +83,9 @@ def spheres():
 
 def air_and_water():
     """Titles and linear pictures (height, width, 3)."""
-    courtyard, sunny = load_scene("courtyard"), load_scene("courtyard", sky="clear")
+    courtyard = load_scene("courtyard", sky="none")
+    lighting = dataclasses.replace(load_scene("rings", sky="clear").lighting, is_matte=True)
+    sunny = dataclasses.replace(courtyard, lighting=lighting)
     water = Fog((0.0, 0.10, 0.14), (0.35, 0.07, 0.03))
     fog = Fog((0.6, 0.6, 0.6), (0.2, 0.2, 0.2))
     dome = OmniCamera(read_optics_file(ROOT / "examples" / "optics" / "dome-port.toml"))

@@ -47,7 +47,8 @@ def run(options: Options) -> dict[str, Any]:
         GraphicsError: no OpenGL.
         SceneError: the scene cannot be loaded.
     """
-    scene = load_scene(options.scenes[0] if options.scenes else SCENE)  # one is enough
+    # one is enough; in even light, as what lamps cost would hide what lenses do
+    scene = load_scene(options.scenes[0] if options.scenes else SCENE, sky="none")
     context = open_context(options.device)
     pipelines = _pipelines(context, scene)
     viewpoint = ScenePoses(poses.pose(scene.start.position_m))

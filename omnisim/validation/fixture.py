@@ -32,8 +32,8 @@ class Fixture:
 
     @cached_property
     def scene(self) -> Scene:
-        """Textured scene that pictures are compared in."""
-        return load_scene(TEXTURED_SCENE)
+        """Textured scene that pictures are compared in, in even light."""
+        return load_scene(TEXTURED_SCENE, sky="none")
 
     @property
     def viewpoint_m(self) -> tuple[float, float, float]:

@@ -159,7 +159,7 @@ def test_p2at_is_visible_in_the_middle_only():
     rays = camera.model.ray_from_pixel(np.stack((u, v), axis=-1).astype(float))
     theta_deg = np.full((240, 240), 180.0)
     theta_deg[rays.valid] = np.degrees(np.arccos(-rays.directions[rays.valid][:, 2]))
-    scene = load_scene("courtyard")
+    scene = load_scene("courtyard", sky="none")
     with Stage(scene, p2at_body()) as stage, Renderer(scene, camera) as alone:
         renderer = Renderer(stage, camera)
         no_scanner = Renderer(stage, camera, hidden={"lms200"})
@@ -176,7 +176,7 @@ def test_p2at_is_visible_in_the_middle_only():
 
 def test_p2at_scanner_does_not_hit_the_robot():
     _, base_from_scanner = mounted_on_p2at(64)
-    scene = load_scene("courtyard")
+    scene = load_scene("courtyard", sky="none")
     mount = {"base_from_scanner": base_from_scanner}
     with (
         Stage(scene, p2at_body()) as stage,
