@@ -26,7 +26,8 @@ def test_wheel_has_every_shader_and_scene(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
     shipped = [path for path in (ROOT / "shaders").rglob("*") if path.is_file()]
-    shipped += [path for path in (ROOT / "scenes").rglob("*") if path.suffix in (".glb", ".toml")]
+    kinds = ".glb", ".toml", ".exr", ".npz", ".json"  # the latter three of baked light
+    shipped += [path for path in (ROOT / "scenes").rglob("*") if path.suffix in kinds]
     shipped += [path for path in (ROOT / "omnisim").rglob("*.toml")]
     shipped += [ROOT / "omnisim" / "browser" / "presets.json"]
     shipped += [path for path in (ROOT / "omnisim" / "browser" / "page").iterdir()]
@@ -34,6 +35,10 @@ def test_wheel_has_every_shader_and_scene(wheel):
     for path in shipped:
         relative = path.relative_to(ROOT).as_posix().removeprefix("omnisim/")
         assert f"omnisim/{relative}" in names
+
+
+def test_wheel_is_small(wheel):
+    assert wheel.stat().st_size < 10e6
 
 
 @pytest.mark.slow

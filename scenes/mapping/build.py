@@ -13,7 +13,7 @@ import numpy as np
 from scenes.mapping.doorways import fill_openings
 from scenes.mapping.furnish import furnish
 from scenes.mapping.interior import Interior
-from scenes.mapping.materials import make_materials
+from scenes.mapping.materials import EMISSIVE, make_materials
 from scenes.mapping.outside import doorstep, surround
 from scenes.mapping.shell import build_shell
 from scenes.modelling.geometry import pose
@@ -27,7 +27,7 @@ def main() -> None:
     """Build the scene and print its size."""
     rng = np.random.default_rng(SEED)
     materials, atlas = make_materials(rng)
-    stage = Stage("mapping", materials, unlit=frozenset({"lamp_white"}))
+    stage = Stage("mapping", materials, emissive=EMISSIVE, is_matte=True)
     build_shell(stage, atlas)
     fill_openings(stage, atlas, rng)
     furnish(Interior(stage, atlas, rng))

@@ -391,8 +391,8 @@ def gas_bottles(a: Atlas) -> Model:
     return Model("gas_bottles", "props", join(parts))
 
 
-def ceiling_lamp(wide: float, long: float) -> tuple[Model, Model]:
-    """Panel lamp under the ceiling, z = 0: its housing and what glows."""
+def ceiling_lamp(wide: float, long: float, is_on: bool) -> tuple[Model, Model]:
+    """Panel lamp under the ceiling, z = 0: its housing, and the panel."""
     name = f"{round(100 * wide)}_{round(100 * long)}"
     housing = box((wide + 0.05, long + 0.05, 0.05), (0, 0, -0.025), "+z-z")
     half_x, half_y, z = wide / 2 + 0.025, long / 2 + 0.025, -0.05
@@ -401,5 +401,7 @@ def ceiling_lamp(wide: float, long: float) -> tuple[Model, Model]:
     )
     return (
         Model(f"lamp_housing_{name}", "lamp_housing", housing),
-        Model(f"lamp_{name}", "lamp_white", glow),
+        Model(f"lamp_{name}", "lamp_white", glow)
+        if is_on
+        else Model(f"lamp_off_{name}", "lamp_off", glow),
     )

@@ -443,11 +443,13 @@ def _lamps(i: Interior) -> None:
             *((x, 10.6) for x in (7.0, 9.2)),
         ],
     }
+    broken = {(1.0, 7.2), (-2.7, 5.4), (1.4, 11.8), (7.0, -2.4), (9.5, -6.6)}
     for (wide, long), places in rows.items():
-        housing, glow = equipment.ceiling_lamp(wide, long)
+        housing, lit = equipment.ceiling_lamp(wide, long, is_on=True)
+        dark = equipment.ceiling_lamp(wide, long, is_on=False)[1]
         for x, y in places:
             i.stand("lamp_housing", housing, x, y, 0, HEIGHT)
-            i.stand("lamp", glow, x, y, 0, HEIGHT)
+            i.stand("lamp", dark if (x, y) in broken else lit, x, y, 0, HEIGHT)
 
 
 def _door_signs(i: Interior) -> None:

@@ -11,6 +11,9 @@ from scenes.modelling import surface_textures as surface
 from scenes.modelling.pbr_materials import Colour, plain, see_through, textured
 from scenes.modelling.picture_atlas import Atlas, pack
 
+# Panels of 4000 lm each, 0.43 m2: 2960 cd/m2. The exposure shows a white surface under 450 lx as
+# white, and these as pi times luminance over 450 lx.
+EMISSIVE = {"lamp_white": 20.7}
 CELL = 96  # pixels that show one metre of a material in the atlas
 ATLAS = 1408
 
@@ -70,6 +73,7 @@ def make_materials(rng: np.random.Generator) -> tuple[dict[str, PBRMaterial], At
         textured("grass", surface.grass(256, rng)),
         textured("asphalt", surface.mottled(128, (0.36, 0.36, 0.37), 0.30, rng)),
         plain("lamp_white", (1.0, 0.98, 0.94)),
+        plain("lamp_off", (0.74, 0.74, 0.72)),
         plain("lamp_housing", (0.80, 0.80, 0.80)),
         plain("far_hills", (0.36, 0.45, 0.50)),
         see_through("glass", (0.62, 0.76, 0.78, 0.22), roughness=0.1),

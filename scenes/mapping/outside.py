@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from scenes.mapping.plan import EAST, NORTH, OUTER, SOUTH, WEST
@@ -38,7 +40,8 @@ def surround(stage: Stage, atlas: Atlas, rng: np.random.Generator) -> None:
 
 
 def _lawns(stage: Stage) -> None:
-    """Four pieces of ground around the building, and the road in front of it."""
+    """Ground around the building, and the road in front of it, in rings: baked light is coarser
+    with the distance."""
     x0, x1, y0, y1 = WEST - OUTER, EAST + OUTER, SOUTH - OUTER, NORTH + OUTER
     road = (-14.0, -11.0)
     pieces = {
@@ -49,9 +52,23 @@ def _lawns(stage: Stage) -> None:
         "road": ("asphalt", -REACH, REACH, road[0], road[1]),
         "lawn_south": ("grass", -REACH, REACH, -REACH, road[0]),
     }
-    for name, (material, a, b, c, d) in pieces.items():
-        corners = [(a, c, GROUND), (b, c, GROUND), (b, d, GROUND), (a, d, GROUND)]
-        stage.place(name, Model(name, material, tile(polygon(corners), 5.0)))
+    rings = {"": 6.0, "_middle": 20.0, "_far": 2 * REACH}
+    cuts = [ring for ring in rings.values() if ring < REACH]
+    x_lines = sorted({x0 + 0.2, x1 - 0.2, *(x0 - cut for cut in cuts), *(x1 + cut for cut in cuts)})
+    y_lines = sorted({*(y0 - cut for cut in cuts), *(y1 + cut for cut in cuts)})
+    for name, (material, west, east, south, north) in pieces.items():
+        found: dict[str, list[Patch]] = {}
+        xs = [west, *(x for x in x_lines if west < x < east), east]
+        ys = [south, *(y for y in y_lines if south < y < north), north]
+        for (a, b), (c, d) in itertools.product(itertools.pairwise(xs), itertools.pairwise(ys)):
+            x, y = (a + b) / 2, (c + d) / 2
+            away = max(x0 - x, x - x1, y0 - y, y - y1)
+            ring = next(ending for ending, reach in rings.items() if away < reach)
+            corners = [(a, c, GROUND), (b, c, GROUND), (b, d, GROUND), (a, d, GROUND)]
+            found.setdefault(ring, []).append(polygon(corners))
+        for ring, parts in found.items():
+            node = name + ring
+            stage.place(node, Model(node, material, tile(join(parts), 5.0)))
 
 
 def _tree(atlas: Atlas, rng: np.random.Generator) -> Model:

@@ -29,7 +29,7 @@ from scenes.modelling.geometry import Patch, join, polygon, tile
 from scenes.modelling.picture_atlas import Atlas
 from scenes.modelling.stage import Model, Stage
 
-LAP = 0.05  # how far panels reach past the surface that hides their edge
+LAP = 0.004  # how far panels reach past the surface that hides their edge, where light is another
 SKIRTING = (0.012, 0.08)
 CASING = 0.06  # width of the frame around an opening, beyond it
 SHAFT_TOP = 4.9
