@@ -7,6 +7,8 @@ from pathlib import Path
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from omnisim.scene import Scene, load_scene
+from omnisim.scene.load import NO_BAKED_LIGHT
+from omnisim.scene.source import NO_SKY
 
 # A real scene that was not made for omnisim; it is kept outside the project.
 WAREHOUSE = Path(__file__).resolve().parents[2] / "shared" / "assets" / "small_warehouse.glb"
@@ -18,17 +20,25 @@ def usual_scenes() -> tuple[str, ...]:
     return (*PAPERS_MAPS, *([str(WAREHOUSE)] if WAREHOUSE.is_file() else []))
 
 
-def load_scenes(options: Options, choice: tuple[str, ...] | None = None) -> dict[str, Scene]:
+def load_scenes(
+    options: Options, choice: tuple[str, ...] | None = None, has_own_light: bool = True
+) -> dict[str, Scene]:
     """Scenes by a short name: those that are asked for, or a suite's own choice.
+
+    Args:
+        options: which are asked for.
+        choice: of the suite; None: the usual ones.
+        has_own_light: sky, sun or baked light of their TOMLs; other renderers draw plain lamps.
 
     Raises:
         SceneError: one that cannot be loaded.
         BenchmarkError: two of one name.
     """
+    sky, baked = (None, None) if has_own_light else (NO_SKY, NO_BAKED_LIGHT)
     scenes: dict[str, Scene] = {}
     for source in options.scenes or (usual_scenes() if choice is None else choice):
         name = Path(source).stem
         if name in scenes:
             raise BenchmarkError(f"--scene: expected distinct names, got {name!r} twice")
-        scenes[name] = load_scene(source)
+        scenes[name] = load_scene(source, sky=sky, baked=baked)
     return scenes

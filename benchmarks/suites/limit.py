@@ -1,5 +1,7 @@
 """Roofline of a frame: its time by parts, and the least that it needs on this machine.
 
+Scenes are without baked light, whose maps an empty room has not.
+
 The machine's rates are probed in the same rounds. The least that a frame needs is the sum of its
 parts, each at its probe's rate:
 
@@ -72,7 +74,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
         stack.callback(context.release)
         probes = _machine_probes(context)
         frames = []
-        for name, scene in load_scenes(options).items():
+        for name, scene in load_scenes(options, has_own_light=False).items():
             stage = stack.enter_context(Stage(scene, device=options.device))
             room = stack.enter_context(Stage(surfaces.empty_room(scene), device=options.device))
             probes.append(surfaces.room_probe(name, room))

@@ -1,6 +1,7 @@
 """Race: the same frame by other renderers' methods, and the quality of each picture.
 
-360 × 360 px of the paper's mirror from poses on a path through each scene.
+360 × 360 px of the paper's mirror from poses on a path through each scene, without baked light,
+which no other racer has.
 benchmarks/peers/README.md names the racers and how they differ from the originals. Speed counts
 only at equal quality: a peer races against the quickest of our settings whose picture is no worse.
 """
@@ -64,7 +65,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
     """
     rows: list[dict[str, Any]] = []
     bounds: list[Measure] = []
-    for name, scene in load_scenes(options).items():
+    for name, scene in load_scenes(options, has_own_light=False).items():
         with Stage(scene, device=options.device) as stage:
             path = race_poses(stage, poses)
             with Field(stage, options.device) as racers:

@@ -15,7 +15,7 @@ from scenes.modelling.geometry import pose
 from scenes.modelling.stage import Model, Stage
 from scenes.soccer import field, furniture, pictures, props
 from scenes.soccer.hall import EAST, FLOOR, NORTH, SILL, SOUTH, WEST, build_hall
-from scenes.soccer.materials import UNLIT, make_materials
+from scenes.soccer.materials import EMISSIVE, UNLIT, make_materials
 
 SEED = 2006
 FOLDER = Path(__file__).parent
@@ -26,7 +26,8 @@ def main() -> None:
     """Build the scene and print its size."""
     rng = np.random.default_rng(SEED)
     listed = tomllib.loads((FOLDER / "scene.toml").read_text(encoding="utf-8"))
-    stage = Stage("soccer", make_materials(listed["palette"], rng), UNLIT)
+    materials = make_materials(listed["palette"], rng)
+    stage = Stage("soccer", materials, UNLIT, EMISSIVE, is_matte=True)
     field.lay_carpet(stage)
     field.build_landmarks(stage, listed["landmarks"])
     build_hall(stage)

@@ -12,7 +12,10 @@ from scenes.soccer import interior_textures as interior
 from scenes.soccer import pictures
 
 # Materials that shine by themselves.
-UNLIT = frozenset({"outside", "screens", "lamp_glow"})
+UNLIT = frozenset({"outside", "screens"})
+# Of two tubes of 5200 lm each in a lamp, 1.5 m long and 26 mm wide: 13 500 cd/m2. The exposure
+# shows a white surface under 600 lx as white, and these as pi times luminance over 600 lx.
+EMISSIVE = {"lamp_glow": 75.0}
 WALL_HUES: dict[str, Colour] = {
     "north": (0.90, 0.89, 0.86),
     "east": (0.84, 0.87, 0.84),
@@ -76,7 +79,8 @@ def make_materials(palette: dict[str, Colour], rng: np.random.Generator) -> dict
         textured("lawn", surface.grass(256, rng)),
         masked("leaves", interior.leaf(64)),
         plain("line_white", (0.78, 0.78, 0.78)),
-        plain("lamp_glow", (1.0, 1.0, 0.96)),
+        # as a camera has them whose white is a sheet on the field, which the carpet makes greener
+        plain("lamp_glow", (0.95, 0.935, 1.0)),
         see_through("window_glass", (0.70, 0.80, 0.84, 0.10), roughness=0.1),
     ]
     made += [plain(f"landmark_{name}", colour) for name, colour in palette.items()]

@@ -58,7 +58,10 @@ def _only_embree(name):
 def pictures(request):
     """Pictures of all racers in a scene from one pose, and the racers."""
     without = request.param == "soccer"
-    with pytest.MonkeyPatch.context() as patch, Stage(load_scene(request.param)) as stage:
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        Stage(load_scene(request.param, baked="none")) as stage,
+    ):
         if without:  # pyrender takes long
             patch.setattr(field, "import_failure", _only_embree)
         pose = race_poses(stage, 3)[1]

@@ -53,6 +53,12 @@ def test_bound_is_that_of_frames_per_second(report):
     assert sum("the paper found them alike" in line for line in lines) == 2
 
 
+def test_maps_with_baked_light_are_timed_without_it_too():
+    maps = fps._lit_maps(Options(scenes=("soccer", "rings")))
+    assert list(maps) == ["soccer", "soccer, even light", "rings"]
+    assert [maps[name].lighting.baked is None for name in maps] == [False, True, True]
+
+
 def test_remark_tells_the_cost_beside_the_view():
     ones = np.ones(30)
     seconds = {"no sensor": 0.010 * ones, "lms200": 0.012 * ones, "1024": 0.018 * ones}
