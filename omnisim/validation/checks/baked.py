@@ -79,7 +79,7 @@ def check(fixture: Fixture, title: str) -> Section:
         figures=(
             CaptionedFigure(
                 "baked-scenes",
-                gallery(pictures, 3, side_in=4.2),
+                gallery(pictures, 6, side_in=2.7),
                 "Lit scenes traced in a mirror and through a fisheye, our pictures in baked light, "
                 "and their difference, eight times enhanced.",
             ),

@@ -117,4 +117,4 @@ def _edges(fixture: Fixture, name: str) -> Measure:
 
 
 def _figure(pictures: dict[str, NDArray[np.generic]]) -> Figure:
-    return gallery(pictures, 3, side_in=4.2)
+    return gallery(pictures, 6, side_in=2.7)
