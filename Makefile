@@ -78,6 +78,7 @@ sheets: setup
 	$(BIN)/python .ci/make_world_picture.py docs/how-to/match.jpg
 	$(BIN)/python .ci/make_live_pictures.py
 	$(BIN)/python .ci/make_light_pictures.py docs/how-to/light.jpg
+	$(BIN)/python .ci/make_baked_picture.py docs/how-to/baked.jpg
 	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
 
 lint: setup
