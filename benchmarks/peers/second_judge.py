@@ -21,6 +21,7 @@ from omnisim.rays.picture import RayPicture
 from omnisim.rays.ray_scene import ObjectState, RayScene
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.load import NO_BAKED_LIGHT
+from omnisim.scene.source import NO_SKY
 from omnisim.sensors import Stage
 from omnisim.srgb import srgb8_from_linear
 
@@ -37,7 +38,7 @@ def by_embree(scene: Scene, world_from_rig: NDArray[np.float64]) -> NDArray[np.u
 
 def main(scene: str) -> None:
     """Print the PSNR of each racer's picture against both references."""
-    with Stage(load_scene(scene, baked=NO_BAKED_LIGHT)) as stage:
+    with Stage(load_scene(scene, sky=NO_SKY, baked=NO_BAKED_LIGHT)) as stage:
         pose = race_poses(stage, POSES)[LOOKED_AT]
         ours = references(stage, pose[None])[0]
         theirs = by_embree(stage.scene, pose)
