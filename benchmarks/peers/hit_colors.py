@@ -39,8 +39,10 @@ class HitColors:
         )
         materials = scene.materials
         self._base = np.array([material.base_color for material in materials], dtype=np.float32)
+        emissive = np.array([material.emissive for material in materials], dtype=np.float32)
+        self._base[:, :3] += emissive  # what shines is black otherwise, or a screen
         self._two_sided = np.array([material.double_sided for material in materials])
-        self._unlit = np.array([material.unlit for material in materials])
+        self._unlit = np.array([material.unlit for material in materials]) | emissive.any(axis=1)
         modes = [material.alpha_mode for material in materials]
         self._blended = np.array([mode is AlphaMode.BLEND for mode in modes])
         self._cutoff = np.array(

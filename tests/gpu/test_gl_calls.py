@@ -18,7 +18,7 @@ SUBMISSIONS = (
     "glDispatchCompute", "glDispatchComputeIndirect", "glMultiDrawElementsIndirectCountARB",
     "glDrawArraysInstanced", "glDrawElementsInstanced", "glMultiDrawElementsIndirect",
 )  # fmt: skip
-# In the built-in scenes: state, draws and dispatches; lamps that shine bind the tables of materials.
+# In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
 MOST_CALLS, MOST_SUBMISSIONS = 210, 45
 
 

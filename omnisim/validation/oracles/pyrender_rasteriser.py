@@ -137,6 +137,7 @@ def _material(
         metallicFactor=0.0,
         roughnessFactor=1.0,
         baseColorTexture=texture,
+        emissiveFactor=[min(level, 1.0) if lit else 0.0 for level in material.emissive],
         alphaMode=modes[material.alpha_mode],
         alphaCutoff=material.alpha_cutoff,
         doubleSided=material.double_sided,

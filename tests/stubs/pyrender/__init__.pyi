@@ -49,6 +49,7 @@ class MetallicRoughnessMaterial:
         baseColorFactor: ArrayLike,
         metallicFactor: float,
         roughnessFactor: float,
+        emissiveFactor: list[float] = ...,
         baseColorTexture: Texture | None,
         alphaMode: str,
         alphaCutoff: float,
