@@ -22,8 +22,9 @@ EDGE_SIGMA_PX = 0.2
 WIDE_EDGE_SIGMA_PX = 0.8  # where a corner is too slim to be seen by itself
 CORNER_SIGMA_M = 0.01  # of where on its boards' ends that corner is
 MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
-COLUMN_SIGMA_PX = 0.15
-WIDE_COLUMN_SIGMA_PX = 0.3
+# More than an average error, 0.17 px: light that falls off around a beacon moves the middle of its
+# mask by 0.4 px, and alike in pictures that follow each other.
+COLUMN_SIGMA_PX = 0.3
 MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
 LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
 
@@ -213,7 +214,7 @@ def measure_wide(
     if is_cut:  # the top that is seen may be that of its far end
         sigma_m += longest
     return LandmarkMeasurement(
-        region.left + 0.5 * (width - 1), WIDE_COLUMN_SIGMA_PX, range_m,
+        region.left + 0.5 * (width - 1), COLUMN_SIGMA_PX, range_m,
         float(panorama.ranges_eq2_m(panorama.rows(range_m, height_m), height_m)), sigma_m,
         region.left, region.right, region.top, region.bottom, region.area_px,
     )  # fmt: skip
