@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from benchmarks.gl_counters import Counts, count
 from omnisim.gpu.culling.command_slices import BANDS
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.scene.cluster_drawer import ClusterDrawer
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from omnisim.sensors.backend import CameraBackend
@@ -30,6 +31,7 @@ _READS = (
     (moderngl.Framebuffer, ("read", "read_into")),
     (moderngl.Texture, ("read", "read_into")),
     (moderngl.Buffer, ("read", "read_into")),
+    (GlState, ("read_rgba",)),
 )
 
 

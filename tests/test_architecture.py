@@ -57,6 +57,7 @@ GPU_LAYERS = (
     {"culling"},
     {"atlas"},
     {"context", "layer_targets", "shader_files", "uniforms", "memory"},
+    {"gl_state"},
     {"gl_functions"},
 )
 HOMES = {

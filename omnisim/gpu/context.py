@@ -18,6 +18,7 @@ from moderngl import Context as Context  # for those who only hand it on
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.gl_functions import clip_depth_from_zero_to_one, delete_texture
+from omnisim.gpu.gl_state import set_constants
 
 REQUIRED_VERSION = 450
 INSTALL_HINT = (
@@ -35,11 +36,20 @@ _MAX_IDLE = 2  # each may keep some memory of its driver
 
 
 class _Opened(NamedTuple):
-    """Context's device, as asked for, EGL's handle, and textures to delete, not moderngl's."""
+    """Device and objects of a context.
+
+    Attributes:
+        device: as asked for.
+        handle: EGL's.
+        dropped_textures: to delete, not moderngl's.
+        lasting_target: moderngl binds the target that it used last again and again: this one is
+            never deleted.
+    """
 
     device: int | None
     handle: int | None
     dropped_textures: list[int]
+    lasting_target: moderngl.Framebuffer
 
 
 class GraphicsInfo(NamedTuple):
@@ -103,7 +113,6 @@ def release_context(context: moderngl.Context) -> None:
     if _users != [os.getpid()]:
         return
     with context:
-        context.detect_framebuffer(0).use()  # the last one that was used is kept
         collect_garbage(context)
         context.finish()  # the driver keeps what commands under way use
         is_sound = context.error == "GL_NO_ERROR"
@@ -115,6 +124,7 @@ def release_context(context: moderngl.Context) -> None:
 
 def collect_garbage(context: moderngl.Context) -> None:
     """Free what is no longer used of a context, which is current."""
+    context.extra.lasting_target.use()
     context.gc()
     while context.extra.dropped_textures:
         delete_texture(context.extra.dropped_textures.pop())
@@ -203,7 +213,10 @@ def _open(device: int | None) -> moderngl.Context:
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
     clip_depth_from_zero_to_one()
-    context.extra = _Opened(device, _current_handle(), [])
+    set_constants()
+    lasting_target = context.framebuffer([context.renderbuffer((1, 1))])
+    lasting_target.use()
+    context.extra = _Opened(device, _current_handle(), [], lasting_target)
     context.gc_mode = "context_gc"  # `collect_garbage` frees unreferenced objects
     return context
 

@@ -135,18 +135,18 @@ class IndirectDraws:
 
     def __init__(self) -> None:
         self.use_program = gl_function("glUseProgram", _ENUM)
-        self.bind_vertex_array = gl_function("glBindVertexArray", _ENUM)
-        self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
+        self._bind_vertex_array = gl_function("glBindVertexArray", _ENUM)
         self._bind_buffer = gl_function("glBindBuffer", _ENUM, _ENUM)
         self._draw = gl_function(
             "glMultiDrawElementsIndirectCountARB",
             _ENUM, _ENUM, ctypes.c_void_p, ctypes.c_void_p, _INT, _INT,
         )  # fmt: skip
 
-    def bind(self, commands: int, counts: int) -> None:
+    def bind(self, commands: int, counts: int, vertex_array: int) -> None:
         """Bind the buffers of the next draws."""
         self._bind_buffer(_DRAW_INDIRECT_BUFFER, commands)
         self._bind_buffer(_PARAMETER_BUFFER, counts)
+        self._bind_vertex_array(vertex_array)
 
     def drawing(
         self, first_command: int, count_index: int, max_commands: int

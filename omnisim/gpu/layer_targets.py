@@ -29,6 +29,14 @@ def attach_layer(framebuffer: int, array: int, layer: int, attachment: int = COL
     attach(framebuffer, attachment, array, 0, layer)
 
 
+def draw_into_all(target: moderngl.Framebuffer) -> None:
+    """Draw into all colours of a target, which moderngl sets only when it uses one."""
+    count = len(target.color_attachments)
+    attachments = (_ENUM * count)(*range(COLORS, COLORS + count))
+    draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, ctypes.c_void_p)
+    draw(target.glo, count, ctypes.addressof(attachments))
+
+
 def layered_target(
     context: moderngl.Context, *colors: moderngl.TextureArray
 ) -> tuple[moderngl.Framebuffer, moderngl.TextureArray]:
@@ -46,4 +54,5 @@ def layered_target(
     allocate(_TEXTURE_2D_ARRAY, 0, _DEPTH_COMPONENT32F, *size, 0, _DEPTH_COMPONENT, _FLOAT, None)
     target = context.framebuffer(colors)
     attach_texture(target.glo, depth.glo, DEPTH)
+    draw_into_all(target)
     return target, depth

@@ -13,6 +13,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.capture.picture_pass import picture_pass
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cube_pass import CubePass
 
@@ -89,7 +90,7 @@ class Pipeline:
     ):
         context, (width, height) = samples.context, samples.size_px
         check_picture_size(context, width, height)
-        self.context, self._cube = context, cube
+        self.context, self._cube, self._state = context, cube, GlState()
         self.size_px = (width // supersampling, height // supersampling)
         self._make_pass(samples, supersampling)
         with gpu_allocation(
@@ -127,7 +128,7 @@ class Pipeline:
         """Read the encoded picture (height, width, 4)."""
         width, height = self.size_px
         rgba = np.empty((height, width, 4), dtype=np.uint8)
-        self.encoded_target.read_into(rgba, components=4)
+        self._state.read_rgba(self.encoded_target, rgba)
         return rgba
 
 

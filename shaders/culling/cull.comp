@@ -59,7 +59,7 @@ bool is_occluded(Bounds bounds, vec2 corner_px, uint camera) {
     if (bounds.crosses) return false;
     ivec2 first_px = ivec2(corner_px + bounds.first_px);
     ivec2 last_px = ivec2(corner_px + bounds.last_px);
-    uvec2 groups = (uvec2(u_atlas_px) + uint(CELL_PX * SIDE - 1)) / uint(CELL_PX * SIDE);
+    uvec2 groups = last_cells();
     uint start = camera * groups.x * groups.y * CELLS;
     int level = 0;
     ivec2 first = first_px / CELL_PX, last = last_px / CELL_PX;

@@ -5,32 +5,33 @@
 // Source: hierarchical z buffers, Greene, Kass & Miller 1993.
 #version 430 core
 
+#include "culling/settings.glsl"
 #include "culling/hi_z.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(std430, binding = 11) buffer HiZ { float farthest[]; };
-uniform uvec2 u_groups;  // cells of the last level
 // With LAYERED each camera has a layer, and an invocation is of the camera of its z.
 
 uint place(uvec2 cell, int level) {
-    uint first = gl_GlobalInvocationID.z * u_groups.x * u_groups.y * CELLS;
+    uvec2 cells = last_cells();
+    uint first = gl_GlobalInvocationID.z * cells.x * cells.y * CELLS;
     for (int below = 0; below < level; ++below)
-        first += u_groups.x * u_groups.y * uint(SIDE >> below) * uint(SIDE >> below);
-    return first + cell.y * u_groups.x * uint(SIDE >> level) + cell.x;
+        first += cells.x * cells.y * uint(SIDE >> below) * uint(SIDE >> below);
+    return first + cell.y * cells.x * uint(SIDE >> level) + cell.x;
 }
 
 #ifdef COARSE
 void main() {
     uvec2 own = gl_GlobalInvocationID.xy;
-    if (any(greaterThanEqual(own, u_groups))) return;
+    if (any(greaterThanEqual(own, last_cells()))) return;
     float least = 1.0;
     for (uint quarter = 0u; quarter < 4u; ++quarter) {
         uvec2 cell = 2u * own + uvec2(quarter & 1u, quarter >> 1);
         float least_of_quarter = 1.0;
         for (uint part = 0u; part < 4u; ++part) {
             uvec2 smaller = 2u * cell + uvec2(part & 1u, part >> 1);
-            uint at = place(2u * smaller, 1), below = at + u_groups.x * uint(SIDE >> 1);
+            uint at = place(2u * smaller, 1), below = at + last_cells().x * uint(SIDE >> 1);
             float least_of_part = min(
                 min(farthest[at], farthest[at + 1u]), min(farthest[below], farthest[below + 1u]));
             farthest[place(smaller, 2)] = least_of_part;
@@ -43,21 +44,21 @@ void main() {
 }
 #else
 #ifdef LAYERED
-uniform sampler2DArray u_depth;
+uniform sampler2DArray u_atlas_depth;
 #define at_layer(uv) vec3(uv, float(gl_GlobalInvocationID.z))
 #else
-uniform sampler2D u_depth;
+uniform sampler2D u_atlas_depth;
 #define at_layer(uv) uv
 #endif
 
 // The four texels around a corner; at the edge they repeat.
 vec4 around(uvec2 corner) {
-    return textureGather(u_depth, at_layer(vec2(corner) / vec2(textureSize(u_depth, 0).xy)));
+    return textureGather(u_atlas_depth, at_layer(vec2(corner) / vec2(textureSize(u_atlas_depth, 0).xy)));
 }
 
 void main() {
     uvec2 own = gl_GlobalInvocationID.xy;
-    if (any(greaterThanEqual(own, u_groups * uint(SIDE >> 1)))) return;
+    if (any(greaterThanEqual(own, last_cells() * uint(SIDE >> 1)))) return;
     float least = 1.0;
     for (uint quarter = 0u; quarter < 4u; ++quarter) {
         uvec2 cell = 2u * own + uvec2(quarter & 1u, quarter >> 1), first = cell * uint(CELL_PX);

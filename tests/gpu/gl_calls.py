@@ -14,7 +14,7 @@ import glcontext
 import pytest
 
 from omnisim.gpu import context as contexts
-from omnisim.gpu import gl_functions, layer_targets
+from omnisim.gpu import gl_functions, gl_state, layer_targets
 
 _STUB_BYTES = 32
 _MOST_FUNCTIONS = 2048
@@ -48,7 +48,7 @@ class GlCalls:
             return ctypes.CFUNCTYPE(None, *parameters)(self._counting(name, address))
 
         own = cache(counted)
-        for module in (gl_functions, layer_targets):
+        for module in (gl_functions, gl_state, layer_targets):
             monkeypatch.setattr(module, "gl_function", own)
         # contexts of other tests do not count, and others shall not get these
         monkeypatch.setattr(contexts, "_idle", deque())

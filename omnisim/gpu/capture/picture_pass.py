@@ -13,6 +13,7 @@ from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.gl_functions import StorageBindings
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import uniform
@@ -85,7 +86,7 @@ class RemapPass:
         if plan.max_level:
             tables.append(context.buffer(_by_pixel(target, 1, supersampling)))
             defines.append("MIP_LEVELS")
-        self._tables = StorageBindings(tables, _FIRST_TABLE)
+        self._tables, self._state = StorageBindings(tables, _FIRST_TABLE), GlState()
         valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)
         self._array = picture_array(context, valid, supersampling, *defines)
         self._make_batch_array = partial(
@@ -100,9 +101,9 @@ class RemapPass:
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
         """See `PicturePass`."""
-        atlas.use(0)
+        self._state.bind_texture(0, atlas.glo)
         self._tables.bind()
-        target.use()
+        self._state.use(target)
         self._array.render()
 
     def draw_batch(
@@ -115,9 +116,9 @@ class RemapPass:
             target: as high as some pictures, at least `count`.
             count: of the pictures, from the first layer on.
         """
-        atlases.use(0)
+        self._state.bind_texture(0, atlases.glo)
         self._tables.bind()
-        target.use()
+        self._state.use(target)
         pictures = target.height // self._picture_height_px
         if pictures != self._pictures:
             self._pictures = pictures

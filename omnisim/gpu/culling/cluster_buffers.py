@@ -133,7 +133,7 @@ class ClusterBuffers:
 
     def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
         fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
-        fine["u_depth"] = DEPTH_UNIT
+        fine["u_atlas_depth"] = DEPTH_UNIT
         return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))
 
 

@@ -18,6 +18,7 @@ from omnisim.gpu.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, Cluster
 from omnisim.gpu.culling.command_slices import BANDS, command_slices
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.gl_functions import COMMAND_BYTES, StorageBindings
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.memory import gpu_allocation
 
 # Where an edge lies, a GPU rounds to a sixteenth of a texel at worst.
@@ -32,7 +33,7 @@ _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.gls
 MIN_TRIANGLES_OF_PASSES = (50_000, 200_000)
 # Clusters whose triangles look wider occlude others: they are drawn in the passes before the last.
 OCCLUDERS_RAD = ((), (0.05,), (0.025, 0.007))
-_SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
+SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
     [
         ("counts", "<u4", 4),
         ("atlas_px", "<f4", 2),
@@ -91,6 +92,7 @@ class ClusterCuller:
         both_sides: bool = False,
     ):
         self._context, self._buffers, self.views = context, buffers, views
+        self._state = GlState()
         self.passes, self._depth = (1 if depth is None else passes), depth
         limit = min(MAX_COMMAND_BYTES, int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]))
         self.slices, table, most_commands = command_slices(
@@ -120,7 +122,7 @@ class ClusterCuller:
             hi_z = context.buffer(reserve=4 * (views.cameras * cells if depth else 1))
         near_m, far_m = depths_m
         slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
-        settings = np.zeros((self.passes, len(self.slices)), dtype=_SETTINGS)
+        settings = np.zeros((self.passes, len(self.slices)), dtype=SETTINGS)
         settings["counts"] = views.cameras, views.tiles, buffers.group_count, views.objects
         settings["atlas_px"], settings["depths_m"] = atlas_px, (near_m, min(far_m, 3e38))
         settings["depth"] = slope, near_m * (1.0 - slope)
@@ -159,8 +161,11 @@ class ClusterCuller:
             for settings in chain.from_iterable(self._settings):
                 settings.write(np.uint32(self.views.cameras))
         self._settings[pass_index][slice_index].bind_to_uniform_block(0)
-        self._bound.bind()
-        self._buffers.bounds.use(BOUNDS_UNIT)
+        if pass_index == 0 and slice_index == 0:  # nothing that draws takes their place
+            self._bound.bind()
+            self._state.bind_texture(BOUNDS_UNIT, self._buffers.bounds.glo)
+            if self._depth is not None:
+                self._state.bind_texture(DEPTH_UNIT, self._depth.glo)
 
     def run(self, pass_index: int) -> None:
         """Make the commands of one pass, those of its first slice, by the poses that were written.
@@ -176,12 +181,8 @@ class ClusterCuller:
             context.memory_barrier(barrier)
             shaders.groups.run(self._groups, views.count)
         elif self._depth is not None:
-            self._depth.use(DEPTH_UNIT)
             columns, rows = self._cells
-            hi_z = self._layered_hi_z or shaders.hi_z
-            for shader in hi_z:
-                shader["u_groups"] = columns, rows
-            fine, coarse = hi_z
+            fine, coarse = self._layered_hi_z or shaders.hi_z
             fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 in one of the last
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)

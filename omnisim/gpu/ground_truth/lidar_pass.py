@@ -87,7 +87,6 @@ class LidarPass:
         for one in slices:
             sector = self._sector(slices[0].last, len(slices) == 1)
             sector.render(one, self._target, self._rays, self._heading_rad(one))
-        self._target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
         hits = np.empty((*size, 2), dtype=np.uint32)
         self._target.read_into(hits, components=2, dtype="u4")
         return BeamHits(hits[..., 1].view(np.float32), hits[..., 0])
@@ -155,7 +154,10 @@ class _Sector:
         target.scissor = (one.first, 0, one.last - one.first, target.size[1])
         self._tables.update(start, end.viewpoint_from_mesh[:, :3])
         rays.use(_RAYS_UNIT)
-        self._array.render()
+        try:
+            self._array.render()
+        finally:
+            target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
 
     def _transforms(self, poses: LidarPoses) -> InstanceTransforms:
         return self._buffers.instance_transforms(poses.origin_m, poses.world_from_objects)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from omnisim.gpu.gl_functions import clear_integers
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.ground_truth.visibility_pass import CameraPoses, VisibilityPass
-from omnisim.gpu.ground_truth.visibility_program import atlas_formats
+from omnisim.gpu.ground_truth.visibility_program import atlas_formats, clear_colors
 from omnisim.gpu.layer_targets import layered_target
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
@@ -33,6 +33,7 @@ class VisibilityLayers:
 
     def __init__(self, visibility: VisibilityPass, count: int, details: HitDetails):
         self._visibility, self._wanted = visibility, details.of_texels
+        self._state = GlState()
         context, plan = visibility.buffers.context, visibility.plan
         size = (plan.width_px, plan.height_px, count)
         visibility.drawers(self._wanted)  # of items: made before anything is drawn
@@ -58,12 +59,11 @@ class VisibilityLayers:
     def draw(self, poses: Sequence[CameraPoses]) -> None:
         """Draw all from poses of the cameras' rigs and of the dynamic objects."""
         self._visibility.bind_materials(self._wanted)
-        self._tiles.begin(self._target, (0.0, 0.0, 0.0, 0.0))
-        clear_integers(0)
-        self._tiles.draw_clusters(
-            np.array([rig for rig, _ in poses]),
-            np.array([objects for _, objects in poses]),
-        )
-        self._visibility.draw_items(poses, self._layers, self._wanted)
-        self._tiles.end(self._target)
+        self._tiles.begin(self._target, clear_colors(self._wanted))
+        with self._state.drawing():
+            self._tiles.draw_clusters(
+                np.array([rig for rig, _ in poses]),
+                np.array([objects for _, objects in poses]),
+            )
+            self._visibility.draw_items(poses, self._layers, self._wanted)
         self._visibility.end()

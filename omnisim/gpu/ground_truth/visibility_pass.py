@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
-from omnisim.gpu.gl_functions import clear_integers
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.ground_truth.triangle_ids import TriangleIds
 from omnisim.gpu.ground_truth.visibility_program import (
     VisibilityProgram,
     VisibilityVariant,
     atlas_formats,
+    clear_colors,
 )
-from omnisim.gpu.layer_targets import COLORS, DEPTH, attach_layer, attach_texture
+from omnisim.gpu.layer_targets import COLORS, DEPTH, attach_layer, attach_texture, draw_into_all
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
@@ -72,7 +73,7 @@ class VisibilityPass:
         details: HitDetails = NO_DETAILS,
     ):
         context = buffers.context
-        self.buffers, self.plan = buffers, plan
+        self.buffers, self.plan, self._state = buffers, plan, GlState()
         self.near_m, self.far_m = cameras.near_m, cameras.far_m
         self.both_sides = cameras.both_sides
         size = (plan.width_px, plan.height_px)
@@ -116,6 +117,7 @@ class VisibilityPass:
         if details not in self._targets:
             atlases = self._atlases(details)
             self._targets[details] = self.buffers.context.framebuffer(atlases, self._depth)
+            draw_into_all(self._targets[details])
         return self._targets[details]
 
     def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:
@@ -167,7 +169,10 @@ class VisibilityPass:
         layers: Sequence[moderngl.TextureArray],
         details: HitDetails,
     ) -> None:
-        """Draw the items that are no clusters' into layers of IDs, details and depth."""
+        """Draw the items that are no clusters' into layers of IDs, details and depth.
+
+        With the state of `GlState.drawing`.
+        """
         details = details.of_texels
         target, (drawer, tiles) = self._target(details), self.drawers(details)
         if not tiles.has_items:
@@ -175,11 +180,11 @@ class VisibilityPass:
         self.bind_materials(details)
         own = [*self._atlases(details), self._depth]
         attachments = [*range(COLORS, COLORS + len(layers) - 1), DEPTH]
-        target.use()
         try:
             for number, one in enumerate(poses):
                 for attachment, layer in zip(attachments, layers, strict=True):
                     attach_layer(target.glo, layer.glo, number, attachment)
+                self._state.use(target)
                 tiles.draw_one_by_one(target, *one, drawer)
         finally:
             for attachment, texture in zip(attachments, own, strict=True):
@@ -226,8 +231,7 @@ class VisibilityPass:
         target, (drawer, tiles) = self._target(details), self.drawers(details)
         self.bind_materials(details)
         self.buffers.deform(world_from_objects, triangles=True)
-        tiles.begin(target, (0.0, 0.0, 0.0, 0.0))
-        clear_integers(0)
-        tiles.draw(target, world_from_rig, world_from_objects, drawer)
-        tiles.end(target)
+        tiles.begin(target, clear_colors(details))
+        with self._state.drawing():
+            tiles.draw(target, world_from_rig, world_from_objects, drawer)
         self.end()

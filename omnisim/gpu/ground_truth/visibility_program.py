@@ -74,6 +74,11 @@ def atlas_formats(details: HitDetails) -> dict[str, tuple[int, str]]:
     return formats
 
 
+def clear_colors(details: HitDetails) -> list[tuple[float, float, float, float] | None]:
+    """Colours of all atlases where nothing is seen; None: those of integers, the IDs."""
+    return [None, *[(0.0, 0.0, 0.0, 0.0)] * len(atlas_formats(details))]
+
+
 class VisibilityProgram:
     """One compiled variant with its uniforms.
 

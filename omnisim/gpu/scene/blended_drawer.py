@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.gl_functions import COMMAND_BYTES, IndirectDraws, StorageBindings
-from omnisim.gpu.scene.clip_distances import clip_distances
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.scene.clustered_geometry import (
     ClusteredGeometry,
     item_light_coordinates,
@@ -58,15 +58,6 @@ def fits(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> bool:
         and len(arrays_of(items)) <= MAX_ARRAYS
         and all(0 < item.triangles <= MAX_TRIANGLES_OF_ITEM for item in items)
     )
-
-
-def begin_blending(context: moderngl.Context, target: moderngl.Framebuffer) -> None:
-    """Blend what is drawn next, without depth of its own."""
-    context.blend_func = (  # type: ignore[assignment]  # moderngl's stub has two only
-        moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE
-    )  # fmt: skip
-    target.depth_mask = False
-    context.enable(moderngl.BLEND)
 
 
 class BlendedDrawer:
@@ -117,7 +108,7 @@ class BlendedDrawer:
             context.buffer(centres), context.buffer(triangles.astype("<u4")), indices,
         ]  # fmt: skip
         self._bound = StorageBindings(bound, _COMMANDS_BINDING)
-        self._draws = IndirectDraws()
+        self._draws, self._state = IndirectDraws(), GlState()
 
     @property
     def memory_bytes(self) -> int:
@@ -127,7 +118,7 @@ class BlendedDrawer:
     def draw(self) -> None:
         """Sort and draw, by the culler's last run, whose buffers are bound.
 
-        Target, depth and blending are set.
+        Blending is set, and the state of `GlState.drawing`.
         """
         context, draws, views = self._context, self._draws, self._culler.views
         commands = views.count * self._items
@@ -137,15 +128,12 @@ class BlendedDrawer:
         self._bound.bind()
         self._shader.run(self._items, views.cameras)
         context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)
+        self._state.set_culling(False)
         for unit, array in enumerate(self._arrays):
-            array.array.use(unit)
-        context.disable(moderngl.CULL_FACE)
-        context.front_face = "cw"
-        with clip_distances(context):
-            draws.bind(self._commands.glo, self._count.glo)
-            draws.use_program(self._program.glo)
-            draws.bind_vertex_array(self._vertices.glo)
-            draws.drawing(0, 0, commands)()
+            self._state.bind_texture(unit, array.array.glo)
+        draws.bind(self._commands.glo, self._count.glo, self._vertices.glo)
+        draws.use_program(self._program.glo)
+        draws.drawing(0, 0, commands)()
 
     def _kind(self, item: DrawItem) -> int:
         array = item.texture_layer.array

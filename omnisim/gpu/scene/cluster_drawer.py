@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import groupby, product
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.command_slices import BANDS, CommandRange
 from omnisim.gpu.gl_functions import IndirectDraws
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.scene.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.gpu.scene.material_units import map_units
 from omnisim.gpu.scene.vertex_format import cluster_vertex_array
@@ -108,7 +109,7 @@ class ClusterDrawer:
         culler: ClusterCuller,
         batches: DrawBatches,
     ):
-        self._context, self.culler, self._states = context, culler, batches.states
+        self.culler, self._states = culler, batches.states
         self._draws = IndirectDraws()
         self._array = cluster_vertex_array(
             context,
@@ -119,16 +120,20 @@ class ClusterDrawer:
             geometry.light_coordinates,
         )
         # the same in each frame
-        self._calls = [
-            [self._calls_of(pass_index, ranges) for ranges in culler.slices]
-            for pass_index in range(culler.passes)
-        ]
+        self._calls: list[list[list[Callable[[], object]]]] = []
+        set_state = _StateCalls()
+        for pass_index in range(culler.passes):
+            self._calls.append(
+                [self._calls_of(pass_index, ranges, set_state) for ranges in culler.slices]
+            )
 
     def draw(self, pass_index: int) -> None:
-        """Draw the commands of a pass; target, depth, viewport and clip distances are set."""
-        self._context.front_face = "cw"
-        self._draws.bind(self.culler.commands.glo, self.culler.counts.glo)
-        self._draws.bind_vertex_array(self._array.glo)
+        """Draw the commands of a pass, with the state of `GlState.drawing`.
+
+        Those before it were drawn in the same frame, and nothing else since then.
+        """
+        if pass_index == 0:
+            self._draws.bind(self.culler.commands.glo, self.culler.counts.glo, self._array.glo)
         for number, calls in enumerate(self._calls[pass_index]):
             if number:
                 self.culler.next_slice(pass_index, number)
@@ -136,32 +141,48 @@ class ClusterDrawer:
                 call()
 
     def _calls_of(
-        self, pass_index: int, ranges: Sequence[CommandRange]
+        self, pass_index: int, ranges: Sequence[CommandRange], set_state: _StateCalls
     ) -> list[Callable[[], object]]:
-        """Calls that draw a slice, band by band; state that stays is not set again."""
-        context, draws = self._context, self._draws
+        """Calls that draw a slice, band by band."""
         calls: list[Callable[[], object]] = []
-        program = sampler = shows_back = None
-        bound: dict[int, int] = {}
+        set_state.forget_program()  # that of culling is in use
         for band, commands in product(range(BANDS), ranges):
             state, first = self._states[commands.batch], commands.first + band * commands.most
-            shader = state.shader
-            if shader.program is not program:
-                program = shader.program
-                calls.append(partial(draws.use_program, program.glo))
-            if state.shows_back is not shows_back:
-                shows_back = state.shows_back
-                toggle = context.disable if shows_back else context.enable
-                calls.append(partial(toggle, moderngl.CULL_FACE))
-            for unit, texture in state.textures:
-                if bound.get(unit) != texture:
-                    bound[unit] = texture
-                    calls.append(partial(draws.bind_texture, unit, texture))
-            if shader.sampler is not None and shader.sampler is not sampler:
-                sampler = shader.sampler
-                calls.append(partial(sampler.use, 0))
-            if shader.first_command is not None:
-                calls.append(partial(setattr, shader.first_command, "value", first))
+            calls += set_state.to(state)
+            if state.shader.first_command is not None:
+                calls.append(partial(setattr, state.shader.first_command, "value", first))
             count = (BANDS * pass_index + band) * self.culler.ranges + commands.number
-            calls.append(draws.drawing(first, count, commands.most))
+            calls.append(self._draws.drawing(first, count, commands.most))
         return calls
+
+
+class _StateCalls:
+    """Calls that set the state of one draw after the other, but for what stays."""
+
+    def __init__(self) -> None:
+        self._gl, self._draws = GlState(), IndirectDraws()
+        self._program: moderngl.Program | None = None
+        self._sampler: moderngl.Sampler | None = None
+        self._shows_back = False
+        self._textures: dict[int, int] = {}
+
+    def forget_program(self) -> None:
+        """Set the next program anew."""
+        self._program = None
+
+    def to(self, state: DrawState) -> Iterator[Callable[[], object]]:
+        """Calls from the state before to another."""
+        shader = state.shader
+        if shader.program is not self._program:
+            self._program = shader.program
+            yield partial(self._draws.use_program, shader.program.glo)
+        if state.shows_back is not self._shows_back:
+            self._shows_back = state.shows_back
+            yield partial(self._gl.set_culling, not state.shows_back)
+        for unit, texture in state.textures:
+            if self._textures.get(unit) != texture:
+                self._textures[unit] = texture
+                yield partial(self._gl.bind_texture, unit, texture)
+        if shader.sampler is not None and shader.sampler is not self._sampler:
+            self._sampler = shader.sampler
+            yield partial(shader.sampler.use, 0)

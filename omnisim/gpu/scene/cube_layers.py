@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.layer_targets import layered_target
-from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, begin_blending
+from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import DrawItem
@@ -56,7 +57,7 @@ class CubeLayers:
     ):
         self.atlases, self._background = atlases, cameras.background
         self._is_unlit = cameras.unlit
-        self._context, self._buffers = buffers.context, buffers
+        self._buffers, self._state = buffers, GlState()
         self._target, self._depth = layered_target(buffers.context, atlases)
 
         def layered(variant: SurfaceVariant) -> moderngl.Program:
@@ -97,14 +98,14 @@ class CubeLayers:
         if shadows is not None:
             self._buffers.deform(poses[0][1])  # what the camera does not see casts shadows
             shadows.prepare(poses[0][0][:3, 3], poses[0][1])
-        self._tiles.begin(self._target, (*self._background, 1.0))
+        self._tiles.begin(self._target, [(*self._background, 1.0)])
         self._surface_programs.bind_tables()
         self._positions.bind_to_storage_buffer(_POSITIONS)
-        self._tiles.draw_clusters(rigs, objects)
-        if self._sky is not None:
-            self._sky.draw(self._target, rigs)
-        if self._blended is not None:
-            self._positions.bind_to_storage_buffer(_POSITIONS)  # which may be the sky's binding
-            begin_blending(self._context, self._target)
-            self._blended.draw()
-        self._tiles.end(self._target)
+        with self._state.drawing():
+            self._tiles.draw_clusters(rigs, objects)
+            if self._sky is not None:
+                self._sky.draw(self._target, rigs)
+            if self._blended is not None:
+                self._positions.bind_to_storage_buffer(_POSITIONS)  # which may be the sky's binding
+                with self._state.blending():
+                    self._blended.draw()

@@ -12,9 +12,10 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
 from omnisim.gpu.gl_functions import generate_mipmaps
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, begin_blending, fits
+from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, fits
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.cube_layers import EXTENSIONS, CubeLayers
@@ -62,7 +63,7 @@ class CubePass:
     ):
         context = buffers.context
         self._context, self._buffers, self.plan = context, buffers, plan
-        self._background = cameras.background
+        self._background, self._state = cameras.background, GlState()
         size = (plan.width_px, plan.height_px)
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
         if max(size) > limit:
@@ -217,13 +218,14 @@ class CubePass:
         for program in self._programs_used:
             program.set_viewpoint(viewpoint_m)
         self._programs.bind_tables()
-        tiles.begin(target, (*self._background, 1.0))
-        tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
-        if self._sky is not None:
-            self._sky.draw(target, world_from_rig[None])
-        if self._blended.size:
-            self._draw_blended(world_from_rig, world_from_objects)
-        tiles.end(target)
+        tiles.begin(target, [(*self._background, 1.0)])
+        with self._state.drawing():
+            tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
+            if self._sky is not None:
+                self._sky.draw(target, world_from_rig[None])
+            if self._blended.size:
+                with self._state.blending():
+                    self._draw_blended(world_from_rig, world_from_objects)
         if self._is_multisampled:
             context.copy_framebuffer(self._resolved, target)
 
@@ -257,7 +259,6 @@ class CubePass:
     ) -> None:
         """Draw the blended items."""
         target, tiles = self._target, self.tiles
-        begin_blending(self._context, target)
         if self._blended_drawer is not None:
             self._blended_drawer.draw()
             return

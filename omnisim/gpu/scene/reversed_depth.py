@@ -13,7 +13,7 @@ import moderngl
 
 from omnisim.gpu.gl_functions import allocate_depth_texture, allocate_float_depth
 
-DEPTH_FUNCTION = ">"
+DEPTH_FUNCTION = ">"  # of each context, see omnisim/gpu/gl_state.py
 CLEAR_DEPTH = 0.0
 
 

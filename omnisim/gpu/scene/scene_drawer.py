@@ -9,11 +9,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.vertex_format import vertex_array
 from omnisim.gpu.uniforms import columns_first
-from omnisim.scene.model import Material
 
 
 class DrawProgram(Protocol):
@@ -67,6 +67,7 @@ class SceneDrawer(Generic[P]):
     ):
         self._both_sides = both_sides
         self._context, self._items = buffers.context, buffers.draw_items
+        self._state = GlState()
         self._programs = {
             index: find_program(buffers.draw_items[index]) for index in items.tolist()
         }
@@ -91,14 +92,12 @@ class SceneDrawer(Generic[P]):
         """Draw an item by its matrix (4, 4), columns first."""
         item, program = self._items[index], self._programs[index]
         viewpoint_from_mesh, normal_from_mesh = self._transforms
-        self._context.front_face = "ccw" if item.flips_winding else "cw"
-        self._cull_back_faces(item.material)
+        if item.flips_winding:
+            self._context.front_face = "ccw"
+        self._state.set_culling(not (item.material.double_sided or self._both_sides))
         program.set_matrices(clip_from_mesh, viewpoint_from_mesh[index], normal_from_mesh[index])
         program.bind_material(item)
         first_id = self._id_of_item.get(index, 0)
         program.draw(self._arrays[program], item.first, item.count, first_id)
-
-    def _cull_back_faces(self, material: Material) -> None:
-        shows_back = material.double_sided or self._both_sides
-        toggle = self._context.disable if shows_back else self._context.enable
-        toggle(moderngl.CULL_FACE)
+        if item.flips_winding:
+            self._context.front_face = "cw"

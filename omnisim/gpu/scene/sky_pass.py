@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import clips_from_rig
-from omnisim.gpu.scene.reversed_depth import DEPTH_FUNCTION
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import columns_first, uniform
 
@@ -34,7 +34,7 @@ class SkyPass:
         plan: TilePlan,
         cameras: int | None = None,
     ):
-        self._context, self._sky, self._tiles = context, sky, plan.tiles
+        self._sky, self._tiles, self._state = sky, plan.tiles, GlState()
         defines = () if cameras is None else ("LAYERED",)
         program = build_program(context, "scene/sky.vert", "scene/sky.frag", defines)
         program["u_sky"] = SKY_UNIT
@@ -45,11 +45,8 @@ class SkyPass:
         self._rigs = None if cameras is None else context.buffer(reserve=64 * cameras)
 
     def draw(self, target: moderngl.Framebuffer, worlds_from_rigs: NDArray[np.float64]) -> None:
-        """Draw from poses (cameras, 4, 4); depth stays as it is."""
-        context = self._context
-        target.depth_mask = False
-        context.depth_func = "=="  # as deep as the sky is, and the target where it is clear
-        context.disable(moderngl.CULL_FACE)
+        """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; depth stays as it
+        is."""  # fmt: skip
         self._sky.use(SKY_UNIT)
         matrices: NDArray[np.float64] = self._rig_from_clips
         if self._rigs is None:
@@ -57,12 +54,11 @@ class SkyPass:
         else:
             self._rigs.write(columns_first(worlds_from_rigs))
             self._rigs.bind_to_storage_buffer(_RIGS_BINDING)
-        before = target.viewport
-        for tile, matrix in zip(self._tiles, columns_first(matrices), strict=True):
-            target.viewport = target.scissor = (tile.left_px, tile.top_px, *tile.size_px)
-            self._direction_from_clip.write(matrix)
-            self._triangle.render(moderngl.TRIANGLES, vertices=3, instances=len(worlds_from_rigs))
-        target.viewport = before
-        target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
-        target.depth_mask = True
-        context.depth_func = DEPTH_FUNCTION
+        # as deep as the sky is, and the target where it is clear
+        with self._state.where_clear(), self._state.within_rectangles(target) as aim:
+            for tile, matrix in zip(self._tiles, columns_first(matrices), strict=True):
+                aim(tile.left_px, tile.top_px, *tile.size_px)
+                self._direction_from_clip.write(matrix)
+                self._triangle.render(
+                    moderngl.TRIANGLES, vertices=3, instances=len(worlds_from_rigs)
+                )

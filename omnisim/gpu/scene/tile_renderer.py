@@ -13,11 +13,11 @@ from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.atlas.tile_views import TileView, TileViews, clips_from_rig
 from omnisim.gpu.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
 from omnisim.gpu.culling.views import Views
-from omnisim.gpu.scene.clip_distances import clip_distances
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer, DrawBatches
 from omnisim.gpu.scene.clustered_geometry import Bucket
 from omnisim.gpu.scene.draw_item import InstanceTransforms
-from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
+from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import P, SceneDrawer
 from omnisim.gpu.uniforms import columns_first
@@ -78,7 +78,8 @@ class TileRenderer:
         samples: int = 1,
         most_cameras: int = 1,
     ):
-        self._context, self._buffers, self._items = buffers.context, buffers, items
+        self._buffers, self._items = buffers, items
+        self._state = GlState()
         self.views = TileViews(plan, cameras.near_m, cameras.far_m)
         self.culler: ClusterCuller | None = None
         geometry = buffers.clustered_geometry
@@ -122,17 +123,17 @@ class TileRenderer:
         """There are items to draw one by one."""
         return bool(self._items.size)
 
-    def begin(self, target: moderngl.Framebuffer, color: tuple[float, float, float, float]) -> None:
-        """Clear a target and use it, with depth."""
-        context = self._context
-        _draw_everywhere(target)
-        target.depth_mask = True
-        target.use()
-        target.clear(color=color, depth=CLEAR_DEPTH)
-        context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func = DEPTH_FUNCTION
-        # y of the clip space runs down the picture, so triangles are wound the other way round
-        context.cull_face = "back"
+    def begin(
+        self,
+        target: moderngl.Framebuffer,
+        colors: Sequence[tuple[float, float, float, float] | None],
+    ) -> None:
+        """Use a target and clear its depth and colours, of which None are integers.
+
+        All else is drawn with the state of `GlState.drawing`.
+        """
+        self._state.use(target, has_depth=True)
+        self._state.clear(colors, CLEAR_DEPTH)
 
     def draw(
         self,
@@ -175,10 +176,9 @@ class TileRenderer:
         """Draw the clusters of all tiles, of one camera or of several, see `Views.write`."""
         if self.culler is not None:
             self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
-            with clip_distances(self._context):
-                for pass_index in range(self.culler.passes):
-                    self.culler.run(pass_index)
-                    self._clusters.draw(pass_index)
+            for pass_index in range(self.culler.passes):
+                self.culler.run(pass_index)
+                self._clusters.draw(pass_index)
 
     def draw_items(
         self,
@@ -189,20 +189,18 @@ class TileRenderer:
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the items of `order` (n,), in that order, in the tiles that may show them."""
-        for view in views:
-            self._draw_in_tile(target, view, transforms, order, drawer)
-        _draw_everywhere(target)
+        with self._state.unclipped(), self._state.within_rectangles(target) as aim:
+            for view in views:
+                aim(view.tile.left_px, view.tile.top_px, *view.tile.size_px)
+                self._draw_in_tile(view, transforms, order, drawer)
 
     def _draw_in_tile(
         self,
-        target: moderngl.Framebuffer,
         view: TileView,
         transforms: InstanceTransforms,
         order: NDArray[np.intp],
         drawer: SceneDrawer[P],
     ) -> None:
-        tile = view.tile
-        target.viewport = target.scissor = (tile.left_px, tile.top_px, *tile.size_px)
         if order.size:
             order = order[self.cull_items(view, transforms, order)]
             clips = columns_first(view.clip_from_viewpoint @ transforms.viewpoint_from_mesh[order])
@@ -218,13 +216,3 @@ class TileRenderer:
         )
         kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
         return kept
-
-    def end(self, target: moderngl.Framebuffer) -> None:
-        """Leave the state that later passes expect."""
-        self._context.disable(moderngl.CULL_FACE | moderngl.BLEND | moderngl.DEPTH_TEST)
-
-
-def _draw_everywhere(target: moderngl.Framebuffer) -> None:
-    """Draw into all tiles at once."""
-    target.viewport = (0, 0, *target.size)
-    target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_views import frustum_planes
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.views import Views
-from omnisim.gpu.scene.clip_distances import clip_distances
+from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.scene.cluster_drawer import BucketProgram, ClusterDrawer, DrawBatches
 from omnisim.gpu.scene.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms
-from omnisim.gpu.scene.reversed_depth import DEPTH_FUNCTION
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.scene_drawer import SceneDrawer
 from omnisim.gpu.shadows.caster_program import CasterProgram, CasterVariant
@@ -52,7 +51,7 @@ class CasterDrawer:
         size_px: tuple[int, int],
     ):
         self._context, self._buffers, self.anchor_m = buffers.context, buffers, anchor_m
-        self._rectangles_px = rectangles_px
+        self._rectangles_px, self._state = rectangles_px, GlState()
         self._programs: dict[CasterVariant, CasterProgram] = {}
         self._rig = np.eye(4)
         self._rig[:3, 3] = anchor_m
@@ -106,25 +105,18 @@ class CasterDrawer:
             world_from_objects: (4, 4) each, of the dynamic objects.
             dynamic: draw what moves.
         """
-        context = self._context
-        target.use()
-        target.viewport = (0, 0, *target.size)
-        target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
-        target.depth_mask = True
-        context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func = DEPTH_FUNCTION
-        if self._clusters is not None:
-            culler, drawer = self._clusters
-            culler.views.write(self._rig, world_from_objects)
-            seen = np.where(active[:, None, None], clips, _NOWHERE)
-            culler.views.clips_from_rig.write(columns_first(seen))
-            culler.show(self._shown[dynamic])
-            culler.run(0)
-            with clip_distances(context):
+        self._state.use(target, has_depth=True)
+        with self._state.drawing():
+            if self._clusters is not None:
+                culler, drawer = self._clusters
+                culler.views.write(self._rig, world_from_objects)
+                seen = np.where(active[:, None, None], clips, _NOWHERE)
+                culler.views.clips_from_rig.write(columns_first(seen))
+                culler.show(self._shown[dynamic])
+                culler.run(0)
                 drawer.draw(0)
-        if self._items[dynamic].size:
-            self._draw_items(target, clips, active, world_from_objects, self._items[dynamic])
-        context.disable(moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+            if self._items[dynamic].size:
+                self._draw_items(target, clips, active, world_from_objects, self._items[dynamic])
 
     def _draw_items(
         self,
@@ -138,15 +130,13 @@ class CasterDrawer:
         transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
         self._drawer.begin(transforms)
         sides = frustum_planes(clips)[:, :4]  # no depth is too small or too large
-        for number in np.flatnonzero(active).tolist():
-            seen = items[self._in_frustum(sides[number], transforms, items)]
-            left, top, width, height = map(int, self._rectangles_px[number])
-            target.viewport = target.scissor = left, top, width, height
-            matrices = columns_first(clips[number] @ transforms.viewpoint_from_mesh[seen])
-            for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
-                self._drawer.draw_item(index, clip_from_mesh)
-        target.viewport = (0, 0, *target.size)
-        target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
+        with self._state.unclipped(), self._state.within_rectangles(target) as aim:
+            for number in np.flatnonzero(active).tolist():
+                seen = items[self._in_frustum(sides[number], transforms, items)]
+                aim(*map(int, self._rectangles_px[number]))
+                matrices = columns_first(clips[number] @ transforms.viewpoint_from_mesh[seen])
+                for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
+                    self._drawer.draw_item(index, clip_from_mesh)
 
     def _in_frustum(
         self, planes: NDArray[np.float64], transforms: InstanceTransforms, items: NDArray[np.intp]

@@ -13,7 +13,7 @@ import moderngl
 
 from omnisim.gpu.gl_functions import limit_levels
 from omnisim.gpu.layer_targets import DEPTH, attach_texture
-from omnisim.gpu.scene.reversed_depth import depth_texture
+from omnisim.gpu.scene.reversed_depth import DEPTH_FUNCTION, depth_texture
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import uniform
 
@@ -66,6 +66,7 @@ class DepthLevels:
                 self._triangle.render(moderngl.TRIANGLES, vertices=3)
         limit_levels(texture.glo, 0, LEVELS - 1)
         self._sampler.clear(0)
+        context.depth_func = DEPTH_FUNCTION
         context.disable(moderngl.DEPTH_TEST)
 
 

@@ -10,6 +10,7 @@ import pytest
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, KannalaBrandtCamera
 from omnisim.gpu.capture import picture_pass
 from omnisim.gpu.capture.picture_pass import MAX_TABLE_BYTES, RemapPass, fits_table
+from omnisim.gpu.gl_state import GlState
 from omnisim.scene import load_scene
 from omnisim.sensors import OmniCamera, Renderer, Stage
 from tests.gpu.sheets import mixed_scene
@@ -64,12 +65,12 @@ def test_a_table_is_as_large_as_its_limit_at_most():
 
 
 class Calls:
-    """Draws, writes and reads of moderngl."""
+    """Draws and writes of moderngl, and reads of pictures."""
 
     def __init__(self, patch):
         self.drawn, self.written, self.read = [], [], []
         render, write = moderngl.VertexArray.render, moderngl.Buffer.write
-        read_into = moderngl.Framebuffer.read_into
+        read_rgba = GlState.read_rgba
 
         def render_recorded(array, mode=None, vertices=-1, **options):
             self.drawn.append(array.vertices if vertices < 0 else vertices)
@@ -79,13 +80,13 @@ class Calls:
             self.written.append(memoryview(data).nbytes)
             return write(buffer, data, **options)
 
-        def read_recorded(framebuffer, buffer, *arguments, **options):
-            self.read.append(memoryview(buffer).nbytes)
-            return read_into(framebuffer, buffer, *arguments, **options)
+        def read_recorded(state, target, out):
+            self.read.append(out.nbytes)
+            return read_rgba(state, target, out)
 
         patch.setattr(moderngl.VertexArray, "render", render_recorded)
         patch.setattr(moderngl.Buffer, "write", write_recorded)
-        patch.setattr(moderngl.Framebuffer, "read_into", read_recorded)
+        patch.setattr(GlState, "read_rgba", read_recorded)
 
 
 @pytest.mark.usefixtures("needs_opengl")

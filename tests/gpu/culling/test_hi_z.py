@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.gpu.culling.cluster_buffers import DEPTH_UNIT
+from omnisim.gpu.culling.cluster_culling import SETTINGS
 from omnisim.gpu.scene.reversed_depth import depth_texture
 from omnisim.gpu.shader_files import build_compute_shader
 
@@ -45,14 +46,16 @@ def test_each_cell_has_its_farthest_depth(context, shape):
     values = generator.uniform(0.1, 0.9, shape).astype(np.float32)
     values[generator.random(shape) < 1e-3] = 0.0
     fine = build_compute_shader(context, "culling/hi_z.comp")
-    fine["u_depth"] = DEPTH_UNIT
+    fine["u_atlas_depth"] = DEPTH_UNIT
     coarse = build_compute_shader(context, "culling/hi_z.comp", ["COARSE"])
     groups = [math.ceil(side / (CELL_PX * SIDE)) for side in shape[::-1]]
     cells = [groups[0] * groups[1] * (SIDE >> level) ** 2 for level in range(LEVELS)]
     buffer = context.buffer(reserve=4 * sum(cells))
     buffer.bind_to_storage_buffer(11)
     _drawn(context, values).use(DEPTH_UNIT)
-    fine["u_groups"] = coarse["u_groups"] = groups
+    settings = np.zeros(1, dtype=SETTINGS)
+    settings["atlas_px"] = shape[::-1]
+    context.buffer(settings).bind_to_uniform_block(0)
     fine.run(*groups)
     context.memory_barrier()
     coarse.run(*(math.ceil(side / 8) for side in groups))
