@@ -190,7 +190,8 @@ def _frame(
             parts.append(atlas.block("steel", ledge, (0, walls[1] + 0.05, sill - 0.015)))
     else:
         under, middle = (deep, y) if walls[1] > HALF else (0.10, 0.0)
-        parts.append(atlas.block("steel", (wide - 2 * LINING, under, 0.006), (0, middle, 0.003), "-z"))
+        size = (wide - 2 * LINING, under, 0.006)
+        parts.append(atlas.block("steel", size, (0, middle, 0.003), "-z"))
     return join(parts)
 
 
