@@ -63,7 +63,7 @@ def test_a_converted_scene_is_the_same_scene(omnisim, tmp_path, name):
 @pytest.mark.usefixtures("needs_opengl")
 def test_its_picture_is_that_of_the_original(tmp_path):
     """A pixel in a thousand may be off by one level: vertices are rounded about another origin."""
-    scene = load_scene("soccer")
+    scene = load_scene("soccer", baked="none")  # which no glTF holds
     write_glb(scene, tmp_path / "a.glb")
     camera = OmniCamera().resized(160)
     frames = []
@@ -191,6 +191,7 @@ def test_moving_objects_are_where_they_begin(omnisim, tmp_path):
 def test_left_out_contents_are_notes(omnisim, tmp_path):
     _, _, error = omnisim("scene", "convert", "soccer", "-o", tmp_path / "a.glb")
     assert "starts (7), paths (2), labels (29), landmarks (6): not in the GLB file" in error
+    assert "baked light: not in the GLB file, but omnisim bake computes it anew" in error
 
 
 @pytest.mark.parametrize(

@@ -138,6 +138,7 @@ def _scene_file(folder: Path) -> None:
     text = re.sub(
         r"(?m)^file = .*$", 'file = "box.obj"\nmeters_per_unit = 1.0\nup_axis = "y"', text
     )
+    text = re.sub(r"(?m)^baked = .*$", 'shading = "matte"', text)  # the mesh is not the scene's
     labels = LINES.findall(text)
     (folder / "scene.toml").write_text(LINES.sub("", text) + "".join(labels[:4]))
 

@@ -49,8 +49,13 @@ def _left_out(scene: Scene) -> list[str]:
     }  # fmt: skip
     found = [f"{name} ({count})" for name, count in counts.items() if count]
     lines = [f"{', '.join(found)}: not in the GLB file, but for a scene's TOML"] if found else []
-    if scene.lighting.ambient not in (FILL_AMBIENT, DEFAULT_LIGHTING.ambient):
+    lighting = scene.lighting
+    if lighting.baked is not None:
+        lines.append("baked light: not in the GLB file, but omnisim bake computes it anew")
+    if lighting.ambient not in (FILL_AMBIENT, DEFAULT_LIGHTING.ambient):
         lines.append("light from everywhere: not in the GLB file")
+    if lighting.fog is not None:
+        lines.append("fog: not in the GLB file, but for a scene's TOML")
     if scene.background != DEFAULT_BACKGROUND:
         lines.append("background: not in the GLB file, but for a scene's TOML")
     return lines
