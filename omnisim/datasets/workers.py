@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import tempfile
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
@@ -154,8 +153,9 @@ def _work(connection: Connection, job: Job) -> None:
 
 
 def _end(*_: object) -> None:
+    """End at once: an exception would be lost where an object is just being deleted."""
     remove_partials()
-    sys.exit(0)
+    os._exit(0)
 
 
 @contextmanager
