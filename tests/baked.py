@@ -21,7 +21,7 @@ def write_baked(folder, scene, light, without=(), spacing_m=0.5):
     side = max(_cells(scene.meshes[i]) for i in meshes) * CELL_PX
     pages = int(np.ceil(np.sqrt(len(numbers))))
     texels = np.zeros((pages * side, pages * side, 3))
-    rects, charts = {}, {}
+    rects = {}
     for page, number in enumerate(numbers):
         top, left = (side * place for place in divmod(page, pages))
         instance = scene.instances[number]
@@ -29,13 +29,14 @@ def write_baked(folder, scene, light, without=(), spacing_m=0.5):
         texels[top : top + side, left : left + side] = _page(instance, mesh, side, light)
         scale = 1.0 / (pages * side)
         rects[str(number)] = [left * scale, top * scale, side * scale, side * scale]
-    for number in meshes:
-        mesh = scene.meshes[number]
-        charts |= {
-            f"vertex_of_{number}": mesh.triangles.ravel().astype(np.int32),
-            f"triangles_{number}": np.arange(mesh.triangles.size, dtype=np.int32).reshape(-1, 3),
-            f"uv_{number}": (_corners_px(mesh).reshape(-1, 2) / side).astype(np.float32),
-        }
+    shapes = [scene.meshes[number] for number in meshes]
+    counts = np.array([len(mesh.triangles) for mesh in shapes])
+    charts = {
+        "meshes": np.stack((meshes, 3 * counts, counts), axis=1).astype(np.int32),
+        "vertex_of": np.concatenate([mesh.triangles.ravel() for mesh in shapes]).astype(np.int32),
+        "triangles": np.concatenate([np.arange(3 * n).reshape(-1, 3) for n in counts]),
+        "uv": np.concatenate([_corners_px(mesh).reshape(-1, 2) / side for mesh in shapes]),
+    }
     write_image(folder / "irradiance.exr", texels.astype(np.float32))
     np.savez(folder / "unwrapping.npz", **charts)
     low, high = scene.bounds_m()

@@ -158,20 +158,17 @@ def _read_probes(folder: Path, grid: _Grid) -> Probes:
 
 
 def _split_meshes(meshes: tuple[Mesh, ...], used: list[int], path: Path) -> tuple[Mesh, ...]:
-    stored = _read_unwrapping(path, used)
+    stored = _read_unwrapping(path)
     split = list(meshes)
     for number in used:
         split[number] = _split_mesh(meshes[number], number, stored, path)
     return tuple(split)
 
 
-def _read_unwrapping(path: Path, used: list[int]) -> dict[str, NDArray[Any]]:
-    """Arrays of meshes, by names with the number of the mesh; older files store them so."""
-    keys = ("vertex_of", "triangles", "uv")
-    names = {"meshes", *keys, *(f"{key}_{mesh}" for mesh in used for key in keys)}
+def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
+    """Arrays of the meshes, by the array's name and the number of the mesh."""
+    names = {"meshes", "vertex_of", "triangles", "uv"}
     stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
-    if "meshes" not in stored:
-        return stored
     meshes = _array(stored, "meshes", "iu", (None, 3), path).astype(np.int64)
     found = {}
     for key, kinds, width, column in (
@@ -184,25 +181,28 @@ def _read_unwrapping(path: Path, used: list[int]) -> dict[str, NDArray[Any]]:
                 f"{path}: meshes: expected numbers of {len(joined)} in all, as {key} has"
             )
         for mesh, part in zip(meshes[:, 0], np.split(joined, ends[:-1]), strict=True):
-            found[f"{key}_{mesh}"] = part
+            found[f"{key} of mesh {mesh}"] = part
     return found
 
 
 def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: Path) -> Mesh:
-    vertex_of = _array(stored, f"vertex_of_{number}", "iu", (None,), path)
-    triangles = _array(stored, f"triangles_{number}", "iu", mesh.triangles.shape, path)
-    places = _array(stored, f"uv_{number}", "f", (len(vertex_of), 2), path)
+    vertex_of = _array(stored, f"vertex_of of mesh {number}", "iu", (None,), path)
+    triangles = _array(stored, f"triangles of mesh {number}", "iu", mesh.triangles.shape, path)
+    places = _array(stored, f"uv of mesh {number}", "f", (len(vertex_of), 2), path)
     if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(vertex_of)):
         raise SceneError(
-            f"{path}: triangles_{number}: expected vertices from 0 to {len(vertex_of) - 1}"
+            f"{path}: triangles of mesh {number}: expected vertices from 0 to {len(vertex_of) - 1}"
         )
     if not np.array_equal(vertex_of[triangles], mesh.triangles):
-        raise SceneError(f"{path}: vertex_of_{number}: expected the scene's triangles, got others")
+        raise SceneError(
+            f"{path}: vertex_of of mesh {number}: expected the scene's triangles, got others"
+        )
     if not ((places >= -_TOLERANCE) & (places <= 1.0 + _TOLERANCE)).all():
-        raise SceneError(f"{path}: uv_{number}: expected places from 0 to 1")
+        raise SceneError(f"{path}: uv of mesh {number}: expected places from 0 to 1")
     if len(vertex_of) and not (vertex_of.min() >= 0 and vertex_of.max() < len(mesh.positions)):
         raise SceneError(
-            f"{path}: vertex_of_{number}: expected vertices from 0 to {len(mesh.positions) - 1}"
+            f"{path}: vertex_of of mesh {number}: expected vertices from 0 to "
+            f"{len(mesh.positions) - 1}"
         )
     return dataclasses.replace(
         mesh,

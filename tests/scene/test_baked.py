@@ -54,6 +54,11 @@ def _grid(**values):
     return {"origin_m": [0, 0, 0], "spacing_m": [1, 1, 1], "shape": [2, 2, 2]} | values
 
 
+def _counts(*meshes):
+    """Vertices and triangles of boxes, each triangle of which is a chart."""
+    return np.array([(number, 36, 12) for number in meshes])
+
+
 DAMAGES = {
     "no json": (lambda f: (f / "baked.json").write_text("{"), "baked.json: is damaged: not JSON"),
     "a list": (lambda f: (f / "baked.json").write_text("[]"), "baked.json: is damaged: expected"),
@@ -94,19 +99,39 @@ DAMAGES = {
         "probes.npz: valid: expected 13 × 9 × 7 flags, got bool of shape (2, 2, 2)",
     ),
     "no mesh": (
-        lambda f: _with_arrays(f / "unwrapping.npz", uv_1=None), "unwrapping.npz: uv_1: missing"
+        lambda f: _with_arrays(f / "unwrapping.npz", meshes=_counts(0, 2, 3)),
+        "unwrapping.npz: vertex_of of mesh 1: missing",
+    ),
+    "no array": (
+        lambda f: _with_arrays(f / "unwrapping.npz", uv=None), "unwrapping.npz: uv: missing"
     ),
     "vertices": (
-        lambda f: _with_arrays(f / "unwrapping.npz", triangles_0=np.full((12, 3), 99)),
-        "unwrapping.npz: triangles_0: expected vertices from 0 to 35",
+        lambda f: _with_arrays(f / "unwrapping.npz", triangles=np.full((36, 3), 99)),
+        "unwrapping.npz: triangles of mesh 0: expected vertices from 0 to 35",
     ),
     "other triangles": (
-        lambda f: _with_arrays(f / "unwrapping.npz", vertex_of_0=np.zeros(36, dtype=int)),
-        "unwrapping.npz: vertex_of_0: expected the scene's triangles, got others",
+        lambda f: _with_arrays(f / "unwrapping.npz", vertex_of=np.zeros(108, dtype=int)),
+        "unwrapping.npz: vertex_of of mesh 0: expected the scene's triangles, got others",
     ),
     "places": (
-        lambda f: _with_arrays(f / "unwrapping.npz", uv_0=np.full((36, 2), np.nan)),
-        "unwrapping.npz: uv_0: expected places from 0 to 1",
+        lambda f: _with_arrays(f / "unwrapping.npz", uv=np.full((108, 2), np.nan)),
+        "unwrapping.npz: uv of mesh 0: expected places from 0 to 1",
+    ),
+    "negative counts": (
+        lambda f: _with_arrays(f / "unwrapping.npz", meshes=_counts(0, 1, 2) * [1, 1, -1]),
+        "unwrapping.npz: meshes: expected numbers of 108 in all, as vertex_of has",
+    ),
+    "other counts": (
+        lambda f: _with_arrays(f / "unwrapping.npz", meshes=_counts(0, 1, 2) - [0, 1, 0]),
+        "unwrapping.npz: meshes: expected numbers of 108 in all, as vertex_of has",
+    ),
+    "no counts": (
+        lambda f: _with_arrays(f / "unwrapping.npz", meshes=np.empty((0, 3), int)),
+        "unwrapping.npz: meshes: expected numbers of 108 in all, as vertex_of has",
+    ),
+    "shape of counts": (
+        lambda f: _with_arrays(f / "unwrapping.npz", meshes=np.zeros(3, int)),
+        "unwrapping.npz: meshes: expected n × 3 whole numbers",
     ),
 }  # fmt: skip
 
@@ -195,43 +220,3 @@ def test_edits_take_the_light_of_what_moves(folder):
     added = scene.added("crate", scene_of([box("crate", 0)]))
     assert added.instances[-1].light_rectangle is None
     assert added.lighting.baked is scene.lighting.baked
-
-
-def _joined(folder, **changes):
-    """Store the arrays of all meshes as one each, as `omnisim bake` does."""
-    with np.load(folder / "unwrapping.npz") as stored:
-        arrays = dict(stored)
-    keys = ("vertex_of", "triangles", "uv")
-    numbers = sorted(int(name.removeprefix("uv_")) for name in arrays if name.startswith("uv_"))
-    joined = {key: np.concatenate([arrays[f"{key}_{one}"] for one in numbers]) for key in keys}
-    joined["meshes"] = np.array(
-        [(one, len(arrays[f"uv_{one}"]), len(arrays[f"triangles_{one}"])) for one in numbers]
-    )
-    np.savez(folder / "unwrapping.npz", **joined | changes)
-
-
-def test_arrays_of_all_meshes_may_be_one(folder):
-    apart = with_baked_light(surroundings(), folder)
-    _joined(folder)
-    joined = with_baked_light(surroundings(), folder)
-    for one, other in zip(apart.meshes, joined.meshes, strict=True):
-        np.testing.assert_array_equal(one.positions, other.positions)
-        np.testing.assert_array_equal(one.triangles, other.triangles)
-        np.testing.assert_array_equal(one.light_coordinates, other.light_coordinates)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"meshes": np.array([[0, 36, 12], [1, -1, 0]])}, "meshes: expected numbers of"),
-        ({"meshes": np.array([[0, 35, 12]])}, "meshes: expected numbers of"),
-        ({"meshes": np.empty((0, 3), int)}, "meshes: expected numbers of"),
-        ({"meshes": np.zeros(3, int)}, "meshes: expected n × 3 whole numbers"),
-        ({"uv": np.zeros((1, 2))}, "meshes: expected numbers of 1 in all, as uv has"),
-    ],
-)
-def test_damage_of_joined_arrays_is_one_line(folder, changes, message):
-    _joined(folder, **changes)
-    with pytest.raises(SceneError, match=re.escape(f"unwrapping.npz: {message}")) as error:
-        with_baked_light(surroundings(), folder)
-    assert "\n" not in str(error.value)
