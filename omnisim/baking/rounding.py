@@ -14,7 +14,12 @@ _LEAST, _LARGEST = 1e-6, 65504.0
 def rounded_halves(
     values: NDArray[np.floating], axes: int | tuple[int, ...]
 ) -> NDArray[np.float16]:
-    """Round to steps by the largest number along axes, like colours with a shared exponent."""
+    """Round to steps by the largest number along axes, like colours with a shared exponent.
+
+    Args:
+        values: of any shape, linear light or factors of it.
+        axes: of the numbers that share their step.
+    """
     largest = np.abs(values).max(axis=axes, keepdims=True)
     steps = 2.0 ** (np.floor(np.log2(np.maximum(largest, _LEAST))) - _BITS)
     rounded: NDArray[np.float16] = np.clip(
