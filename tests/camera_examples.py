@@ -24,6 +24,7 @@ from omnisim.cameras import (
     PerspectiveCamera,
     PlanarCamera,
     RadialTableCamera,
+    RationalPolynomialCamera,
     StereographicCamera,
     UnifiedCamera,
 )
@@ -109,6 +110,10 @@ CAMERA_EXAMPLES = {
     "f-theta-woodscape-like": FThetaCamera(
         320, 242, (161.0, 119.3), (84.9, -8.0, 12.0, -3.3), theta_max_rad=math.radians(100.0)
     ),
+    "f-theta-oblong-pixels": FThetaCamera(
+        320, 200, (158.0, 101.5), (95.0, -3.0, 2.5), theta_max_rad=math.radians(110.0),
+        aspect_ratio=0.87,
+    ),
     "f-theta-to-its-fold": FThetaCamera(300, 300, (149.5, 149.5), (90.0, 0.0, -10.0)),
     "f-theta-inverse": FThetaInverseCamera(
         320, 240, (158.5, 121.25), (0.0105, 1e-6, 4e-9), theta_max_rad=math.radians(105.0)
@@ -142,6 +147,19 @@ CAMERA_EXAMPLES = {
     "elliptic": EllipticCamera(320, 320, 420.0, (159.5, 159.5), eccentricity=0.7),
     "elliptic-off-centre": EllipticCamera(
         300, 200, 900.0, (130.25, 110.5), eccentricity=0.9, theta_max_rad=math.radians(75.0)
+    ),
+    # coefficients of the size that Azure Kinect's colour camera has
+    "rational-polynomial-kinect": RationalPolynomialCamera(
+        320, 180, (151.4, 151.3), (159.2, 91.6),
+        (0.45, -2.62, 6.5e-4, -2.3e-4, 1.52, 0.33, -2.44, 1.44),
+    ),
+    "rational-polynomial-wide": RationalPolynomialCamera(
+        320, 240, (110.0, 111.0), (161.3, 118.2),
+        (8.1, 3.2, 5e-4, -3e-4, 0.12, 8.5, 5.9, 0.75, 1e-3, -5e-4, -8e-4, 4e-4),
+    ),
+    "rational-polynomial-tilted-to-its-fold": RationalPolynomialCamera(
+        300, 260, (150.0, 140.0), (149.5, 128.5),
+        (-0.3, 0.02, 2e-3, -1e-3, 0.0, 0.05, 0.01, 0.0, 2e-3, 0.0, -1e-3, 0.0, 0.06, -0.04),
     ),
 }  # fmt: skip
 

@@ -6,10 +6,11 @@ All lenses here look along +z; `file_frame` has those of mirrors.
 | --- | --- | --- |
 | perspective | unified, ξ = 0 | γ = f |
 | stereographic | unified, ξ = 1 | γ = 2 f |
+| rational polynomial, k4 … τy = 0 | unified, ξ = 0 | and back |
 | unified without distortion | EUCM, β = 1; double sphere, ξ = 0 | α = ξ/(1 + ξ), f = γ/(1 + ξ) |
 | double sphere, α = 0 | unified | γ = f |
 | equidistant | Kannala-Brandt, k = 0 | |
-| f-theta, odd powers only | Kannala-Brandt | f = k1, k_n = coefficients/k1 |
+| f-theta, odd powers only | Kannala-Brandt | fx = k1, fy = aspect ratio k1, k_n = coefficients/k1 |
 | perspective | OCamCalib | F = −f, c = fy/fx |
 | stereographic | OCamCalib | F = ρ²/4f − f |
 | the ideal fisheyes | Gazebo's custom function | |
@@ -35,6 +36,7 @@ from omnisim.cameras import (
     OcamcalibCamera,
     OrthographicCamera,
     PerspectiveCamera,
+    RationalPolynomialCamera,
     StereographicCamera,
     UnifiedCamera,
 )
@@ -70,6 +72,11 @@ def _unified(camera: CentralCamera) -> UnifiedCamera | None:
     match camera:
         case UnifiedCamera():
             return camera
+        case RationalPolynomialCamera(distortion=distortion) if not any(distortion[5:]):
+            return UnifiedCamera(
+                camera.width_px, camera.height_px, camera.focal_lengths_px,
+                camera.principal_point_px, 0.0, distortion[:5] if distortion[4] else distortion[:4],
+            )  # fmt: skip
         case PerspectiveCamera(focal_length_px=focal):
             xi, gammas = 0.0, (focal, focal)
         case StereographicCamera(focal_length_px=focal):
@@ -119,16 +126,17 @@ def _alpha_form(
 def _kannala_brandt(camera: CentralCamera) -> KannalaBrandtCamera | None:
     coefficients: tuple[float, ...] = ()
     if isinstance(camera, EquidistantCamera):
-        focal = camera.focal_length_px
+        focals = camera.focal_length_px, camera.focal_length_px
     elif isinstance(camera, FThetaCamera) and not any(camera.coefficients_px[1::2]):
         focal, *others = camera.coefficients_px[::2]
+        focals = focal, focal * camera.aspect_ratio
         coefficients = tuple(one / focal for one in others)
     else:
         return None
     return KannalaBrandtCamera(
         camera.width_px,
         camera.height_px,
-        (focal, focal),
+        focals,
         camera.principal_point_px,
         (*coefficients, 0.0, 0.0, 0.0, 0.0)[:4],
         camera.theta_max_rad,
@@ -136,20 +144,24 @@ def _kannala_brandt(camera: CentralCamera) -> KannalaBrandtCamera | None:
 
 
 def _f_theta(camera: CentralCamera) -> FThetaCamera | None:
+    aspect_ratio = 1.0
     if isinstance(camera, EquidistantCamera):
         coefficients: tuple[float, ...] = (camera.focal_length_px,)
     elif isinstance(camera, KannalaBrandtCamera):
         fx, fy = camera.focal_lengths_px
         k1, k2, k3, k4 = camera.coefficients
-        if fx != fy or k4:
+        if k4:
             return None
+        aspect_ratio = fy / fx
         coefficients = (fx, 0.0, fx * k1, 0.0, fx * k2, 0.0, fx * k3)
         while coefficients[-1] == 0.0:
             coefficients = coefficients[:-1]
     else:
         return None
     size = camera.width_px, camera.height_px
-    return FThetaCamera(*size, camera.principal_point_px, coefficients, camera.theta_max_rad)
+    return FThetaCamera(
+        *size, camera.principal_point_px, coefficients, camera.theta_max_rad, aspect_ratio
+    )
 
 
 def _ocamcalib(camera: CentralCamera) -> OcamcalibCamera | None:
@@ -199,6 +211,19 @@ def _perspective(camera: CentralCamera) -> PerspectiveCamera | None:
     return PerspectiveCamera(camera.width_px, camera.height_px, fx, camera.principal_point_px)
 
 
+def _rational(camera: CentralCamera) -> RationalPolynomialCamera | None:
+    unified = _unified(camera)
+    if unified is None or unified.xi or unified.skew_px:
+        return None
+    return RationalPolynomialCamera(
+        camera.width_px,
+        camera.height_px,
+        unified.focal_lengths_px,
+        unified.principal_point_px,
+        (*unified.distortion[:4], unified.k3, 0.0, 0.0, 0.0),
+    )
+
+
 _CONVERSIONS: Mapping[type[CentralCamera], Callable[[CentralCamera], CentralCamera | None]] = {
     UnifiedCamera: _unified,
     EucmCamera: _eucm,
@@ -208,4 +233,5 @@ _CONVERSIONS: Mapping[type[CentralCamera], Callable[[CentralCamera], CentralCame
     OcamcalibCamera: _ocamcalib,
     GazeboCamera: _gazebo,
     PerspectiveCamera: _perspective,
+    RationalPolynomialCamera: _rational,
 }

@@ -32,6 +32,7 @@ from omnisim.cameras import (
     OrthographicCamera,
     PerspectiveCamera,
     RadialTableCamera,
+    RationalPolynomialCamera,
     StereographicCamera,
     UnifiedCamera,
 )
@@ -200,6 +201,12 @@ def _pinhole(profile: Profile) -> UnifiedCamera:
     return UnifiedCamera(*profile.intrinsics(focal), 0.0, distortion)
 
 
+def _rational(profile: Profile) -> RationalPolynomialCamera:
+    pinhole = _pinhole(profile)
+    distortion = (*pinhole.distortion, *(0.0,) * 8)[:8]
+    return RationalPolynomialCamera(*profile.intrinsics(pinhole.focal_lengths_px[0]), distortion)
+
+
 def _eucm(profile: Profile) -> EucmCamera:
     alpha, focal = _alpha_and_focal(profile)
     return EucmCamera(*profile.intrinsics(focal), alpha, beta=1.0)
@@ -220,7 +227,9 @@ def _kannala_brandt(profile: Profile) -> KannalaBrandtCamera:
 def _f_theta(profile: Profile) -> FThetaCamera:
     powers = [profile.theta_rad**power for power in (1, 2, 3, 4)]
     coefficients_px = tuple(_solve(powers, profile.radii_px).tolist())
-    return FThetaCamera(*profile.size, profile.centre_px, coefficients_px)
+    return FThetaCamera(
+        *profile.size, profile.centre_px, coefficients_px, aspect_ratio=profile.aspect
+    )
 
 
 def _f_theta_inverse(profile: Profile) -> FThetaInverseCamera:
@@ -307,12 +316,15 @@ FITTED: Mapping[type[ParametricCamera], FittedModel] = {
     PerspectiveCamera: FittedModel(_perspective, _FOCAL),
     KannalaBrandtCamera: FittedModel(_kannala_brandt, {**_FOCALS, "coefficients": FREE}),
     UnifiedCamera: FittedModel(_unified, {**_FOCALS, "xi": (0.0, math.inf), "distortion": FREE}),
+    RationalPolynomialCamera: FittedModel(_rational, {**_FOCALS, "distortion": FREE}),
     EucmCamera: FittedModel(_eucm, {**_FOCALS, "alpha": (0.0, 1.0), "beta": POSITIVE}),
     DoubleSphereCamera: FittedModel(
         _double_sphere, {**_FOCALS, "xi": (-0.999, 0.999), "alpha": (0.0, 1.0)}
     ),
     OcamcalibCamera: FittedModel(_ocamcalib, {**_CENTRE, "polynomial": FREE, "affine": FREE}),
-    FThetaCamera: FittedModel(_f_theta, {**_CENTRE, "coefficients_px": FREE}),
+    FThetaCamera: FittedModel(
+        _f_theta, {**_CENTRE, "coefficients_px": FREE, "aspect_ratio": (0.1, 10.0)}
+    ),
     FThetaInverseCamera: FittedModel(_f_theta_inverse, {**_CENTRE, "coefficients": FREE}),
     RadialTableCamera: FittedModel(_radial_table, {**_CENTRE, "radii_px": FREE}),
     GazeboCamera: FittedModel(

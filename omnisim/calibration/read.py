@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.calibration.calibrated_camera import CalibratedCamera
-from omnisim.calibration.distorted_pinhole import DistortedPinhole
 from omnisim.calibration.documents import read_text
 from omnisim.calibration.file_frame import camera_from_lens
 from omnisim.calibration.fit import Fit, fit_camera
@@ -19,6 +18,7 @@ from omnisim.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
+from omnisim.calibration.fov_lens import FovLens
 from omnisim.calibration.metadata import CameraMetadata, read_metadata
 from omnisim.calibration.registry import detect_format
 from omnisim.cameras import CentralCamera, EucmCamera, KannalaBrandtCamera, UnifiedCamera
@@ -67,7 +67,7 @@ def _calibrated(
 ) -> CalibratedCamera:
     lens = parsed.lens
     notes: tuple[str, ...] = ()
-    if isinstance(lens, DistortedPinhole):
+    if isinstance(lens, FovLens):
         lens, note = _nearest_model(lens, place)
         notes = (note,)
     with error_context(place):
@@ -83,7 +83,7 @@ def _calibrated(
     )
 
 
-def _nearest_model(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, str]:
+def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
     """Nearest of omnisim's models to a lens of another, and a note on its residuals.
 
     Args:
@@ -94,8 +94,6 @@ def _nearest_model(lens: DistortedPinhole, source: str) -> tuple[CentralCamera, 
         CalibrationError: none is near.
     """
     place = f"{source}: {lens.model_name}"
-    if not lens.radius_limit > 0.0:
-        raise CalibrationError(f"{place}: folds at its own middle: expected a lens")
     best: Fit[CentralCamera] | None = None
     candidates: tuple[tuple[type[CentralCamera], Fixed], ...] = (
         (UnifiedCamera, ANY), (UnifiedCamera, PINHOLE), (KannalaBrandtCamera, ANY),

@@ -47,6 +47,7 @@ from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.perspective import PerspectiveCamera
 from omnisim.cameras.planar import PlanarCamera
 from omnisim.cameras.radial_table import RadialTableCamera
+from omnisim.cameras.rational_polynomial import RationalPolynomialCamera
 from omnisim.cameras.stereographic import StereographicCamera
 from omnisim.cameras.unified import UnifiedCamera
 from omnisim.errors import OpticsError
@@ -77,6 +78,7 @@ __all__ = [
     "Pixels",
     "PlanarCamera",
     "RadialTableCamera",
+    "RationalPolynomialCamera",
     "Rays",
     "StereographicCamera",
     "UnifiedCamera",
@@ -111,6 +113,7 @@ CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
         GazeboCamera,
         PlanarCamera,
         EllipticCamera,
+        RationalPolynomialCamera,
     )
 }
 

@@ -46,6 +46,7 @@ class ParametricCamera(ABC):
         model_name: stem of the model's files.
         rig_from_optical: (3, 3) orientation in a level rig.
         largest_theta_rad: upper limit of the parameter θ_max, where the model has one.
+        added_later: parameters that older images' metadata lack; their defaults hold there.
 
     Raises:
         OpticsError: a value of another type, a size that is not positive, a number that is not
@@ -57,6 +58,7 @@ class ParametricCamera(ABC):
     model_name: ClassVar[str]
     rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
     largest_theta_rad: ClassVar[float] = math.pi
+    added_later: ClassVar[frozenset[str]] = frozenset()
 
     if TYPE_CHECKING:  # a field of nearly all models; at run time it would be that field's default
 
@@ -135,6 +137,8 @@ class ParametricCamera(ABC):
         """
         values: dict[str, Any] = {}
         for field in dataclasses.fields(cls):
+            if field.name in cls.added_later and field.name not in parameters:
+                continue
             value = _READERS[str(field.type)](parameters, _key(field.name))
             values[field.name] = _map(math.radians, value) if _is_angle(field.name) else value
         return cls(**values)

@@ -17,6 +17,9 @@ from tests.camera_examples import CAMERA_EXAMPLES
 
 UNIFIED = {"hyperbolic", "elliptic", "parabolic", "planar", "perspective", "stereographic"}
 FISHEYES = {"equidistant", "kannala_brandt", "f_theta"}
+CAMERA_INFO = {
+    "perspective", "planar", "unified", "hyperbolic", "kannala_brandt", "rational_polynomial",
+}  # fmt: skip
 SPHERES = {"unified", "eucm", "double_sphere"}
 EXAMPLES = {
     **CAMERA_EXAMPLES,
@@ -31,14 +34,14 @@ EXACT = {
     "kitti360": UNIFIED | FISHEYES | {"unified"},
     "opencv_omnidir": UNIFIED | {"unified"},
     "opencv_fisheye": FISHEYES,
-    "opencv_pinhole": {"perspective", "planar", "unified", "hyperbolic"},
-    "ros": {"perspective", "planar", "unified", "hyperbolic", "kannala_brandt"},
-    "foxglove": {"perspective", "planar", "unified", "hyperbolic", "kannala_brandt"},
+    "opencv_pinhole": {"perspective", "planar", "unified", "hyperbolic", "rational_polynomial"},
+    "ros": CAMERA_INFO,
+    "foxglove": CAMERA_INFO,
     "basalt": UNIFIED | FISHEYES | {"unified", "eucm", "double_sphere"},
     "woodscape": FISHEYES,
     "nerfstudio": {"perspective", "planar", "unified", "hyperbolic", "equirectangular"} | FISHEYES,
     "ocamcalib": {"perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib"},
-    "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular"},
+    "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular", "rational_polynomial"},
     "gazebo": {
         "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "equidistant",
         "equisolid", "orthographic", "gazebo",

@@ -140,7 +140,8 @@ DERIVED = {"model", "xi", "unified_focal_length_px"}
 @examples
 @pytest.mark.parametrize("bad", ["missing", "word", "nan"])
 def test_bad_parameters_are_named(camera, bad):
-    for key in camera.parameters().keys() - DERIVED:
+    keys = camera.parameters().keys() - DERIVED
+    for key in keys - camera.added_later if bad == "missing" else keys:
         parameters = camera.parameters()
         if bad == "missing":
             del parameters[key]
@@ -148,6 +149,14 @@ def test_bad_parameters_are_named(camera, bad):
             parameters[key] = "11" if bad == "word" else float("nan")
         with pytest.raises(OpticsError, match=key):
             camera_from_parameters(parameters)
+
+
+def test_parameters_that_older_images_lack_have_their_default():
+    for camera in CAMERA_EXAMPLES.values():
+        older = {k: v for k, v in camera.parameters().items() if k not in camera.added_later}
+        fields = {one.name: one.default for one in dataclasses.fields(camera)}
+        read = camera_from_parameters(older)
+        assert all(getattr(read, name) == fields[name] for name in camera.added_later)
 
 
 def test_unknown_model_is_named():

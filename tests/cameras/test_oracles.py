@@ -54,6 +54,33 @@ def test_a_pinhole_with_five_coefficients_is_opencv():
     _assert_same(camera, points, pixels)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rational-polynomial-kinect",
+        "rational-polynomial-wide",
+        "rational-polynomial-tilted-to-its-fold",
+    ],
+)
+def test_rational_polynomial_is_opencv(name):
+    camera = CAMERA_EXAMPLES[name]
+    points = points_around_axis(math.radians(70.0))
+    points = points[camera.pixel_from_ray(points).valid]
+    assert len(points) > 1000
+    coefficients = np.array(camera.distortion)
+    pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), coefficients)
+    _assert_same(camera, points, pixels)
+
+
+def test_rational_polynomial_is_colmap():
+    camera = CAMERA_EXAMPLES["rational-polynomial-kinect"]
+    points = points_around_axis(math.radians(60.0))
+    points = points[camera.pixel_from_ray(points).valid]
+    parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
+    other = _colmap("FULL_OPENCV", camera, [*parameters, *camera.distortion])
+    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+
+
 def test_kannala_brandt_is_opencv_in_front():
     camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
     points = points_around_axis(math.radians(80.0))  # past 90° OpenCV is wrong

@@ -3,7 +3,7 @@
 | distortion_model | D | model |
 | --- | --- | --- |
 | plumb_bob | k1 k2 p1 p2 k3 | perspective, unified with ξ = 0 |
-| rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | the same; fitted where k4, k5, k6 are not 0 |
+| rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | rational_polynomial, or as plumb_bob |
 | equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4 | kannala_brandt |
 
 Pixels count from the first one's centre, as ours. There is no model for rays at or past 90° from
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from omnisim.calibration.fields import check_choice
 from omnisim.calibration.formats.format import ANY, PINHOLE, Format, error_context
@@ -25,10 +26,15 @@ from omnisim.calibration.formats.pinhole import (
     fisheye,
     matrix_intrinsics,
 )
-from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
+from omnisim.cameras import (
+    CentralCamera,
+    KannalaBrandtCamera,
+    RationalPolynomialCamera,
+    UnifiedCamera,
+)
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-CameraInfoLens = UnifiedCamera | KannalaBrandtCamera
+CameraInfoLens = UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera
 
 
 class CameraInfo(Format[CameraInfoLens]):
@@ -39,8 +45,8 @@ class CameraInfo(Format[CameraInfoLens]):
         fisheye_models: names of Kannala and Brandt's.
     """
 
-    models = (UnifiedCamera, KannalaBrandtCamera)
-    fits = ((UnifiedCamera, PINHOLE), (KannalaBrandtCamera, ANY))
+    models = (UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera)
+    fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY), (KannalaBrandtCamera, ANY))
     max_theta_rad = 0.5 * math.pi
     distortion_models: tuple[str, ...]
     fisheye_models: tuple[str, ...]
@@ -69,11 +75,22 @@ class CameraInfo(Format[CameraInfoLens]):
             return brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
 
 
-def camera_info(lens: CameraInfoLens) -> tuple[bool, list[float], list[float], list[float]]:
-    """Flag of a fisheye, D, K, and P of a lens."""
+class CameraInfoFields(NamedTuple):
+    """Distortion model in ROS's words, D, K and P."""
+
+    distortion_model: str
+    d: list[float]
+    k: list[float]
+    p: list[float]
+
+
+def camera_info(lens: CameraInfoLens) -> CameraInfoFields:
+    """Fields of the message for a lens."""
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
     k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     if isinstance(lens, KannalaBrandtCamera):
-        return True, list(lens.coefficients), k, p
-    return False, [*lens.distortion[:4], lens.k3], k, p
+        return CameraInfoFields("equidistant", list(lens.coefficients), k, p)
+    if isinstance(lens, RationalPolynomialCamera):
+        return CameraInfoFields("rational_polynomial", list(lens.distortion[:8]), k, p)
+    return CameraInfoFields("plumb_bob", [*lens.distortion[:4], lens.k3], k, p)

@@ -4,7 +4,8 @@
 | --- | --- |
 | SIMPLE_PINHOLE, PINHOLE | perspective, unified with ξ = 0 |
 | SIMPLE_RADIAL, RADIAL, OPENCV | unified with ξ = 0 |
-| FULL_OPENCV, FOV | fitted where no model of ours is it |
+| FULL_OPENCV | rational_polynomial, unified with ξ = 0 |
+| FOV | fitted |
 | SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE | kannala_brandt |
 | THIN_PRISM_FISHEYE without prism and tangential part | kannala_brandt |
 | EUCM | eucm |
@@ -21,7 +22,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from omnisim.calibration.distorted_pinhole import FovLens
 from omnisim.calibration.fields import (
     check_choice,
     counted,
@@ -35,11 +35,13 @@ from omnisim.calibration.formats.pinhole import (
     brown_pinhole,
     pinhole,
 )
+from omnisim.calibration.fov_lens import FovLens
 from omnisim.cameras import (
     CentralCamera,
     EquirectangularCamera,
     EucmCamera,
     KannalaBrandtCamera,
+    RationalPolynomialCamera,
     UnifiedCamera,
 )
 from omnisim.errors import CalibrationError
@@ -63,7 +65,13 @@ MODELS = {
 }
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
 CENTRE_PX = 0.5  # of the first pixel
-ColmapLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | EquirectangularCamera
+ColmapLens = (
+    UnifiedCamera
+    | RationalPolynomialCamera
+    | KannalaBrandtCamera
+    | EucmCamera
+    | EquirectangularCamera
+)
 
 
 class Colmap(Format[ColmapLens]):
@@ -72,7 +80,10 @@ class Colmap(Format[ColmapLens]):
     name = "colmap"
     title = "COLMAP: cameras.txt"
     suffix = ".txt"
-    models = (UnifiedCamera, KannalaBrandtCamera, EucmCamera, EquirectangularCamera)
+    models = (
+        UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera, EucmCamera,
+        EquirectangularCamera,
+    )  # fmt: skip
     fits = ((KannalaBrandtCamera, ANY), (EucmCamera, ANY), (UnifiedCamera, PINHOLE))
     signature = re.compile(
         r"^[ \t]*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+([ \t]+\S+)+[ \t\r]*$"
@@ -156,6 +167,8 @@ def parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:
         return "EUCM", (*start, lens.alpha, lens.beta)
     if isinstance(lens, KannalaBrandtCamera):
         return "OPENCV_FISHEYE", (*start, *lens.coefficients)
+    if isinstance(lens, RationalPolynomialCamera):
+        return "FULL_OPENCV", (*start, *lens.distortion[:8])
     if lens.k3:
         return "FULL_OPENCV", (*start, *lens.distortion, 0.0, 0.0, 0.0)
     if any(lens.distortion):

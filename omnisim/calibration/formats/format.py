@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 
 from omnisim.calibration.calibrated_camera import NamedPose
-from omnisim.cameras import CentralCamera, UnifiedCamera
+from omnisim.cameras import CentralCamera, RationalPolynomialCamera, UnifiedCamera
 from omnisim.errors import CalibrationError, OpticsError
 
 LensT = TypeVar("LensT", bound=CentralCamera)
@@ -64,7 +64,8 @@ class Format(ABC, Generic[LensT]):
         centred: the axis is in the picture's middle always.
         several: a file holds more than one camera.
         has_names: cameras have names in the file.
-        unified_terms: those of "ξ", "skew" and "k3" that its unified or pinhole camera has.
+        unified_terms: those of "ξ", "skew", "k3" and "thin prism or tilt" that its unified or
+            pinhole camera has.
     """
 
     name: ClassVar[str]
@@ -104,6 +105,9 @@ class Format(ABC, Generic[LensT]):
 
     def unsupported(self, lens: LensT) -> str | None:
         """Reason why the format cannot represent a lens of its models, or None."""
+        if isinstance(lens, RationalPolynomialCamera):
+            is_simple = not any(lens.distortion[8:]) or "thin prism or tilt" in self.unified_terms
+            return None if is_simple else "it has no thin prism or tilt"
         if not isinstance(lens, UnifiedCamera):
             return None
         used = (("ξ", lens.xi), ("skew", lens.skew_px), ("k3", lens.k3))

@@ -53,13 +53,13 @@ class Foxglove(CameraInfo):
     def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
         """Text of the camera."""
         (camera,) = cameras
-        is_fisheye, d, k, p = camera_info(camera.lens)
+        model, d, k, p = camera_info(camera.lens)
         data = {
             "timestamp": {"sec": 0, "nsec": 0},
             "frame_id": camera.name,
             "width": camera.lens.width_px,
             "height": camera.lens.height_px,
-            "distortion_model": "kannala_brandt" if is_fisheye else "plumb_bob",
+            "distortion_model": "kannala_brandt" if model == "equidistant" else model,
             "D": d,
             "K": k,
             "R": list(IDENTITY),

@@ -21,7 +21,6 @@ import re
 from collections.abc import Sequence
 
 from omnisim.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.calibration.distorted_pinhole import FovLens
 from omnisim.calibration.documents import parse_yaml
 from omnisim.calibration.fields import (
     ForeignTable,
@@ -37,6 +36,7 @@ from omnisim.calibration.fields import (
 from omnisim.calibration.formats.format import ANY, NO_SKEW, Format, ParsedCamera, error_context
 from omnisim.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.calibration.formats.yaml_text import yaml_floats
+from omnisim.calibration.fov_lens import FovLens
 from omnisim.cameras import (
     CentralCamera,
     DoubleSphereCamera,

@@ -4,7 +4,8 @@
 | --- | --- | --- |
 | opencv_omnidir | K with skew, D = k1 k2 p1 p2, xi | unified |
 | opencv_fisheye | K, D = k1 k2 k3 k4 | kannala_brandt |
-| opencv_pinhole | K, D = k1 k2 p1 p2 (k3 (k4 k5 k6)) | perspective, unified with ξ = 0 |
+| opencv_pinhole | K, D = k1 k2 p1 p2 (k3) | perspective, unified with ξ = 0 |
+| | K, D = k1 k2 p1 p2 k3 k4 k5 k6 (s1 s2 s3 s4 (τx τy)) | rational_polynomial |
 
 The matrices are `camera_matrix` and `distortion_coefficients`, or `K` and `D`; the size is
 `image_width` and `image_height`, or `image_size`. Pixels count from the first one's centre, as
@@ -50,10 +51,16 @@ from omnisim.calibration.formats.pinhole import (
     matrix_intrinsics,
 )
 from omnisim.calibration.formats.yaml_text import yaml_float, yaml_matrix
-from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
+from omnisim.cameras import (
+    CentralCamera,
+    KannalaBrandtCamera,
+    RationalPolynomialCamera,
+    UnifiedCamera,
+)
 from omnisim.errors import CalibrationError
 from omnisim.parameters import Number
 
+OpencvPinholeLens = UnifiedCamera | RationalPolynomialCamera
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K")
 DISTORTION_KEYS = (
     "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D",
@@ -168,13 +175,14 @@ class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
         return _encode(camera.lens, camera.lens.coefficients) + "fisheye_model: 1\n"
 
 
-class OpencvPinhole(_Opencv[UnifiedCamera]):
+class OpencvPinhole(_Opencv[OpencvPinholeLens]):
     """The format of `cv2.calibrateCamera`."""
 
     name = "opencv_pinhole"
     title = "OpenCV: pinhole yaml"
-    models = (UnifiedCamera,)
-    fits = ((UnifiedCamera, PINHOLE),)
+    unified_terms = frozenset({"k3", "thin prism or tilt"})
+    models = (UnifiedCamera, RationalPolynomialCamera)
+    fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY))
     max_theta_rad = 0.5 * math.pi
 
     def ambiguity(self, text: str, source: str) -> str | None:
@@ -190,7 +198,7 @@ class OpencvPinhole(_Opencv[UnifiedCamera]):
     def _lens(self, file: _File) -> CentralCamera:
         return brown_pinhole(file.intrinsics, file.coefficients, file.place)
 
-    def encode(self, cameras: Sequence[ParsedCamera[UnifiedCamera]]) -> str:
+    def encode(self, cameras: Sequence[ParsedCamera[OpencvPinholeLens]]) -> str:
         """Text of the camera."""
         (camera,) = cameras
         return _encode(camera.lens, camera.lens.distortion) + "fisheye_model: 0\n"
@@ -215,7 +223,9 @@ def _matrix(data: dict[str, Any], keys: Sequence[str], source: str) -> tuple[str
 
 
 def _encode(
-    lens: UnifiedCamera | KannalaBrandtCamera, distortion: Sequence[float], skew_px: float = 0.0
+    lens: OpencvPinholeLens | KannalaBrandtCamera,
+    distortion: Sequence[float],
+    skew_px: float = 0.0,
 ) -> str:
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
     k = [fx, skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]

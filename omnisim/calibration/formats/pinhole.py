@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from omnisim.calibration.distorted_pinhole import BrownLens
 from omnisim.calibration.equivalents import equivalent
 from omnisim.calibration.fields import counted, unexpected
 from omnisim.cameras import (
     CentralCamera,
     KannalaBrandtCamera,
     PerspectiveCamera,
+    RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.errors import CalibrationError
 
 COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # OpenCV's
-UNSUPPORTED_COEFFICIENTS = ("s1", "s2", "s3", "s4", "τx", "τy")  # from the ninth on
 
 
 class Intrinsics(NamedTuple):
@@ -81,24 +79,21 @@ def pinhole(
 def brown_pinhole(
     intrinsics: Intrinsics, coefficients: Sequence[float], place: str
 ) -> CentralCamera:
-    """Pinhole camera with OpenCV's coefficients, without thin prisms and tilts.
+    """Pinhole camera with OpenCV's coefficients, in the simplest model that has them.
 
     Args:
-        intrinsics: of the picture.
-        coefficients: as many as OpenCV has.
-        place: names file and key in messages.
+        intrinsics: size, focal lengths and principal point.
+        coefficients: none, k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, τx τy, in OpenCV's order.
+        place: file and key for messages.
 
     Raises:
-        CalibrationError: another number of coefficients, or one that no model of ours has.
+        CalibrationError: another number of coefficients.
         OpticsError: numbers that no camera has.
     """
     if len(coefficients) not in COEFFICIENT_COUNTS:
-        expected = "k1, k2, p1, p2, k3 and optionally k4, k5, k6"
+        expected = "k1, k2, p1, p2, k3 and optionally k4, k5, k6, s1, s2, s3, s4, τx, τy"
         raise unexpected(place, expected, list(coefficients))
-    for name, value in zip(UNSUPPORTED_COEFFICIENTS, coefficients[8:], strict=False):
-        if value:
-            raise CalibrationError(f"{place}: {name}: expected 0, got {value:g}")
-    used = (*map(float, coefficients[:8]), *(0.0,) * 8)[:8]
+    used = (*map(float, coefficients), *(0.0,) * 8)[: max(8, len(coefficients))]
     if any(used[5:]):
-        return BrownLens(*intrinsics, used)
+        return RationalPolynomialCamera(*intrinsics, used)
     return pinhole(intrinsics, used[:5] if used[4] else used[:4])

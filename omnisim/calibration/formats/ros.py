@@ -69,11 +69,11 @@ class Ros(CameraInfo):
     def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
         """Text of the camera."""
         (camera,) = cameras
-        is_fisheye, d, k, p = camera_info(camera.lens)
+        model, d, k, p = camera_info(camera.lens)
         text = f"image_width: {camera.lens.width_px}\nimage_height: {camera.lens.height_px}\n"
         text += f"camera_name: {json.dumps(camera.name)}\n"
         text += yaml_matrix("camera_matrix", 3, 3, k)
-        text += f"distortion_model: {'equidistant' if is_fisheye else 'plumb_bob'}\n"
+        text += f"distortion_model: {model}\n"
         text += yaml_matrix("distortion_coefficients", 1, len(d), d)
         text += yaml_matrix("rectification_matrix", 3, 3, IDENTITY)
         return text + yaml_matrix("projection_matrix", 3, 4, p)

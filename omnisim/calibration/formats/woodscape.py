@@ -3,9 +3,8 @@
     ρ = k1 θ + k2 θ² + k3 θ³ + k4 θ⁴ in pixels
     u = ρ X/χ + cx_offset + width/2 − 0.5,  v = a ρ Y/χ + cy_offset + height/2 − 0.5
 
-a is `aspect_ratio`; ours is 1, which all of the data set's are; another one with odd powers alone
-is a Kannala-Brandt lens. Pixels count from the first one's centre, as ours. `extrinsic` takes the
-camera to the vehicle (x forward, y left, z up); its quaternion is x, y, z, w.
+a is `aspect_ratio`, 1 in all of the data set. Pixels count from the first one's centre, as ours.
+`extrinsic` takes the camera to the vehicle (x forward, y left, z up); its quaternion is x, y, z, w.
 
 Source: WoodScape's repository, calibration and its example of a projection.
 """
@@ -39,7 +38,7 @@ from omnisim.calibration.formats.quaternion_pose import (
     pose_from_quaternion,
     position_and_quaternion,
 )
-from omnisim.cameras import CentralCamera, FThetaCamera, KannalaBrandtCamera
+from omnisim.cameras import CentralCamera, FThetaCamera
 from omnisim.parameters import Number
 
 
@@ -103,7 +102,7 @@ class Woodscape(Format[FThetaCamera]):
         u, v = lens.principal_point_px
         data: dict[str, Any] = {
             "intrinsic": {
-                "aspect_ratio": 1.0,
+                "aspect_ratio": lens.aspect_ratio,
                 "cx_offset": u - (0.5 * lens.width_px - 0.5),
                 "cy_offset": v - (0.5 * lens.height_px - 0.5),
                 "height": float(lens.height_px),
@@ -133,12 +132,7 @@ def _lens(part: _Intrinsic, place: str) -> CentralCamera:
         raise unexpected(f"{place}: poly_order", "4", part.poly_order)
     check_choice(part.model, ("radial_poly",), f"{place}: model")
     centre = part.cx_offset + 0.5 * part.width - 0.5, part.cy_offset + 0.5 * part.height - 0.5
-    if part.aspect_ratio == 1.0:
-        coefficients = part.k1, part.k2, part.k3, part.k4
-        return FThetaCamera(part.width, part.height, centre, coefficients)
-    if part.k2 or part.k4 or part.k1 <= 0.0:
-        expected = "1, as the f-theta lens has square pixels"
-        raise unexpected(f"{place}: aspect_ratio", expected, part.aspect_ratio)
-    focal = part.k1, part.k1 * part.aspect_ratio
-    odd = (part.k3 / part.k1, 0.0, 0.0, 0.0)
-    return KannalaBrandtCamera(part.width, part.height, focal, centre, odd)
+    coefficients = part.k1, part.k2, part.k3, part.k4
+    return FThetaCamera(
+        part.width, part.height, centre, coefficients, aspect_ratio=part.aspect_ratio
+    )

@@ -82,12 +82,12 @@ def compressed_image(stamp_ns: int, frame: str, png: bytes) -> CompressedImage:
 
 def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> CameraInfo:
     """Calibration of a lens that ROS has a model for."""
-    is_fisheye, d, k, p = camera_info(lens)
+    model, d, k, p = camera_info(lens)
     return CameraInfo(
         header(stamp_ns, frame),
         lens.height_px,
         lens.width_px,
-        "equidistant" if is_fisheye else "plumb_bob",
+        model,
         np.array(d),
         np.array(k),
         np.array(IDENTITY),
