@@ -126,14 +126,14 @@ def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path |
         known[target] = f"{what} already"
 
 
-def check_suffix(path: Path, suffix: str) -> None:
-    """Refuse a path with another suffix than the format's: it may be another file's.
+def check_suffix(path: Path, *suffixes: str) -> None:
+    """Refuse a path with another suffix than the formats': it may be another file's.
 
     Raises:
         OutputError: another suffix.
     """
-    if path.suffix.lower() != suffix:
-        raise OutputError(f"{path}: expected a name that ends in {suffix}")
+    if path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: expected a name that ends in {' or '.join(suffixes)}")
 
 
 def _partial_beside(target: Path) -> Path:

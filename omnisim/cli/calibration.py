@@ -155,6 +155,8 @@ def _convert_optics(
         markup=False,
     )
     out.print(error_table(residuals.at_distances))
+    for note in written.notes:
+        print_note(f"{written.name}: {note}")
 
 
 def show(request: ShowRequest) -> None:

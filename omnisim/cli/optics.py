@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import check_distinct, check_suffix, check_target
+from omnisim.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.calibration.ray_table import write_ray_table
 from omnisim.cameras import summary
 from omnisim.cli.console import out, pluralize
 from omnisim.cli.error_table import error_table
 from omnisim.cli.optics_requests import (
+    DESIGN_SIZE_PX,
     PROFILE_POINTS,
     OpticsCheckRequest,
     OpticsDesignRequest,
@@ -95,9 +96,14 @@ def rays(request: OpticsRaysRequest) -> None:
 
 
 def design(request: OpticsDesignRequest) -> None:
-    """Write the profile of a designed mirror."""
-    check_suffix(request.output, ".csv")
-    check_target(request.output)
+    """Write the profile of a designed mirror, and for a .toml the system around it."""
+    check_suffix(request.output, ".csv", ".toml")
+    is_system = request.output.suffix.lower() == ".toml"
+    if request.size_px is not None and not is_system:
+        raise OpticsError("--size: expected -o FILE.toml beside it")
+    profile_file = request.output.with_suffix(".csv") if is_system else request.output
+    for path in dict.fromkeys((request.output, profile_file)):
+        check_target(path)
     wanted = Design(request.distance_m, request.half_angle_deg)
     if (request.equi_angular_deg is None) == (request.equi_ground_m is None):
         raise OpticsError("design: expected either --equi-angular or --equi-ground")
@@ -110,12 +116,17 @@ def design(request: OpticsDesignRequest) -> None:
         if request.height_m is None:
             raise OpticsError("--equi-ground: expected --height beside it")
         profile = wanted.equi_ground(request.height_m, request.equi_ground_m)
-    write_profile(request.output, *profile)
+    write_profile(profile_file, *profile)
     out.print(
-        f"{request.output}: {pluralize(len(profile.radii_m), 'point')}, rim radius "
+        f"{profile_file}: {pluralize(len(profile.radii_m), 'point')}, rim radius "
         f"{1e3 * profile.radii_m[-1]:.4g} mm, height {1e3 * profile.heights_m[-1]:.4g} mm",
         markup=False,
     )
+    if is_system:
+        size_px = request.size_px or DESIGN_SIZE_PX
+        text = wanted.system_toml(profile_file.name, size_px)
+        write_text(request.output, text)
+        out.print(f"{request.output}: {_summary(read_optics_file(request.output))}", markup=False)
 
 
 def profile(request: OpticsProfileRequest) -> None:

@@ -11,6 +11,7 @@ SystemArgument = Annotated[
 ]
 
 PROFILE_POINTS = 501
+DESIGN_SIZE_PX = 720
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,13 @@ class OpticsDesignRequest:
     """Parameters of `omnisim optics design`."""
 
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="Profile: .csv, r_m,z_m.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Profile: .csv, r_m,z_m; or .toml: the whole system, its profile beside it.",
+        ),
     ]
     distance_m: Annotated[
         float,
@@ -100,6 +107,17 @@ class OpticsDesignRequest:
         float | None,
         typer.Option(
             "--height", metavar="METRES", help="Pinhole above the ground, for --equi-ground."
+        ),
+    ] = None
+    size_px: Annotated[
+        int | None,
+        typer.Option(
+            "--size",
+            metavar="PX",
+            min=2,
+            max=16384,
+            help="Side of the square image of a .toml, which the rim fills.",
+            show_default=str(DESIGN_SIZE_PX),
         ),
     ] = None
 

@@ -24,6 +24,7 @@ import scipy  # its submodules load when first used
 
 from omnisim.errors import OpticsError
 from omnisim.optics.shapes.shape import Floats
+from omnisim.toml_file import toml_tables
 
 POINTS = 501
 _TOLERANCE = 1e-12
@@ -95,6 +96,23 @@ class Design:
         return self._solved(
             lambda share, r_m, z_m: math.atan2(range_m * share - r_m, height_m + z_m)
         )
+
+    def system_toml(self, profile: str, size_px: int) -> str:
+        """Optics file of a pinhole camera under the mirror, whose rim fills the image.
+
+        Args:
+            profile: name of the profile's file, beside the optics file.
+            size_px: side of the square image.
+        """
+        focal_px = 0.5 * size_px / math.tan(math.radians(self.half_angle_deg))
+        camera = {
+            "model": "perspective",
+            "width_px": size_px,
+            "height_px": size_px,
+            "focal_length_px": focal_px,
+        }
+        surface = {"shape": "table", "file": profile, "position_m": [0.0, 0.0, self.vertex_m]}
+        return "".join(toml_tables({"camera": camera, "surfaces": [surface]})).lstrip()
 
     def _solved(self, theta_rad: Callable[[float, float, float], float]) -> DesignedProfile:
         """Profile by its differential equation; θ is a function of image radius, r and z."""

@@ -138,6 +138,11 @@ def read_optics_file(path: str | Path) -> OpticalSystem:
     Raises:
         SensorFileError: naming file, key, value and what was expected.
     """
+    if Path(path).suffix.lower() == ".csv":
+        raise SensorFileError(
+            f"{path}: a mirror's profile: expected an optics file, .toml, with a surface of "
+            'shape = "table" that names it, as `omnisim optics design -o mirror.toml` writes'
+        )
     table = read_tables(Path(path), SensorFileError)
     in_sensor = table.get("optics")
     if "surfaces" in table or not isinstance(in_sensor, dict):

@@ -80,6 +80,21 @@ def test_design_makes_the_examples(omnisim, tmp_path, name, arguments):
     np.testing.assert_allclose(made.table_heights_m, expected.table_heights_m, atol=1e-12)
 
 
+def test_a_designed_system_fills_its_image_to_the_rim(omnisim, tmp_path):
+    status, out, err = omnisim(
+        "optics", "design", "--equi-angular", 105, "--distance", 0.1, "--half-angle", 20,
+        "--size", 90, "-o", "m.toml",
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    assert "m.toml: perspective 90 × 90 px, 1 mirror" in out
+    system = read_optics_file(tmp_path / "m.toml")
+    edge = system.rays([[89.4, 44.5], [44.5, -0.4]])
+    assert edge.valid.all()
+    theta_deg = np.degrees(np.arccos(-edge.directions[:, 2]))
+    np.testing.assert_allclose(theta_deg, 105.0 * 44.9 / 45.0, atol=1e-3)
+    assert not system.rays([[89.6, 44.5]]).valid.any()
+
+
 def test_profile(omnisim, tmp_path):
     status, out, err = omnisim("optics", "profile", SPHERE, "-o", "a.csv", "--points", 40)
     assert (status, err) == (0, "")
