@@ -15,7 +15,7 @@ Depth cameras: `DepthCamera` and `DepthRenderer` of `omnisim.sensors`.
 Spinning lidars: `SpinningLidar`, `LidarRenderer` and `PointCloud` of `omnisim.sensors`.
 Cameras inside a MuJoCo simulation: `omnisim.mujoco.Camera`.
 The camera in a browser, or in a notebook's cell: `live`.
-Errors: `OmnisimError`.
+Errors: `OmnisimError`; notices about files are warnings, `NoticeWarning`.
 
 Units are metres and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`
 documents a name, `omnisim --help` the command line. Tutorials, guides, reference and explanation
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         load_calibration,
         save_calibration,
     )
-    from omnisim.errors import OmnisimError
+    from omnisim.errors import NoticeWarning, OmnisimError
     from omnisim.frame import Frame
     from omnisim.poses import pose
     from omnisim.scene import Scene, load_scene
@@ -53,6 +53,7 @@ _MODULES = {
     "save_calibration": "omnisim.calibration",
     "Degradation": "omnisim.sensors.degradations",
     "Twist": "omnisim.sensors.motion",
+    "NoticeWarning": "omnisim.errors",
     "OmnisimError": "omnisim.errors",
     "Frame": "omnisim.frame",
     "pose": "omnisim.poses",
@@ -76,6 +77,7 @@ __all__ = [
     "LaserRenderer",
     "LaserScanner",
     "Motion",
+    "NoticeWarning",
     "OmniCamera",
     "OmnisimError",
     "Renderer",

@@ -11,6 +11,10 @@ from collections.abc import Iterable
 MAX_LINE = 600  # letters of a message's line; what a damaged file holds has no end
 
 
+class NoticeWarning(UserWarning):
+    """Notice about a file: a feature that is left out, or a default that was chosen."""
+
+
 class OmnisimError(Exception):
     """Base of all errors with a message meant for the user.
 

@@ -1,5 +1,7 @@
 """Objects of the library as a person meets them: in a prompt and in a notebook."""
 
+import dataclasses
+import pydoc
 import subprocess
 import sys
 
@@ -27,6 +29,7 @@ from omnisim.simulation.route import Route
 from omnisim.simulation.run_folder import RunFolder
 from omnisim.trajectories.trajectory import Trajectory
 from tests.camera_examples import CAMERA_EXAMPLES
+from tests.scenes import scene_of
 
 LENS = EquidistantCamera(64, 64, 20.0, (31.5, 31.5), 1.6)
 LABELS = Labels((ClassLabel(1, "wall", (200, 0, 0)),), (InstanceLabel(1, "wall_1", 1),), "table")
@@ -94,7 +97,7 @@ def test_representations_are_short():
     public = {
         shown for name in omnisim.__all__ if isinstance(shown := getattr(omnisim, name), type)
     }
-    assert public - kinds == with_gpu | {omnisim.OmnisimError}
+    assert public - kinds == with_gpu | {omnisim.OmnisimError, omnisim.NoticeWarning}
 
 
 def test_a_scene_shows_its_name_and_counts():
@@ -184,3 +187,18 @@ def test_the_package_runs_as_the_command():
     arguments = [sys.executable, "-m", "omnisim", "--version"]
     done = subprocess.run(arguments, capture_output=True, text=True, check=True)
     assert done.stdout == f"omnisim {omnisim.__version__}\n"
+
+
+def test_help_of_a_camera_has_its_own_words_alone():
+    text = pydoc.render_doc(omnisim.cameras.HyperbolicCamera, renderer=pydoc.plaintext)
+    assert "rig_from_optical" in text
+    assert "ndarray(shape" not in text
+
+
+def test_notices_of_a_scene_are_warnings_of_the_caller(monkeypatch):
+    noted = dataclasses.replace(scene_of([], []), notices=("a.glb: no fur", "a.glb: no hair"))
+    monkeypatch.setattr("omnisim.scene.load.read_scene", lambda *given: noted)
+    with pytest.warns(omnisim.NoticeWarning) as caught:
+        assert omnisim.load_scene("a.glb") is noted
+    assert tuple(str(one.message) for one in caught) == noted.notices
+    assert {one.filename for one in caught} == {__file__}

@@ -64,7 +64,7 @@ class EllipticCamera(FocalCamera, RadialCamera):
     eccentricity: float
     theta_max_rad: float = 0.5 * math.pi
     model_name = "elliptic"
-    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP @ HALF_TURN
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP @ HALF_TURN
     largest_theta_rad = 0.5 * math.pi
 
     def __post_init__(self) -> None:

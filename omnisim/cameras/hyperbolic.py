@@ -77,7 +77,7 @@ class HyperbolicCamera(FocalCamera):
 
     mirror: HyperbolicMirror
     model_name = "hyperbolic"
-    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,7 +40,6 @@ class MirroredCamera:
     """
 
     lens: CentralCamera
-    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.lens))
@@ -62,6 +61,11 @@ class MirroredCamera:
         if type(mirrored) is not bool:
             raise OpticsError(f"camera: mirrored: expected true or false, got {mirrored!r}")
         return cls(lens) if mirrored else lens
+
+    @property
+    def rig_from_optical(self) -> NDArray[np.float64]:
+        """Orientation (3, 3) in a level rig: looking up into the mirror."""
+        return RIG_FROM_OPTICAL_LOOKING_UP
 
     @property
     def width_px(self) -> int:

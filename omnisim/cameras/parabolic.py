@@ -53,7 +53,7 @@ class ParabolicCamera(RadialCamera):
     principal_point_px: tuple[float, float]
     theta_max_rad: float = math.radians(105.0)
     model_name = "parabolic"
-    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
     largest_theta_rad = math.radians(179.0)
 
     def __post_init__(self) -> None:

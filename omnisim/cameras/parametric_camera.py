@@ -44,7 +44,6 @@ class ParametricCamera(ABC):
     Attributes:
         width_px, height_px: size of the picture.
         model_name: stem of the model's files.
-        rig_from_optical: (3, 3) orientation in a level rig.
         largest_theta_rad: upper limit of the parameter θ_max, where the model has one.
         added_later: parameters that older images' metadata lack; their defaults hold there.
 
@@ -56,7 +55,7 @@ class ParametricCamera(ABC):
     width_px: int
     height_px: int
     model_name: ClassVar[str]
-    rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
     largest_theta_rad: ClassVar[float] = math.pi
     added_later: ClassVar[frozenset[str]] = frozenset()
 
@@ -85,6 +84,11 @@ class ParametricCamera(ABC):
             largest = self.largest_theta_rad
             expected = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
             check_limits(self, "theta_max_rad", 1e-6, largest, expected)
+
+    @property
+    def rig_from_optical(self) -> NDArray[np.float64]:
+        """Orientation (3, 3) in a level rig: looking ahead, or up into a mirror."""
+        return self._rig_from_optical
 
     @abstractmethod
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:

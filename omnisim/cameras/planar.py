@@ -33,7 +33,7 @@ class PlanarCamera(PerspectiveCamera):
     """A picture of a plane mirror; see `PerspectiveCamera` for its attributes."""
 
     model_name = "planar"
-    rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); all are valid."""

@@ -9,7 +9,7 @@ from omnisim.atomic_file import check_distinct, check_new_folder
 from omnisim.cli.bake_requests import BakeRequest
 from omnisim.cli.console import out, print_note, track
 from omnisim.extras import require_extra
-from omnisim.scene import load_scene
+from omnisim.scene import read_scene
 from omnisim.scene.load import NO_BAKED_LIGHT
 from omnisim.scene.source import resolve_source
 
@@ -26,7 +26,7 @@ def run(request: BakeRequest) -> None:
         {"the baked light": request.output},
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
-    scene = load_scene(
+    scene = read_scene(
         request.scene,
         request.up_axis,
         request.meters_per_unit,

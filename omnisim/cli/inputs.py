@@ -18,7 +18,7 @@ from omnisim.errors import CalibrationError, OpticsError, OutputError
 from omnisim.extras import require_extra
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.poses import pose
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import Degradation, preset
@@ -211,7 +211,7 @@ def load_requested_scene(
     Raises:
         SceneError: it cannot be read.
     """
-    scene = load_scene(
+    scene = read_scene(
         request.scene,
         request.up_axis,
         request.meters_per_unit,

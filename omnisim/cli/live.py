@@ -17,7 +17,7 @@ from omnisim.cli.console import out, print_note
 from omnisim.cli.inputs import check_calibration_path, check_seconds, read_camera
 from omnisim.cli.live_requests import LiveRequest
 from omnisim.errors import OutputError
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.simulation.vehicle import Vehicle
 
 SCENE, SIZE_PX = "soccer", 400
@@ -37,7 +37,7 @@ def run(request: LiveRequest) -> None:
         source = run_source(request.run, request.scene, request.camera_name, request.device)
         _serve(LivePage(source, request.host, request.port), request)
         return
-    scene = load_scene(
+    scene = read_scene(
         request.scene or SCENE,
         request.up_axis,
         request.meters_per_unit,

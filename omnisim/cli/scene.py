@@ -15,7 +15,7 @@ from omnisim.cli.picture_requests import SceneRequest
 from omnisim.errors import printable
 from omnisim.extras import require_extra
 from omnisim.gpu.scene.memory_estimate import gpu_bytes
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.model import LightKind
 from omnisim.scene.summary import (
@@ -36,7 +36,7 @@ def run(request: SceneRequest) -> None:
         from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.plot)
-    scene = load_scene(
+    scene = read_scene(
         request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
     )
     if request.labels is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from omnisim.atomic_file import atomic_write, check_distinct, check_suffix, check_target
 from omnisim.cli.console import out, pluralize, print_note
 from omnisim.cli.picture_requests import SceneConvertRequest
-from omnisim.scene import load_scene
+from omnisim.scene import read_scene
 from omnisim.scene.gltf.writer import write_glb
 from omnisim.scene.source import resolve_source
 
@@ -19,7 +19,7 @@ def run(request: SceneConvertRequest) -> None:
         {"the GLB file": request.output},
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
-    scene = load_scene(
+    scene = read_scene(
         request.scene,
         request.up_axis,
         request.meters_per_unit,

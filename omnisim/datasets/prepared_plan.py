@@ -27,7 +27,7 @@ from omnisim.datasets.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.plan_light import draw_light
 from omnisim.datasets.tar_file import file_sha256
 from omnisim.errors import PlanError, did_you_mean
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.trajectories import parse_trajectory
@@ -122,7 +122,7 @@ class PreparedPlan:
         if number not in self._scenes:
             table = self.plan.scenes[number]
             source = self._scene_file(table)
-            scene = load_scene(source, table.up_axis, table.meters_per_unit)
+            scene = read_scene(source, table.up_axis, table.meters_per_unit)
             # its own name would be the path by which the plan was found
             scene = dataclasses.replace(scene, name=table.title)
             if table.labels is not None:
@@ -248,7 +248,7 @@ class PreparedPlan:
         return tuple(map(self._object, self.plan.objects))
 
     def _object(self, table: PlacedTable) -> PlanObject:
-        scene = load_scene(
+        scene = read_scene(
             self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
         )
         scene = dataclasses.replace(scene, name=table.title)

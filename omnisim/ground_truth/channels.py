@@ -12,8 +12,30 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 from omnisim.errors import OutputError, did_you_mean
+
+ChannelName = Literal[
+    "range",
+    "z",
+    "position",
+    "normals",
+    "normals_camera",
+    "albedo",
+    "roughness",
+    "metallic",
+    "emissive",
+    "semantic",
+    "instance",
+    "flow",
+    "occluded",
+    "flow_backward",
+    "occluded_backward",
+    "scene_flow",
+    "scene_flow_camera",
+    "valid",
+]
 
 
 @dataclass(frozen=True)
@@ -30,7 +52,7 @@ class Channel:
         other: picture that it also depends on: "next", "previous", or empty.
     """
 
-    name: str
+    name: ChannelName
     layers: tuple[str, ...]
     dtype: str
     unit: str
@@ -43,7 +65,7 @@ def _xyz(name: str) -> tuple[str, ...]:
     return tuple(f"{name}.{axis}" for axis in "XYZ")
 
 
-CHANNELS = {
+CHANNELS: dict[str, Channel] = {
     channel.name: channel
     for channel in (
         Channel(

@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from omnisim.errors import did_you_mean
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.labels import Labels
 from omnisim.ground_truth.previews import preview
@@ -26,6 +27,13 @@ class FrameChannels(dict[str, NDArray[Any]]):
     def __init__(self, channels: Mapping[str, NDArray[Any]], labels: Labels | None = None):
         super().__init__(channels)
         self._labels = labels
+
+    def __missing__(self, name: object) -> NDArray[Any]:
+        if name in CHANNELS:
+            raise KeyError(f"{name}: not rendered: pass also=({name!r},) to render")
+        if not isinstance(name, str):
+            raise KeyError(name)
+        raise KeyError(f"{name}: there is no such channel; {did_you_mean(name, CHANNELS)}")
 
     def __repr__(self) -> str:
         return short_repr(self, *self)

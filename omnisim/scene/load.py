@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import SceneError, printable
+from omnisim.errors import NoticeWarning, SceneError, printable
 from omnisim.scene.dynamic_objects import load_objects
 from omnisim.scene.extension import apart, extend, with_objects
 from omnisim.scene.file_axes import FileAxes, overruled
@@ -67,8 +68,30 @@ def load_scene(
             TOML; "none" for neither. A clear sky stands around the sun of its TOML, if it has one.
         baked: folder of its baked light, "none" for none; by default that of its TOML, if any.
 
+    Each of the scene's notices is also a `NoticeWarning`.
+
     Raises:
         SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
+    """
+    scene = read_scene(source, up_axis, meters_per_unit, resources, animation, sky, baked)
+    for notice in scene.notices:
+        warnings.warn(notice, NoticeWarning, stacklevel=2)
+    return scene
+
+
+def read_scene(
+    source: str | Path,
+    up_axis: str | None = None,
+    meters_per_unit: float | None = None,
+    resources: Sequence[str | Path] = (),
+    animation: str | None = None,
+    sky: str | Path | None = None,
+    baked: str | Path | None = None,
+) -> Scene:
+    """Load a scene as `load_scene` does, without warnings: for callers that print its notices.
+
+    Raises:
+        SceneError: as `load_scene`.
     """
     options = _Options(
         FileAxes(up_axis, meters_per_unit),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim import poses
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, summary
-from omnisim.errors import OpticsError
+from omnisim.errors import NoticeWarning, OpticsError
 from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.sensors.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px, most_polygons
@@ -25,6 +26,7 @@ from omnisim.sensors.quality import (
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     QUALITIES,
+    QualityName,
     quality_named,
 )
 from omnisim.short_repr import short_repr
@@ -157,6 +159,8 @@ class OmniCamera:
 
         found = load_calibration(camera) if isinstance(camera, str | Path) else camera
         if isinstance(found, Calibration):
+            for note in found.notes if found is not camera else ():
+                warnings.warn(f"{camera}: {note}", NoticeWarning, stacklevel=3)
             found = found.only_camera()
         if isinstance(found, CalibratedCamera):
             return cls(found.camera, polygons=None)
@@ -262,7 +266,7 @@ class OmniCamera:
         """
         return dataclasses.replace(self, polygons=polygons)
 
-    def with_quality(self, name: str) -> OmniCamera:
+    def with_quality(self, name: QualityName | str) -> OmniCamera:
         """The same sensor with a capture quality by name: "fast", "default" or "fine".
 
         Raises:

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera, summary
-from omnisim.errors import GraphicsError
+from omnisim.errors import GraphicsError, OmnisimError
 from omnisim.frame import Frame
 from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth import Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
+from omnisim.ground_truth.channels import ChannelName
+from omnisim.poses import check_pose, inverse
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest
 from omnisim.sensors.batches import BatchRenderer, needed_others
@@ -88,10 +90,11 @@ class Renderer(BatchRenderer):
 
     def render(
         self,
-        state: WorldState | ArrayLike,
+        state: WorldState | ArrayLike | None = None,
         linear: bool = False,
         *,
-        also: Collection[str] = (),
+        optical: ArrayLike | None = None,
+        also: Collection[ChannelName | str] = (),
         next_state: WorldState | ArrayLike | None = None,
         previous_state: WorldState | ArrayLike | None = None,
         motion: Motion | None = None,
@@ -104,6 +107,8 @@ class Renderer(BatchRenderer):
         Args:
             state: of the world in the middle of the frame; or, where nothing else moves, the (4, 4)
                 pose of the vehicle, see `OmniCamera.base_pose`, at the time 0 s.
+            optical: (4, 4) world_from_optical in place of `state`: the camera's own pose as OpenCV
+                and Kalibr have it, x right, y down, z forward.
             linear: also read back linear floats, which EXR needs.
             also: names of channels of ground truth, see `omnisim.ground_truth`.
             next_state: state, or pose, at the next frame, which flow and scene flow need.
@@ -115,11 +120,12 @@ class Renderer(BatchRenderer):
             boxes_3d: also the oriented boxes of the visible instances.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, an unknown channel, flow without its
+            OmnisimError: both or neither of state and optical, a matrix that is not a pose, an
+                unknown channel, flow without its
                 other state, an impossible exposure, or the renderer or its stage is closed.
         """
         names = check_channels(also)
-        now = self._state(state)
+        now = self._state(self._state_or_optical(state, optical))
         others = {
             other: self._state(given, now)
             for other, given in (("next", next_state), ("previous", previous_state))
@@ -149,6 +155,17 @@ class Renderer(BatchRenderer):
             world_from_base = others[other].world_from_object[self.vehicle]
             metadata[f"{other}_world_from_base"] = world_from_base.tolist()
         return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray, boxes)
+
+    def _state_or_optical(
+        self, state: WorldState | ArrayLike | None, optical: ArrayLike | None
+    ) -> WorldState | ArrayLike:
+        """State, or the pose of the vehicle whose camera has the pose `optical` (4, 4)."""
+        if optical is None and state is not None:
+            return state
+        if optical is None or state is not None:
+            got = "neither" if optical is None else "both"
+            raise OmnisimError(f"render: expected either state or optical, got {got}")
+        return check_pose(optical) @ inverse(self.camera.base_from_optical)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.

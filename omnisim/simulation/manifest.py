@@ -12,7 +12,7 @@ from omnisim.errors import RunError, did_you_mean
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.parameters import Table, parse_table
 from omnisim.robot.sensor_names import SensorName
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.simulation.sensors import MountedSensor
 from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
@@ -50,7 +50,7 @@ class _Scene(_OpenTable):
         Raises:
             SceneError: it cannot be read.
         """
-        return load_scene(moved_to or self.file, self.up_axis, self.meters_per_unit, self.resources)
+        return read_scene(moved_to or self.file, self.up_axis, self.meters_per_unit, self.resources)
 
 
 class _Named(_OpenTable):

@@ -14,7 +14,7 @@ from omnisim.poses import pose_from_rotation
 from omnisim.robot.kinematics import Kinematics
 from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.robot_file import Footprint, Robot, load_robot
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.enclosure import enclosing_nodes
 from omnisim.scene.start_pose import default_start
 from omnisim.sensors.degradations import Degradation
@@ -171,7 +171,7 @@ def _load_body(robot: Robot) -> Scene | None:
     path = find_beside(robot.folder, robot.body, f"{robot.source}: body", RobotFileError)
     try:
         folders = [robot.folder / name for name in robot.resources]
-        body = _moved(load_scene(path, resources=folders, animation="none"), robot.body_offset_m)
+        body = _moved(read_scene(path, resources=folders, animation="none"), robot.body_offset_m)
         # pictures and fingerprints name the body: not by where this machine has it; it is no scene
         # to look around in, and has its middle for a start
         return dataclasses.replace(body, name=robot.body, start=default_start(body.bounds_m()))

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -9,6 +10,7 @@ import omnisim.ground_truth
 from omnisim.cli.arguments import AlsoOption
 from omnisim.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
+from omnisim.ground_truth.channels import ChannelName
 
 
 def test_names_are_unique_and_ordered():
@@ -62,3 +64,7 @@ def test_reference_and_help_name_all_channels():
     assert list(rows) == list(CHANNELS)
     (option,) = AlsoOption.__metadata__
     assert option.help.endswith(f"or all: {' '.join(CHANNELS)}.")
+
+
+def test_the_type_of_names_has_all_channels():
+    assert get_args(ChannelName) == tuple(CHANNELS)
