@@ -27,7 +27,6 @@ EXTRAS = {
     "rays": {"embreex": "embreex"},
     "bake": {"embreex": "embreex", "xatlas": "xatlas"},
     "video": {"av": "av"},
-    "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
     "live": {"websockets": "websockets"},
     "mujoco": {"mujoco-core": "mujoco"},
     "usd": {"usd-core": "pxr"},

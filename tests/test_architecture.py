@@ -50,7 +50,7 @@ LAYERS = (
 GPU_LAYERS = (
     {"hit_batches"},
     {"batch_pipeline", "parallax_pipeline"},
-    {"cuda_buffer", "pipeline", "readback_ring"},
+    {"pipeline", "readback_ring"},
     {"ground_truth"},
     {"capture", "degradation", "shadows"},
     {"scene"},
@@ -62,7 +62,6 @@ GPU_LAYERS = (
 )
 HOMES = {
     "moderngl": {"gpu"},
-    "cuda": {"gpu"},
     "trimesh": {"scene"},
     "PIL": {"scene"},
     "OpenImageIO": {"image_files"},

@@ -48,7 +48,7 @@ def test_packages_are_those_of_the_project():
             expected -= {"pyrender"}
         assert set(packages) == expected, extra
     (everything,) = extras["all"]
-    left_out = {"oracles", "cuda", "ray"}  # for tests, experimental, and for clusters
+    left_out = {"oracles", "ray"}  # for tests, and for clusters
     assert set(re.findall(r"\w+", everything)) - {"omnisim"} == EXTRAS.keys() - left_out
 
 
@@ -57,7 +57,6 @@ def test_constraints_pin_every_package_of_the_extras():
     pinned = {line.partition("==")[0].lower() for line in lines if "==" in line}
     project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    del extras["cuda"]  # no test has it
     every = [*project["dependencies"], *(each for extra in extras.values() for each in extra)]
     assert {_package(each).lower() for each in every} - {"omnisim"} <= pinned
 

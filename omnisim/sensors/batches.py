@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +18,6 @@ from omnisim.sensors.batch_arrays import PICTURES, batch_arrays, check_contents
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import SensorRenderer
 from omnisim.world import WorldState
-
-if TYPE_CHECKING:
-    from omnisim.sensors.cuda_batch import CudaBatch
 
 # States of the world, or poses (n, 4, 4) of the vehicle, where nothing else moves.
 States = Sequence[WorldState | ArrayLike] | ArrayLike
@@ -153,22 +150,6 @@ class BatchRenderer(SensorRenderer[CameraBackend]):
                 fill_channels(passes, truth, poses, others)
         self._last_poses = poses[-1] if poses else self._last_poses
         return PendingBatch(arrays, None if end is None else partial(self._end_batch, end))
-
-    def cuda_batch(self, count: int, device: int = 0) -> CudaBatch:
-        """Prepare batches of so many pictures that stay on the GPU, for CUDA. Experimental.
-
-        Args:
-            count: of the pictures.
-            device: CUDA's number of the GPU that draws.
-
-        Raises:
-            GraphicsError: no GPU of NVIDIA, or a camera whose pictures are made one after the
-                other.
-            OmnisimError: the extra `cuda` is not installed.
-        """
-        from omnisim.sensors.cuda_batch import CudaBatch  # seldom needed
-
-        return CudaBatch(count, self._current, self._batch_poses, device)
 
     def _end_batch(self, end: Callable[[], None]) -> None:
         with self._current():
