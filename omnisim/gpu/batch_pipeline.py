@@ -75,14 +75,6 @@ class BatchPipeline:
             self._ring.discard()
             raise
 
-    def copy_to(self, buffer: moderngl.Buffer, poses: Sequence[ScenePoses]) -> None:
-        """Draw the pictures of poses, and copy them (n, height, width, 3) into a buffer."""
-        width, height = self.size_px
-        for some, target in self._draw_slices(poses):
-            rows, offset = (some.stop - some.start) * height, 3 * some.start * height * width
-            region = (0, 0, width, rows)
-            target.read_into(buffer, region, components=3, write_offset=offset)
-
     def _draw_slices(
         self, poses: Sequence[ScenePoses]
     ) -> Iterator[tuple[slice, moderngl.Framebuffer]]:

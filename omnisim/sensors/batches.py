@@ -163,7 +163,7 @@ class BatchRenderer(SensorRenderer[CameraBackend]):
         needed = needed_others([name for name in names if name in CHANNELS], given, "states")
         return {other: self._batch_poses(given[other]) for other in needed}
 
-    def _batch_poses(self, states: object) -> list[ScenePoses]:
+    def _batch_poses(self, states: States) -> list[ScenePoses]:
         """Poses of the camera and of all that moves, in each state.
 
         Raises:
