@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.capture.picture_pass import RemapPass
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.readback_ring import ReadbackRing
 from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.rendering import ScenePoses
 
 MAX_SLICE_BYTES = 256 * 2**20  # of atlases and pictures: however many poses there are
 _PIXEL_BYTES = 4

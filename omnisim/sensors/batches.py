@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import OutputError
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth import CHANNELS
 from omnisim.poses import check_poses
+from omnisim.rendering import ScenePoses
 from omnisim.sensors.backend import CameraBackend
 from omnisim.sensors.batch_arrays import PICTURES, batch_arrays, check_contents
 from omnisim.sensors.omnicamera import OmniCamera

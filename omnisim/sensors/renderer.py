@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.cameras import CentralCamera, summary
 from omnisim.errors import GraphicsError
 from omnisim.frame import Frame
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth import Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
+from omnisim.rendering import ScenePoses
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest
 from omnisim.sensors.batches import BatchRenderer, needed_others
