@@ -86,7 +86,8 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check \
+# Python compiles modules when they are first imported: a quarter of the time and 55 MB less.
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile \
 	--constraint constraints.txt
 
 # What a user installs.
