@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
+import platform
 import sys
 from importlib.util import find_spec
 
-from omnisim.errors import OmnisimError
+from omnisim.errors import GraphicsError, OmnisimError
+
+DISTRIBUTION = "omnisim-camera"  # the index has another one that is called omnisim
 
 # Module of each package, by the package's name on the index, as in pyproject.toml.
 REQUIRED = {
-    "moderngl": "moderngl",
     "numpy": "numpy",
     "OpenImageIO": "OpenImageIO",
     "pillow": "PIL",
+    "pycollada": "collada",
     "pydantic": "pydantic",
     "PyYAML": "yaml",
     "rich": "rich",
     "scipy": "scipy",
     "trimesh": "trimesh",
     "typer": "typer",
+    "websockets": "websockets",
 }
 EXTRAS = {
+    "opengl": {"moderngl": "moderngl"},  # required, too, where it has a wheel
     "plots": {"matplotlib": "matplotlib"},
     "reports": {"matplotlib": "matplotlib", "jinja2": "jinja2"},
-    "collada": {"pycollada": "collada"},
     "rays": {"embreex": "embreex"},
     "bake": {"embreex": "embreex", "xatlas": "xatlas"},
     "video": {"av": "av"},
-    "cuda": {"cuda-bindings": "cuda.bindings", "cuda-core": "cuda.core"},
-    "live": {"websockets": "websockets"},
     "mujoco": {"mujoco-core": "mujoco"},
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},
@@ -59,8 +61,8 @@ def missing_packages(extra: str) -> list[str]:
 
 
 def install_hint(extra: str) -> str:
-    """Commands that install an extra."""
-    return f"pip install 'omnisim[{extra}]' (in a checkout: pip install '.[{extra}]')"
+    """Command that installs an extra beside omnisim, also beside one from a checkout."""
+    return f"pip install '{DISTRIBUTION}[{extra}]'"
 
 
 def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimError) -> None:
@@ -77,3 +79,18 @@ def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimE
     missing = missing_packages(extra)
     if missing:
         raise error(f"{feature} needs {' and '.join(missing)}: {install_hint(extra)}")
+
+
+def require_opengl(feature: str) -> None:
+    """Refuse a feature where OpenGL cannot even be looked for, before anything imports moderngl.
+
+    Raises:
+        GraphicsError: another system than Linux, or no moderngl.
+    """
+    if platform.system() != "Linux":
+        need = "OpenGL through EGL, which Linux alone has"
+    elif not is_installed("moderngl"):
+        need = f"moderngl: {install_hint('opengl')}"
+    else:
+        return
+    raise GraphicsError(f"{feature} needs {need}; back end 'rays' needs no OpenGL")

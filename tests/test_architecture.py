@@ -31,7 +31,7 @@ LAYERS = (
     {"frame"},
     {"ground_truth"},
     {"image_files", "trajectories"},
-    {"world"},
+    {"rendering", "world"},
     {"poses"},
     {
         "atomic_file",
@@ -50,7 +50,7 @@ LAYERS = (
 GPU_LAYERS = (
     {"hit_batches"},
     {"batch_pipeline", "parallax_pipeline"},
-    {"cuda_buffer", "pipeline", "readback_ring"},
+    {"pipeline", "readback_ring"},
     {"ground_truth"},
     {"capture", "degradation", "shadows"},
     {"scene"},
@@ -62,7 +62,6 @@ GPU_LAYERS = (
 )
 HOMES = {
     "moderngl": {"gpu"},
-    "cuda": {"gpu"},
     "trimesh": {"scene"},
     "PIL": {"scene"},
     "OpenImageIO": {"image_files"},
@@ -83,6 +82,19 @@ HOMES = {
     "pxr": {"scene"},
     "rosbags": {"exporting"},
 }
+# Outside of gpu, what draws by OpenGL: imported by functions that are asked to.
+DRAWING = {
+    f"omnisim.{name}"
+    for name in (
+        "sensors.cube_backend",
+        "sensors.deforming_draws",
+        "sensors.parallax_camera",
+        "sensors.parallax_hits",
+        "validation.checks.optics_triangles",
+        "validation.checks.polygons",
+        "validation.same_triangles",
+    )
+}
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
     for path in sorted(PACKAGE.rglob("*.py"))
@@ -99,6 +111,19 @@ def _imports(module):
             for alias in node.names:
                 member = f"{node.module}.{alias.name}"
                 yield member if member in MODULES else node.module
+
+
+def _imported_at_start(module):
+    """Names of what a module imports when it is imported, with the packages that they are in."""
+    for node in ast.parse(MODULES[module].read_text(encoding="utf-8")).body:
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        for name in names:
+            parts = name.split(".")
+            yield from (".".join(parts[:count]) for count in range(1, len(parts) + 1))
 
 
 def _layer(layers, part):
@@ -140,6 +165,16 @@ def test_imports_have_no_cycle():
         TopologicalSorter(graph).prepare()
     except CycleError as reason:
         pytest.fail(" → ".join(reason.args[1]))
+
+
+def test_only_drawing_needs_opengl():
+    """Rays, files and calibrations work where moderngl cannot be imported."""
+    imported = {module: set(_imported_at_start(module)) for module in MODULES}
+    needing = {"moderngl"}
+    while more := {one for one in imported if imported[one] & needing} - needing:
+        needing |= more
+    outside = {one for one in needing if not one.startswith("omnisim.gpu.")}
+    assert outside == DRAWING | {"moderngl"}
 
 
 def test_every_layer_is_there():

@@ -9,11 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.errors import OutputError, SceneError
-from omnisim.extras import EXTRAS, REQUIRED, install_hint, require_extra
+from omnisim.errors import GraphicsError, OutputError
+from omnisim.extras import (
+    DISTRIBUTION,
+    EXTRAS,
+    REQUIRED,
+    install_hint,
+    require_extra,
+    require_opengl,
+)
 
 PROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
-OPTIONAL = ("matplotlib", "jinja2", "collada", "networkx", "lxml", "av", "mujoco", "pxr")
+OPTIONAL = ("matplotlib", "jinja2", "networkx", "lxml", "av", "mujoco", "pxr")
 
 
 def _run(folder, *commands):
@@ -40,7 +47,8 @@ def _package(requirement):
 
 def test_packages_are_those_of_the_project():
     project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
-    assert set(REQUIRED) == {_package(each) for each in project["dependencies"]}
+    required = {_package(each) for each in project["dependencies"]}
+    assert set(REQUIRED) == required - {"moderngl"}  # of an extra, where there is no wheel
     extras = project["optional-dependencies"]
     for extra, packages in EXTRAS.items():
         expected = {_package(each) for each in extras[extra]}
@@ -48,8 +56,16 @@ def test_packages_are_those_of_the_project():
             expected -= {"pyrender"}
         assert set(packages) == expected, extra
     (everything,) = extras["all"]
-    left_out = {"oracles", "cuda", "ray"}  # for tests, experimental, and for clusters
-    assert set(re.findall(r"\w+", everything)) - {"omnisim"} == EXTRAS.keys() - left_out
+    left_out = {"oracles", "ray"}  # for tests, and for clusters
+    (named,) = re.findall(r"\[(.*)\]", everything)
+    assert everything == f"{DISTRIBUTION}[{named}]"
+    assert set(named.split(",")) == EXTRAS.keys() - left_out
+
+
+def test_the_distribution_has_a_name_of_its_own():
+    project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
+    assert project["name"] == DISTRIBUTION != "omnisim"
+    assert project["scripts"].keys() == {"omnisim"}
 
 
 def test_constraints_pin_every_package_of_the_extras():
@@ -57,19 +73,17 @@ def test_constraints_pin_every_package_of_the_extras():
     pinned = {line.partition("==")[0].lower() for line in lines if "==" in line}
     project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    del extras["cuda"]  # no test has it
     every = [*project["dependencies"], *(each for extra in extras.values() for each in extra)]
-    assert {_package(each).lower() for each in every} - {"omnisim"} <= pinned
+    assert {_package(each).lower() for each in every} - {DISTRIBUTION} <= pinned
 
 
-def test_missing_packages_are_named_with_both_ways_to_install_them(monkeypatch):
+def test_missing_packages_are_named_with_the_command_that_installs_them(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "jinja2", None)
     with pytest.raises(OutputError) as error:
         require_extra("reports", "omnisim validate", OutputError)
     assert str(error.value) == (
-        "omnisim validate needs matplotlib and jinja2: "
-        "pip install 'omnisim[reports]' (in a checkout: pip install '.[reports]')"
+        "omnisim validate needs matplotlib and jinja2: pip install 'omnisim-camera[reports]'"
     )
 
 
@@ -87,13 +101,11 @@ def test_installed_packages_are_no_error():
         ("localize run -o a", "omnisim localize", "matplotlib and jinja2", "reports"),
         ("validate -o a", "omnisim validate", "matplotlib and jinja2", "reports"),
         ("experiments -o a", "omnisim experiments", "matplotlib and jinja2", "reports"),
-        ("render box.dae -o a.png", "box.dae", "pycollada", "collada"),
         ("render box.usda -o a.png", "box.usda", "usd-core", "usd"),
         ("render box.xml -o a.png", "box.xml", "mujoco-core", "mujoco"),
     ],
 )
 def test_a_command_without_its_extra_ends_in_one_line(tmp_path, command, feature, package, extra):
-    (tmp_path / "box.dae").write_text("<COLLADA/>")
     (tmp_path / "box.xml").write_text("<mujoco/>")
     (tmp_path / "box.usda").write_text("#usda 1.0")
     (tmp_path / "run").mkdir()
@@ -102,18 +114,28 @@ def test_a_command_without_its_extra_ends_in_one_line(tmp_path, command, feature
     assert done.stdout == ""
     assert done.stderr == f"error: {feature} needs {package}: {install_hint(extra)}\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "box.dae", "box.usda", "box.xml", "run"
+        "box.usda", "box.xml", "run"
     ]  # fmt: skip
 
 
-def test_a_collada_scene_without_its_extra_is_a_scene_error(monkeypatch, tmp_path):
-    from omnisim import load_scene
+def test_without_moderngl_opengl_names_its_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.raises(GraphicsError) as error:
+        require_opengl("back end 'cube'")
+    assert str(error.value) == (
+        "back end 'cube' needs moderngl: pip install 'omnisim-camera[opengl]'; "
+        "back end 'rays' needs no OpenGL"
+    )
 
-    monkeypatch.setitem(sys.modules, "collada", None)
-    path = tmp_path / "a.dae"
-    path.write_text("<COLLADA/>")
-    with pytest.raises(SceneError, match="needs pycollada: pip install"):
-        load_scene(path)
+
+def test_other_systems_than_linux_have_no_opengl(monkeypatch):
+    monkeypatch.setattr("platform.system", lambda: "Darwin")
+    with pytest.raises(GraphicsError) as error:
+        require_opengl("back end 'cube'")
+    assert str(error.value) == (
+        "back end 'cube' needs OpenGL through EGL, which Linux alone has; "
+        "back end 'rays' needs no OpenGL"
+    )
 
 
 @pytest.mark.slow

@@ -22,13 +22,14 @@ from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.context import open_context
-from omnisim.gpu.pipeline import Pipeline, ScenePoses
+from omnisim.gpu.pipeline import Pipeline
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.plots import style
 from omnisim.plots.plot_file import Figure
+from omnisim.rendering import ScenePoses
 from omnisim.reports.measure import Measure
 from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES

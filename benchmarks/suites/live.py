@@ -24,7 +24,6 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.report import bound_lines, make_report
 from omnisim.browser.server import page_bytes
-from omnisim.extras import require_extra
 from omnisim.gpu.context import open_context
 from omnisim.plots import style
 from omnisim.reports.machine import ROOT
@@ -44,9 +43,8 @@ def run(options: Options) -> dict[str, Any]:
 
     Raises:
         BenchmarkError: the command fails.
-        OmnisimError: no OpenGL, or the extra `live` is not installed.
+        OmnisimError: no OpenGL.
     """
-    require_extra("live", "python -m benchmarks live")
     scene = options.scenes[0] if options.scenes else SCENE
     begin_s = time.perf_counter()
     with _served(scene, options) as client:

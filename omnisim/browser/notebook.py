@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from omnisim.browser.camera_document import CameraDocument
 from omnisim.browser.live_source import LiveSettings
 from omnisim.cameras import CentralCamera
-from omnisim.extras import require_extra
 from omnisim.scene import Scene, load_scene
 from omnisim.sensors import OmniCamera
 from omnisim.short_repr import short_repr
@@ -77,10 +76,9 @@ def live(
         device: number of the GPU; None takes the first.
 
     Raises:
-        OmnisimError: a scene, camera or robot that cannot be read, no OpenGL, a port that is taken,
-            or the extra `live` is not installed.
+        OmnisimError: a scene, camera or robot that cannot be read, no OpenGL, or a port that is
+            taken.
     """
-    require_extra("live", "omnisim.live")
     from omnisim.browser.live import BackgroundPage, LivePage
 
     found = scene if isinstance(scene, Scene) else load_scene(scene)

@@ -149,7 +149,6 @@ def render(request: RenderRequest) -> None:
 @command(app, LiveRequest)
 def live(request: LiveRequest) -> None:
     """Serve a page: the camera in a browser, driven by keys, every parameter a control."""
-    require_extra("live", "omnisim live")
     from omnisim.cli.live import run
 
     run(request)

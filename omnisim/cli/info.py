@@ -14,8 +14,14 @@ from omnisim.cameras import summary
 from omnisim.cli.console import out
 from omnisim.cli.sensor import mesh_text
 from omnisim.errors import GraphicsError
-from omnisim.extras import EXTRAS, REQUIRED, install_hint, is_installed, missing_packages
-from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
+from omnisim.extras import (
+    EXTRAS,
+    REQUIRED,
+    install_hint,
+    is_installed,
+    missing_packages,
+    require_opengl,
+)
 from omnisim.robot import builtin_robots
 from omnisim.scene import builtin_scenes
 from omnisim.sensors import OmniCamera
@@ -83,6 +89,9 @@ def _version(package: str, module: str) -> str:
 
 
 def _print_devices() -> None:
+    require_opengl("the list of devices")
+    from omnisim.gpu.context import GraphicsInfo, list_devices, open_context
+
     devices = list_devices()
     usable = [(number, found) for number, found in devices if isinstance(found, GraphicsInfo)]
     for number, found in devices:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.capture.picture_pass import RemapPass
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.readback_ring import ReadbackRing
 from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.rendering import ScenePoses
 
 MAX_SLICE_BYTES = 256 * 2**20  # of atlases and pictures: however many poses there are
 _PIXEL_BYTES = 4
@@ -74,14 +74,6 @@ class BatchPipeline:
         except BaseException:
             self._ring.discard()
             raise
-
-    def copy_to(self, buffer: moderngl.Buffer, poses: Sequence[ScenePoses]) -> None:
-        """Draw the pictures of poses, and copy them (n, height, width, 3) into a buffer."""
-        width, height = self.size_px
-        for some, target in self._draw_slices(poses):
-            rows, offset = (some.stop - some.start) * height, 3 * some.start * height * width
-            region = (0, 0, width, rows)
-            target.read_into(buffer, region, components=3, write_offset=offset)
 
     def _draw_slices(
         self, poses: Sequence[ScenePoses]

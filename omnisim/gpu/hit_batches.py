@@ -12,10 +12,10 @@ from omnisim.gpu.capture.valid_pixels import valid_pixels_array
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass, bind_details, hits_target, read_hits
 from omnisim.gpu.ground_truth.visibility_layers import VisibilityLayers
 from omnisim.gpu.memory import gpu_allocation
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.scene.cube_layers import EXTENSIONS
 from omnisim.gpu.uniforms import uniform
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering import ScenePoses
 
 # Triangle IDs, base colours and depth of a texel; points, primitives, normals and base colours. And
 # what materials take.

@@ -11,8 +11,9 @@ from omnisim.gpu.capture.chromatic_pass import ChromaticPass
 from omnisim.gpu.capture.parallax_pass import ParallaxPass
 from omnisim.gpu.capture.parallax_rays import SampleRays
 from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.pipeline import Pipeline, ScenePoses
+from omnisim.gpu.pipeline import Pipeline
 from omnisim.gpu.scene.cube_pass import CubePass
+from omnisim.rendering import ScenePoses
 
 # Linear RGB (n, 3) along rays (n,) at some poses.
 CastAt = Callable[[ScenePoses, SampleRays], NDArray[np.float32]]

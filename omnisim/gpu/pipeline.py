@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Literal
 
 import moderngl
 import numpy as np
@@ -16,49 +16,7 @@ from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cube_pass import CubePass
-
-
-class Readback(NamedTuple):
-    """Picture read from the GPU; first row at the top."""
-
-    rgba: NDArray[np.uint8]  # (height, width, 4): sRGB, alpha 255 where the camera sees something
-    linear: NDArray[np.float32] | None  # (height, width, 3), where asked for
-
-
-class ScenePoses(NamedTuple):
-    """Poses of the camera and of all that moves, at one time.
-
-    Attributes:
-        world_from_rig: (4, 4) of the camera's rig.
-        world_from_objects: (4, 4) each, in the order of the scene's buffers.
-    """
-
-    world_from_rig: NDArray[np.float64]
-    world_from_objects: Sequence[NDArray[np.float64]] = ()
-
-
-class SubFrame(NamedTuple):
-    """Part of the time in which a picture is taken.
-
-    Attributes:
-        poses: in this part.
-        row_weights: (height,) share of each row's exposure; None: all of it.
-    """
-
-    poses: ScenePoses
-    row_weights: NDArray[np.float32] | None
-
-
-class Exposed(NamedTuple):
-    """Exposure of one picture.
-
-    Attributes:
-        factors: of red, green and blue light.
-        frame_number: noise differs from frame to frame.
-    """
-
-    factors: tuple[float, float, float]
-    frame_number: int
+from omnisim.rendering import Exposed, Readback, ScenePoses, SubFrame
 
 
 class Pipeline:

@@ -9,10 +9,13 @@ import subprocess
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from omnisim.gpu.context import GraphicsInfo, graphics_info, open_context
+from omnisim.extras import require_opengl
 from omnisim.version import __version__
+
+if TYPE_CHECKING:  # there may be no OpenGL
+    from omnisim.gpu.context import GraphicsInfo
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
@@ -28,6 +31,9 @@ def machine_of_device(device: int | None = None) -> dict[str, Any]:
     Raises:
         GraphicsError: no OpenGL.
     """
+    require_opengl("validation")
+    from omnisim.gpu.context import graphics_info, open_context
+
     context = open_context(device)
     try:
         return describe_machine(graphics_info(context), device)

@@ -16,7 +16,6 @@ import trimesh
 from PIL import Image
 
 from omnisim.errors import SceneError
-from omnisim.extras import require_extra
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.conversions import conversion_hint
 from omnisim.scene.imported import ImportedScene
@@ -25,7 +24,6 @@ from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj, undefin
 from omnisim.scene.textures import NO_PICTURE, TextureStore
 from omnisim.scene.trimesh_import import import_trimesh
 
-_COLLADA = {".dae", ".zae"}
 # trimesh also reads paths without surfaces, voxels, and archives of files.
 _NOT_SCENES = {"dxf", "svg", "binvox", "zip", "tar.gz", "tar.bz2", "tgz", "bz2", "gz"}
 _DAMAGED = "is damaged, or of another format than its name says"
@@ -35,8 +33,6 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 def check_format(path: Path) -> None:
     """Check that trimesh reads surfaces from files with the suffix of `path`."""
-    if path.suffix.lower() in _COLLADA:
-        require_extra("collada", str(path), SceneError)
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
         if hint := conversion_hint(path):
             raise SceneError(f"{path}: {hint}")

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import OpticsError
-from omnisim.gpu.pipeline import Readback, ScenePoses
 from omnisim.ground_truth.hits import HitDetails
 from omnisim.ground_truth.labels import Labels
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
+from omnisim.rendering import Readback, ScenePoses
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.degradations.effect import MAX_EV

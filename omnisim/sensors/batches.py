@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.errors import OutputError
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth import CHANNELS
 from omnisim.poses import check_poses
+from omnisim.rendering import ScenePoses
 from omnisim.sensors.backend import CameraBackend
 from omnisim.sensors.batch_arrays import PICTURES, batch_arrays, check_contents
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import SensorRenderer
 from omnisim.world import WorldState
-
-if TYPE_CHECKING:
-    from omnisim.sensors.cuda_batch import CudaBatch
 
 # States of the world, or poses (n, 4, 4) of the vehicle, where nothing else moves.
 States = Sequence[WorldState | ArrayLike] | ArrayLike
@@ -154,22 +151,6 @@ class BatchRenderer(SensorRenderer[CameraBackend]):
         self._last_poses = poses[-1] if poses else self._last_poses
         return PendingBatch(arrays, None if end is None else partial(self._end_batch, end))
 
-    def cuda_batch(self, count: int, device: int = 0) -> CudaBatch:
-        """Prepare batches of so many pictures that stay on the GPU, for CUDA. Experimental.
-
-        Args:
-            count: of the pictures.
-            device: CUDA's number of the GPU that draws.
-
-        Raises:
-            GraphicsError: no GPU of NVIDIA, or a camera whose pictures are made one after the
-                other.
-            OmnisimError: the extra `cuda` is not installed.
-        """
-        from omnisim.sensors.cuda_batch import CudaBatch  # seldom needed
-
-        return CudaBatch(count, self._current, self._batch_poses, device)
-
     def _end_batch(self, end: Callable[[], None]) -> None:
         with self._current():
             end()
@@ -182,7 +163,7 @@ class BatchRenderer(SensorRenderer[CameraBackend]):
         needed = needed_others([name for name in names if name in CHANNELS], given, "states")
         return {other: self._batch_poses(given[other]) for other in needed}
 
-    def _batch_poses(self, states: object) -> list[ScenePoses]:
+    def _batch_poses(self, states: States) -> list[ScenePoses]:
         """Poses of the camera and of all that moves, in each state.
 
         Raises:

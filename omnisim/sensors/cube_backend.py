@@ -33,13 +33,7 @@ from omnisim.gpu.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.hit_batches import HitBatches
-from omnisim.gpu.pipeline import (
-    DegradedPipeline,
-    Pipeline,
-    Readback,
-    ScenePoses,
-    check_picture_size,
-)
+from omnisim.gpu.pipeline import DegradedPipeline, Pipeline, check_picture_size
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.range_pass import RangePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
@@ -48,6 +42,7 @@ from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.gpu.shadows.shadow_maps import ShadowMaps
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.ground_truth.lidar_beams import LidarBeams
+from omnisim.rendering import Readback, ScenePoses
 from omnisim.scene import Scene
 from omnisim.sensors.backend import (
     CameraBackend,
@@ -56,10 +51,11 @@ from omnisim.sensors.backend import (
     SceneBackend,
     seen_background,
 )
+from omnisim.sensors.deforming_draws import deforming_draws
 from omnisim.sensors.degradations.picture_geometry import PictureGeometry
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera
-from omnisim.sensors.hit_source import HitSource, deforming_draws
+from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.moving_boxes import MovingBoxes
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.quality import QUALITIES

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
+from omnisim.rendering import ScenePoses
 from omnisim.sensors.hit_source import DeformingDraw, HitSource
 from omnisim.world import time_of
 

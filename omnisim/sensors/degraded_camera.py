@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
-from omnisim.gpu.pipeline import Exposed, Readback, SubFrame
+from omnisim.rendering import Exposed, Readback, SubFrame
 from omnisim.sensors.backend import FrameRequest
 from omnisim.sensors.motion import moved_px
 from omnisim.sensors.moving_boxes import MovingBoxes

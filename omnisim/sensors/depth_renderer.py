@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.poses import check_pose, pose
+from omnisim.rendering import ScenePoses
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup
 from omnisim.sensors.depth_camera import DepthCamera

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
 from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.ground_truth.labels import Labels
+from omnisim.rendering import ScenePoses
 from omnisim.sensors.deformed_points import deformed_hits
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.optical_flow import OpticalFlow

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.gpu.pipeline import ScenePoses
-from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering import ScenePoses
 from omnisim.scene.model import Mesh
 from omnisim.world import ObjectPart
 
@@ -84,12 +83,3 @@ class HitSource(ABC):
         """Object of each instance (n + 1,), from −1 on, which is nothing: 0: the static scene."""
         objects = [0 if index is None else index + 1 for index, _ in self.draws]
         return np.array([0, *objects], dtype=np.intp)
-
-
-def deforming_draws(buffers: SceneBuffers) -> dict[int, DeformingDraw]:
-    """Draw items whose meshes deform, by their index."""
-    items = {index: buffers.draw_items[index] for index in buffers.deforming.tolist()}
-    return {
-        index: DeformingDraw(one.mesh, one.object_index, one.object_from_mesh)
-        for index, one in items.items()
-    }

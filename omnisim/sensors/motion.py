@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera, pixels_of_points
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.parameters import Number, Parameters
 from omnisim.poses import pose_from_rotation
+from omnisim.rendering import ScenePoses
 from omnisim.world import Pose
 
 # Assumed distance of the nearest surface, as depth is not known before there is a picture. Nearer

@@ -16,8 +16,8 @@ from omnisim.cameras import (
     pixel_grid,
     pixels_of_points,
 )
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
+from omnisim.rendering import ScenePoses
 from omnisim.sensors.deformed_points import deformed_hits
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.scene_flow import POINTS_PER_BATCH, other_from_current, transform_points

@@ -18,13 +18,14 @@ from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.context import collect_garbage
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
 from omnisim.gpu.parallax_pipeline import ParallaxPipeline
-from omnisim.gpu.pipeline import DegradedPipeline, Readback, ScenePoses
+from omnisim.gpu.pipeline import DegradedPipeline
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.optics.centrality import common_point
+from omnisim.rendering import Readback, ScenePoses
 from omnisim.sensors.backend import (
     CameraBackend,
     CameraSetup,

@@ -21,7 +21,6 @@ from omnisim.gpu.ground_truth.parallax_hit_pass import (
     ParallaxHitPass,
 )
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
@@ -29,7 +28,9 @@ from omnisim.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts
 from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.pixel_rays import Band, PixelRays
 from omnisim.rays.ray_scene import ObjectState
-from omnisim.sensors.hit_source import HitSource, deforming_draws
+from omnisim.rendering import ScenePoses
+from omnisim.sensors.deforming_draws import deforming_draws
+from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.parallax_plan import parallax_tiles
 

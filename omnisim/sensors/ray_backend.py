@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.errors import GraphicsError
-from omnisim.gpu.pipeline import Exposed, Readback, ScenePoses, SubFrame
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
 from omnisim.rays.beams import Beams
@@ -22,6 +21,7 @@ from omnisim.rays.picture import RayPicture
 from omnisim.rays.pixel_hits import PixelHits
 from omnisim.rays.pixel_rays import PixelRays
 from omnisim.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering import Exposed, Readback, ScenePoses, SubFrame
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
 from omnisim.sensors.degradations.degradation import Degradation

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.cameras import CentralCamera, summary
 from omnisim.errors import GraphicsError, OmnisimError
 from omnisim.frame import Frame
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth import Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
 from omnisim.ground_truth.channels import ChannelName
 from omnisim.poses import check_pose, inverse
+from omnisim.rendering import ScenePoses
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest
 from omnisim.sensors.batches import BatchRenderer, needed_others

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import Hits
+from omnisim.rendering import ScenePoses
 
 # Points transformed at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
 # products on threads that then keep the cores from whatever comes next, on one.

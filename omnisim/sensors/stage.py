@@ -7,19 +7,22 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, Literal, Protocol, Self, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, Self, TypeVar, cast, get_args
 
 from numpy.typing import ArrayLike
 
 from omnisim.errors import GraphicsError, SceneError, did_you_mean
-from omnisim.gpu.context import Context
+from omnisim.extras import require_opengl
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
 from omnisim.sensors.backend import SceneBackend
-from omnisim.sensors.cube_backend import CubeBackend
 from omnisim.sensors.scene_edits import EditableScene
 from omnisim.short_repr import counted, short_repr
 from omnisim.world import ObjectPart, ObjectPoses, WorldState
+
+if TYPE_CHECKING:  # there may be no OpenGL
+    from omnisim.gpu.context import Context
+    from omnisim.sensors.cube_backend import CubeBackend
 
 
 class Closing(ABC):
@@ -62,6 +65,9 @@ def open_backend(
         OmnisimError: its packages are not installed.
     """
     if name == "cube":
+        require_opengl("back end 'cube'")
+        from omnisim.sensors.cube_backend import CubeBackend
+
         return CubeBackend(scene, objects, device)
     if name != "rays":
         raise GraphicsError(f"backend {name!r}: {did_you_mean(name, get_args(BackendName))}")
@@ -184,8 +190,8 @@ class Stage(Closing, EditableScene):
         Raises:
             GraphicsError: another back end has none.
         """
-        if isinstance(self.backend, CubeBackend):
-            return self.backend
+        if self.backend_name == "cube":
+            return cast("CubeBackend", self.backend)
         raise GraphicsError("this stage's back end draws nothing by OpenGL: expected 'cube'")
 
     @property

@@ -15,7 +15,7 @@ from typing import Any
 
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, TrajectoryError
-from omnisim.extras import require_extra
+from omnisim.extras import is_installed, require_extra
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.robot import Chassis, simulate_odometry, with_errors, write_odometry
 from omnisim.robot.odometry import Odometry
@@ -288,7 +288,11 @@ class PlannedDrive:
             "renderer": renderer,
             "libraries": {
                 "python": platform.python_version(),
-                **{name: metadata.version(name) for name in ("moderngl", "numpy", "trimesh")},
+                **{
+                    name: metadata.version(name)
+                    for name in ("moderngl", "numpy", "trimesh")
+                    if is_installed(name)
+                },
             },
         }
         if drive.channel_format is not ChannelFormat.AUTO:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import OpticsError
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.poses import pose
 from omnisim.rays.caster import Rays
 from omnisim.rays.depth_limits import DepthLimits
 from omnisim.rays.ray_scene import RayScene
+from omnisim.rendering import ScenePoses
 from omnisim.sensors import OmniCamera, Stage
 from omnisim.sensors.backend import CameraSetup
 from omnisim.sensors.hit_source import HitSource

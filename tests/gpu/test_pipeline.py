@@ -7,11 +7,12 @@ from omnisim.cameras import pixel_grid
 from omnisim.cube import FACE_NAMES, face_index
 from omnisim.gpu.atlas.tile_plan import plan_tiles
 from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.pipeline import Pipeline, ScenePoses
+from omnisim.gpu.pipeline import Pipeline
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
 from omnisim.gpu.scene.surface_program import SurfacePrograms
 from omnisim.gpu.scene.tile_renderer import VirtualCameras
+from omnisim.rendering import ScenePoses
 from omnisim.srgb import srgb_from_linear
 from tests.camera_examples import camera_examples
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer, Stage
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.optics import OpticalSystem, Surface
 from omnisim.optics.shapes import Conic
 from omnisim.poses import pose
+from omnisim.rendering import ScenePoses
 from omnisim.scene.model import DynamicObject, Material
 from omnisim.scene.object_motion import Orbit
 from omnisim.sensors.degradations import Degradation, Shutter, preset

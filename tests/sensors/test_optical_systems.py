@@ -13,7 +13,6 @@ from omnisim.calibration import calibration_of
 from omnisim.calibration.fit import fit_camera
 from omnisim.cameras import UnifiedCamera, pixel_grid
 from omnisim.errors import OmnisimError
-from omnisim.gpu.pipeline import ScenePoses
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.optics import OpticalSystem, Surface
 from omnisim.optics.shapes import Conic
@@ -21,6 +20,7 @@ from omnisim.perception.unwarping import Unwarping
 from omnisim.perception.views import cylinder_view
 from omnisim.poses import pose
 from omnisim.rays.ray_scene import RayScene
+from omnisim.rendering import ScenePoses
 from omnisim.scene.model import Material
 from omnisim.sensors.degradations import preset
 from omnisim.sensors.motion import moved_px

@@ -304,5 +304,5 @@ def test_memory_is_freed_when_a_renderer_is_closed():
 
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr("omnisim.extras.is_installed", lambda module: module != "embreex")
-    with pytest.raises(OmnisimError, match=r"needs embreex: pip install 'omnisim\[rays\]'"):
+    with pytest.raises(OmnisimError, match=r"needs embreex: pip install 'omnisim-camera\[rays\]'"):
         Renderer(scene_of([square()]), CAMERA, backend="rays")

@@ -13,6 +13,9 @@ from omnisim.gpu.culling.spatial_clustering import spatial_clusters
 # has to be tested, and most of those of a large scene are not seen.
 MAX_TRIANGLES, MIN_TRIANGLES, TRIANGLE_SPLIT_FACTOR = 64, 4, 8.0
 LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
+# Each instance has its own copy in clusters: one that would take more triangles than this is drawn
+# on its own, as are instances that are too far away.
+MAX_SCENE_TRIANGLES = 8_000_000
 # Likewise, children of a cluster group: none is tested where the group is culled. Those that are
 # visible are the bits of a word.
 MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0

@@ -15,17 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.culling.cluster_buffers import ClusterBuffers
-from omnisim.gpu.culling.clusters import ClusterHierarchy, Clusters, build_clusters
+from omnisim.gpu.culling.clusters import (
+    MAX_SCENE_TRIANGLES,
+    ClusterHierarchy,
+    Clusters,
+    build_clusters,
+)
 from omnisim.gpu.scene.draw_item import DrawItem, LightSource
 from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shadings
 from omnisim.gpu.scene.material_table import vertex_details
 from omnisim.gpu.scene.texture_array import TextureArray
-from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX, fill_vertices, light_coordinates
+from omnisim.gpu.scene.vertex_records import CLUSTER_VERTEX, fill_vertices, light_coordinates
 from omnisim.scene.model import AlphaMode, Lighting
 
-# Each instance has its own copy here: one that would take more triangles than this is drawn on its
-# own, as are instances that are too far away.
-MAX_TRIANGLES = 8_000_000
 # Of white: a third of a step of 255 in the dark, where these are finest, a hundredth at white.
 _SAME_LIGHT = 1e-4
 
@@ -236,7 +238,7 @@ def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDAr
     triangles = 0
     for index, item in enumerate(items):
         # a mesh without triangles has no cluster
-        fits = item.triangles and triangles + item.triangles <= MAX_TRIANGLES
+        fits = item.triangles and triangles + item.triangles <= MAX_SCENE_TRIANGLES
         is_rigid = item.mesh.deformation is None
         if is_rigid and not item.is_blended and fits and item.is_near(anchor_m):
             triangles += item.triangles

@@ -19,12 +19,20 @@ MAX_DISTANCE_M = 1500.0
 
 
 class LightSource(Enum):
-    """Source of the light on a lit surface, with the defines of its programs."""
+    """Source of the light on a lit surface, with the defines of its programs.
 
-    COMPUTED = ()
-    LIGHTMAP = ("LIGHTMAP",)
-    PROBES = ("PROBES",)
-    LIGHTMAP_OR_PROBES = ("LIGHTMAP", "PROBES")  # of vertices with and without light coordinates
+    They are words: an empty tuple is no value of an `Enum` in Python 3.11.2.
+    """
+
+    COMPUTED = ""
+    LIGHTMAP = "LIGHTMAP"
+    PROBES = "PROBES"
+    LIGHTMAP_OR_PROBES = "LIGHTMAP PROBES"  # of vertices with and without light coordinates
+
+    @property
+    def defines(self) -> list[str]:
+        """Defines of the programs."""
+        return self.value.split()
 
     @property
     def is_baked(self) -> bool:
@@ -34,7 +42,7 @@ class LightSource(Enum):
     @property
     def is_mapped(self) -> bool:
         """It is the lightmap's, at least of some vertices."""
-        return "LIGHTMAP" in self.value
+        return "LIGHTMAP" in self.defines
 
 
 @dataclass(frozen=True, eq=False)

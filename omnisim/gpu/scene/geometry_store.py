@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.draw_item import DrawItem
-from omnisim.gpu.scene.vertex_format import VERTEX, fill_vertices, light_coordinates
+from omnisim.gpu.scene.vertex_records import VERTEX, fill_vertices, light_coordinates
 from omnisim.scene.model import Mesh, Scene
 
 # Vertices and indices that may be appended, as many as were there before aside.

@@ -99,7 +99,7 @@ class SurfaceVariant(NamedTuple):
         elif self.lit and not self.light.is_baked:
             defines.append("BAKED")
         if self.lit:
-            defines += self.light.value
+            defines += self.light.defines
         if self.both_sides:
             defines.append("BOTH_SIDES")
         if is_placed:

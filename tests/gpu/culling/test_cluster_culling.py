@@ -9,7 +9,7 @@ from omnisim.gpu.atlas.tile_views import TileViews, clips_from_rig
 from omnisim.gpu.culling.cluster_culling import ClusterCuller
 from omnisim.gpu.culling.views import Views
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX
+from omnisim.gpu.scene.vertex_records import CLUSTER_VERTEX
 from omnisim.poses import pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.sensors import OmniCamera

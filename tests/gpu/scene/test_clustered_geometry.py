@@ -6,7 +6,7 @@ import pytest
 from omnisim.gpu.scene.draw_item import MAX_DISTANCE_M
 from omnisim.gpu.scene.light_baking import Shading
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX
+from omnisim.gpu.scene.vertex_records import CLUSTER_VERTEX
 from omnisim.poses import pose as make_pose
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
 from tests.gpu.sheets import SUN, sheet

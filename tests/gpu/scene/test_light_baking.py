@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.gpu.scene.light_baking import Shading, bake_directional_light, shadings
 from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.vertex_format import CLUSTER_VERTEX
+from omnisim.gpu.scene.vertex_records import CLUSTER_VERTEX
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
 from tests.gpu.sheets import LAMP, SUN
 from tests.scenes import scene_of

@@ -13,12 +13,10 @@ def test_installed_modules_have_no_failure():
 
 def test_missing_modules_name_their_extra():
     assert import_failure("no_such_module") == (
-        "no_such_module is not installed: "
-        "pip install 'omnisim[oracles]' (in a checkout: pip install '.[oracles]')"
+        "no_such_module is not installed: pip install 'omnisim-camera[oracles]'"
     )
     assert import_failure("json.omnidir") == (
-        "json.omnidir is not in this json: "
-        "pip install 'omnisim[oracles]' (in a checkout: pip install '.[oracles]')"
+        "json.omnidir is not in this json: pip install 'omnisim-camera[oracles]'"
     )
 
 
