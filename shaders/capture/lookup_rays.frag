@@ -1,5 +1,5 @@
 // Exact capture by rays that are kept: for camera models that find them by iteration.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_rays;  // xyz, and 1 where valid
 #include EMIT

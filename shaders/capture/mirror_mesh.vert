@@ -1,6 +1,6 @@
 // A vertex of the mirror's mesh, seen by the pinhole camera that looks at the mirror.
 // in_position is in the mirror frame in units of c: viewpoint at 0, pinhole at (0, 0, 1).
-#version 430 core
+#version 450 core
 
 uniform vec2 u_picture_size_px;
 uniform float u_focal_length_px;

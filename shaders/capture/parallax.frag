@@ -3,7 +3,7 @@
 // around meet, if the atlas shows each there; and which samples are left (parallax_samples.frag).
 // Without branches: software drivers go through all of them.
 // With MIP_LEVELS the atlas has some.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_surfaces;  // of pixels, as surfaces.frag has them
 

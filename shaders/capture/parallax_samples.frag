@@ -1,6 +1,6 @@
 // Single samples of a camera whose rays do not meet in one point, each along its own ray: linear
 // colour, and 1 where it is known what the ray meets.
-#version 430 core
+#version 450 core
 
 uniform usampler2D u_samples;  // one a texel of the target: 64 * pixel, row by row, + part of it
 uniform int u_width_px;        // of the picture

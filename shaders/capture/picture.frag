@@ -4,7 +4,7 @@
 // Without, samples were drawn into a finer picture.
 // With BATCH there are pictures below each other, each of a layer of its own of the atlas.
 // SUPERSAMPLING: samples to a side of a pixel; a constant, so that the loops unroll.
-#version 430 core
+#version 450 core
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
 #ifdef BATCH

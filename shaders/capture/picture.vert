@@ -1,7 +1,7 @@
 // A vertex of the rectangles that cover the picture's valid pixels.
 // With BATCH an instance is a picture, below the one before.
 // in_corner_px  counted from the corner of the first row's first pixel
-#version 430 core
+#version 450 core
 
 uniform vec2 u_picture_size_px;
 in vec2 in_corner_px;

@@ -1,6 +1,6 @@
 // Ends of the rays of pixels' centres: direction from the viewpoint, ray + w origin, and w; below
 // 0 where that is not known, or where there is no ray.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_rays;  // as in parallax_rays.glsl
 uniform sampler2D u_origins;

@@ -1,5 +1,5 @@
 // One triangle that covers the target. No inputs, no outputs but the position.
-#version 430 core
+#version 450 core
 
 void main() {
     vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);

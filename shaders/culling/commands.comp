@@ -2,7 +2,7 @@
 // counting sort by distance. One work group for each range, of one bucket, and camera. Clusters of a group that
 // follow each other, visible in a tile and of the same bin, are a run and share a command: drivers
 // take longer for a command than for some triangles. In a tile the order of clusters stays.
-#version 430 core
+#version 450 core
 
 #define THREADS 32u
 layout(local_size_x = 32) in;

@@ -1,5 +1,5 @@
 // Culls groups of clusters: those in the frustum of a view are the candidates of the first pass.
-#version 430 core
+#version 450 core
 
 layout(local_size_x = 64) in;
 

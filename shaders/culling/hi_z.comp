@@ -3,7 +3,7 @@
 // and 1, by the depth. An invocation makes a cell of the last of them, and those in it: software
 // drivers are slow where many wait for each other.
 // Source: hierarchical z buffers, Greene, Kass & Miller 1993.
-#version 430 core
+#version 450 core
 
 #include "culling/settings.glsl"
 #include "culling/hi_z.glsl"

@@ -1,6 +1,6 @@
 // Matrices of each object in each view, from the poses of the cameras and objects; no
 // commands yet, and no candidates.
-#version 430 core
+#version 450 core
 
 layout(local_size_x = 64) in;
 

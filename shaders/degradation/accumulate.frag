@@ -1,5 +1,5 @@
 // Adds a sub-frame to the sum of those before it, row by row. Validity is that of the sub-frame.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform sampler2D u_sum;

@@ -1,7 +1,7 @@
 // Demosaicking: Malvar's 5 x 5 filters where all their pixels are valid, otherwise the mean of the
 // valid ones among the nearest pixels of the colour.
 // Source: Malvar, He and Cutler, ICASSP 2004.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform bool u_malvar;

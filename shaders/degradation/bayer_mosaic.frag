@@ -1,5 +1,5 @@
 // Bayer's mosaic: every pixel keeps the colour of its filter, in all three channels.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 #include "degradation/bayer_pattern.glsl"

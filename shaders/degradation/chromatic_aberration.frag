@@ -1,6 +1,6 @@
 // Lateral chromatic aberration: each colour is sampled where its own picture shows the pixel,
 // bilinearly among the valid neighbours (the hardware's filter has only 8 bits of weight).
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform vec2 u_centre_px;

@@ -1,5 +1,5 @@
 // Reflectance and tint, or white balance: each colour times its factor.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform vec3 u_factors;

@@ -1,5 +1,5 @@
 // Defocus: the mean of the valid pixels in a disc whose radius grows towards the rim.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform float u_centre_defocus_px;

@@ -1,5 +1,5 @@
 // Dust and scratches: they take a share of the light, and glow a little themselves.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform sampler2D u_dirt;  // share of the light that is taken, and light that is added

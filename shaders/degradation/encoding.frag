@@ -1,5 +1,5 @@
 // Tone curve, gamma and quantisation, from linear light to the values of the file. Alpha is kept.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform float u_exponent;  // 1/gamma; 0: sRGB

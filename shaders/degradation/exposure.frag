@@ -1,5 +1,5 @@
 // Exposure, and the sensor's response to the three colours: factors of this frame.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform vec3 u_exposure_factors;

@@ -1,5 +1,5 @@
 // Light meter: sums of luminance (Rec. 709) and of valid pixels over a block of the picture.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform int u_block_px;

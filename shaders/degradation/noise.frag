@@ -1,6 +1,6 @@
 // Shot noise, dark current, read noise and the converter, for each pixel and colour.
 // Names and units are those of omnisim/sensors/degradations/noise.py, which has the sources.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform uint u_key;

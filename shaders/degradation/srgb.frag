@@ -1,5 +1,5 @@
 // Encodes linear light in sRGB, as an ideal camera does. Alpha is kept.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 layout(location = 0) out vec4 out_value;

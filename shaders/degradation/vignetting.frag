@@ -1,5 +1,5 @@
 // Vignetting: an even polynomial of the image radius, at least 0.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_picture;
 uniform vec3 u_coefficients;  // of r², r⁴, r⁶

@@ -3,7 +3,7 @@
 // the end of a slice of the revolution, each about the lidar's origin at that time, and a firing
 // takes the share between them that its time is at. So triangles are intersected where they are at
 // the firing; the atlas, drawn in the middle of the slice, only says which to try.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_rays;  // unit, the world's axes; and the firing's share of its slice, 0 to 1
 uniform mat3 u_rig_from_viewpoint;

@@ -2,7 +2,7 @@
 // ALBEDO the base colour, with MATERIALS roughness, metalness and emission. With PARALLAX rays have origins of their own, and the triangles are those
 // that the viewpoint sees where the ray ends, by depth (first_surface.glsl). With BATCH there are
 // pictures below each other.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
 #ifdef BATCH

@@ -15,7 +15,7 @@ const uint NO_TRIANGLE = 0xFFFFFFFFu;
 const uint MAX_STEPS = 3u;  // over edges, from a triangle that the ray misses
 // Triangles adjacent to one whose plane is farther than that behind a hit are not searched.
 const float FARTHER = 1.1;
-const float INFINITE = uintBitsToFloat(0x7F800000u);
+#define INFINITE uintBitsToFloat(0x7F800000u)  // not every compiler has it as a constant
 // A ray between two triangles may miss both by rounding, a micrometre at 20 m: it hits the nearer.
 const float EDGE_RAD = 2e-7;
 

@@ -2,7 +2,7 @@
 // nothing is hit, the point is infinitely far.
 // With PARALLAX from the origin of the ray that shows the point then; UNKNOWN is added where the
 // viewpoint does not see all of that ray.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_rays;             // unit, optical frame; and 1 where the pixel has one
 uniform sampler2D u_points;           // as hits.frag writes them

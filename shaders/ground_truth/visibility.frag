@@ -3,7 +3,7 @@
 // With ALBEDO also the plain base colour: its square root, for which 8 bits are as fine as sRGB's.
 // With MATERIALS roughness, metalness and emission, of surfaces without REFLECTANCE those of matte
 // ones. ALPHA_MASK and ALBEDO come with COLORED.
-#version 430 core
+#version 450 core
 
 #include "scene/material.glsl"
 

@@ -1,5 +1,5 @@
 // Vertex of the scene, see scene/vertex.glsl; with COLORED also its colour, and with REFLECTANCE details.
-#version 430 core
+#version 450 core
 #ifdef CLUSTERED
 #extension GL_ARB_shader_draw_parameters : require
 #endif

@@ -1,6 +1,6 @@
 // Depth of what casts shadows. With ALPHA_MASK only where alpha reaches the cutoff: a blended surface
 // has one, too.
-#version 430 core
+#version 450 core
 
 #ifdef ALPHA_MASK
 #include "scene/material.glsl"

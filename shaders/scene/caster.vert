@@ -1,5 +1,5 @@
 // Vertex of what casts shadows, see scene/vertex.glsl; with ALPHA_MASK also what makes its holes.
-#version 430 core
+#version 450 core
 
 #include "scene/vertex.glsl"
 

@@ -1,5 +1,5 @@
 // Depth of a coarser level of the shadow maps: of the first of four texels.
-#version 430 core
+#version 450 core
 
 uniform sampler2D u_finer;  // it has no other levels here, and is not filtered
 

@@ -1,7 +1,7 @@
 // Deforms vertices: morph targets, then linear blend skinning. The twin of omnisim/scene/deformation.py.
 // The layouts are those of omnisim/gpu/scene/mesh_deformer.py and vertex_format.py.
 // Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals by the matrix of cofactors.
-#version 430 core
+#version 450 core
 
 layout(local_size_x = 64) in;
 

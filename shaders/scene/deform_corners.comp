@@ -1,5 +1,5 @@
 // Copies positions of deformed vertices into the table of triangles (ground_truth/tables.glsl).
-#version 430 core
+#version 450 core
 
 layout(local_size_x = 64) in;
 

@@ -10,7 +10,7 @@
 // u_angle_min, u_angle_increment  of the beams, radians, counter-clockwise
 //
 // With HOLES the beam goes on where alpha is below u_alpha_cutoff.
-#version 430 core
+#version 450 core
 
 layout(local_size_x = 64) in;
 

@@ -3,7 +3,8 @@
 // float punctual_visibility(int i, vec3 away, vec3 area): likewise, `away` in metres from the light.
 // vec3 surface_area(vec3 position): of the surface in a texel of the picture, times its normal.
 // DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bits of the lights that cast shadows; CUBE_CASTERS: of those
-// punctual ones whose maps are the faces of a cube. SHADOW_CASCADES: maps of each directional light.
+// punctual ones whose maps are the faces of a cube. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS: how many
+// lights cast some. SHADOW_CASCADES: maps of each directional light.
 // SHADOW_REGIONS: middle and half size of each caster's first map, in the texture. SHADOW_TEXELS: size of
 // their texels, on maps from -1 to 1. SHADOW_SCALES: inverse of the tangent of half the field of view;
 // of directional lights depth of half a map's width. Loads would take longer than what is computed.
@@ -66,7 +67,7 @@ float visibility_at(
     return textureLod(u_shadow_maps, vec3(region.xy + local * region.zw, depth), level.number);
 }
 
-#if DIRECTIONAL_CASTERS != 0u
+#if DIRECTIONAL_SHADOWS > 0
 float directional_visibility(int i, vec3 position) {
     if ((DIRECTIONAL_CASTERS >> i & 1u) == 0u) return 1.0;
     int caster = bits_below(DIRECTIONAL_CASTERS, i);
@@ -99,7 +100,7 @@ float directional_visibility(int i, vec3 position) {
 }
 #endif
 
-#if PUNCTUAL_CASTERS != 0u
+#if PUNCTUAL_SHADOWS > 0
 // at: from the light, along the axes of the map.
 float perspective_visibility(vec3 at, vec3 area, vec4 region, float scale, float finest) {
     float volume = dot(area, at), inverse = 1.0 / max(at.z, 1e-6);
@@ -115,12 +116,11 @@ float perspective_visibility(vec3 at, vec3 area, vec4 region, float scale, float
 
 float punctual_visibility(int i, vec3 away, vec3 area) {
     if ((PUNCTUAL_CASTERS >> i & 1u) == 0u) return 1.0;
-    int directional = bitCount(DIRECTIONAL_CASTERS);
-    int caster = directional + bits_below(PUNCTUAL_CASTERS, i);
+    int caster = DIRECTIONAL_SHADOWS + bits_below(PUNCTUAL_CASTERS, i);
     vec4 region = REGIONS[caster];
 #if PLACES > 0
     if ((CUBE_CASTERS >> i & 1u) == 0u) {
-        int place = directional + bits_below(PUNCTUAL_CASTERS & ~CUBE_CASTERS, i);
+        int place = DIRECTIONAL_SHADOWS + bits_below(PUNCTUAL_CASTERS & ~CUBE_CASTERS, i);
         vec3 at = PLACE(place, away + PUNCTUAL_POSITION(i));
         return perspective_visibility(
             at, cross(dFdx(at), dFdy(at)), region, SCALES[caster], TEXELS[caster]);

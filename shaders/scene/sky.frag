@@ -1,5 +1,5 @@
 // The environment map behind all surfaces.
-#version 430 core
+#version 450 core
 
 in vec3 v_direction;
 layout(location = 0) out vec4 out_color;

@@ -1,7 +1,7 @@
 // A triangle that covers a tile, and the directions that it sees.
 // u_direction_from_clip  axes of the world; of LAYERED, of the rig
 // With LAYERED each instance is a camera, with a layer of the target.
-#version 430 core
+#version 450 core
 #ifdef LAYERED
 #extension GL_ARB_shader_viewport_layer_array : require
 layout(std430, binding = 15) readonly buffer Rigs { mat4 world_from_rig[]; };

@@ -5,7 +5,7 @@
 // none is flipped. POSITION: the position counts, for punctual lights, missing normals,
 // shadows, probes or FOG.
 // With LIGHTMAP and without LIT it is matte, and all of its light is in the lightmap.
-#version 430 core
+#version 450 core
 
 #include "scene/material.glsl"
 

@@ -4,7 +4,7 @@
 // With BAKED in_light is the light on a white surface, linear RGB.
 // u_light_rectangles  left, top, width and height of an item's sides in the lightmap; those of clusters
 // are applied
-#version 430 core
+#version 450 core
 
 #include "scene/vertex.glsl"
 

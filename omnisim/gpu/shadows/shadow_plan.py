@@ -124,6 +124,8 @@ class ShadowPlan:
         return (
             "SHADOWS",
             f"SHADOW_CASCADES {self.cascade_count}",
+            f"DIRECTIONAL_SHADOWS {len(self.casters) - len(self.punctual_casters)}",
+            f"PUNCTUAL_SHADOWS {len(self.punctual_casters)}",
             f"DIRECTIONAL_CASTERS {_bits([one is not None for one in self.cascades])}",
             f"PUNCTUAL_CASTERS {_bits([light.casts_shadow for light in self.punctual])}",
             f"CUBE_CASTERS {_bits([is_cube(light) for light in self.punctual])}",
