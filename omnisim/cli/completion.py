@@ -23,7 +23,7 @@ CALIBRATION_FORMATS = (
     "basalt", "woodscape", "nerfstudio", "foxglove", "ocamcalib", "colmap", "gazebo",
 )  # fmt: skip
 EXPORT_FORMATS = (
-    "ros2-mcap", "ros2-sqlite", "kitti360", "tum", "euroc", "nerfstudio", "colmap",
+    "ros2-mcap", "ros2-sqlite", "kitti", "kitti360", "tum", "euroc", "nerfstudio", "colmap",
     "colmap-binary", "tartanair",
 )  # fmt: skip
 CAMERA = "omnicamera"  # type of a sensor in a run's manifest

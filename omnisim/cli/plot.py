@@ -10,7 +10,7 @@ from omnisim.cli.run_requests import PlotRequest
 from omnisim.errors import SceneError
 from omnisim.image_files import read_image
 from omnisim.plots.plot_file import check_plot_target, write_plot
-from omnisim.plots.run_plot import run_figure, steps_to_show
+from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
 from omnisim.robot import read_odometry
 from omnisim.scene import Scene
 from omnisim.simulation.drive import scene_contents
@@ -19,27 +19,40 @@ from omnisim.trajectories import Trajectory, read_trajectory
 
 
 def run(request: PlotRequest) -> None:
-    """Plot a run from above."""
-    folder = request.run
-    target = request.output or folder / PLOT
-    recorded = RunFolder.read(folder)
+    """Plot a run from above, or the runs of robots that drove together."""
+    target = request.output or request.run / PLOT
+    runs = RunFolder.read_each(request.run)
     check_plot_target(target)
-    truth = read_trajectory(folder / GROUND_TRUTH)
-    recorded.check_steps(GROUND_TRUTH, len(truth))
-    reckoned = _dead_reckoned(recorded)
-    done = recorded.steps_done()
-    if notice := recorded.unfinished():
+    drawings, titles, steps = [], [], []
+    for recorded in runs:
+        name = recorded.path.name if len(runs) > 1 else ""
+        drawing = _drawing(recorded, name)
+        done = recorded.steps_done()
+        title = _title(recorded, drawing.truth, drawing.reckoned, done)
+        drawings.append(drawing)
+        titles.append(f"{name}: {title}" if name else title)
+        steps.append(f"{done} of {pluralize(len(drawing.truth), 'step')}")
+    others = {name: other for one in runs for name, other in _others(one).items()}
+    for drawing in drawings:
+        others.pop(drawing.name, None)
+    scene = _scene(runs[0], request.scene)
+    write_plot(target, run_figure("\n".join(titles), scene, drawings, others))
+    out.print(f"{target}: {', '.join(steps)}", markup=False)
+
+
+def _drawing(run: RunFolder, name: str) -> RunDrawing:
+    """Paths of a run, and the pictures of its first camera."""
+    truth = read_trajectory(run.path / GROUND_TRUTH)
+    run.check_steps(GROUND_TRUTH, len(truth))
+    reckoned = _dead_reckoned(run)
+    if notice := run.unfinished():
         print_note(notice)
     pictures = {}
-    if recorded.manifest.cameras:
-        camera = recorded.camera()
+    if run.manifest.cameras:
+        camera, done = run.camera(), run.steps_done()
         shown = [step for step in steps_to_show(len(truth)) if step < done]
-        pictures = {step: read_image(recorded.file(camera, step, ".png"))[0] for step in shown}
-    title = _title(recorded, truth, reckoned, done)
-    scene, others = _scene(recorded, request.scene), _others(recorded)
-    figure = run_figure(title, scene, truth, reckoned, pictures, others)
-    write_plot(target, figure)
-    out.print(f"{target}: {done} of {pluralize(len(truth), 'step')}", markup=False)
+        pictures = {step: read_image(run.file(camera, step, ".png"))[0] for step in shown}
+    return RunDrawing(truth, reckoned, pictures, name)
 
 
 def _others(run: RunFolder) -> dict[str, Trajectory]:

@@ -12,6 +12,8 @@ from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintN
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.registry import FORMATS, check_format, format_named
 from omnisim.extras import require_extra
+from omnisim.simulation.sensors import MountedCamera
+from omnisim.simulation.sensors.registry import MOUNT_TYPES
 
 
 def export_run(
@@ -59,10 +61,19 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
     """Recording with the cameras that a format takes, and notes about what it leaves out.
 
     Raises:
-        OutputError: there is no camera.
+        OutputError: the format holds nothing of the run.
     """
-    if not recording.cameras:
-        raise OutputError(f"{recording.run.path}: this run has no camera: expected one to export")
+    manifest = recording.run.manifest
+    held = form.sensors if recording.cameras else (*form.sensors, *form.lone_sensors)
+    others = [name for name in manifest.sensors if name not in manifest.cameras]
+    left_out = [name for name in others if not issubclass(manifest.sensor_class(name), held)]
+    if not (recording.cameras or form.holds_motion or len(left_out) < len(others)):
+        kinds = (MountedCamera, *held)
+        types = [name for name, mount in MOUNT_TYPES.items() if mount.sensor_class in kinds]
+        raise OutputError(
+            f"{recording.run.path}: expected a sensor of type {' or '.join(types)} for "
+            f"{form.name}, got {', '.join(others) or 'none'}"
+        )
     if form.one_camera and len(recording.cameras) > 1:
         names = ", ".join(camera.name for camera in recording.cameras)
         print_note(
@@ -70,13 +81,6 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
             f"takes another of {names}"
         )
         recording = dataclasses.replace(recording, cameras=recording.cameras[:1])
-    manifest = recording.run.manifest
-    left_out = [
-        name
-        for name in manifest.sensors
-        if name not in manifest.cameras
-        and not issubclass(manifest.sensor_class(name), form.sensors)
-    ]
     if left_out:
         print_note(f"{form.name} has no place for {', '.join(left_out)}: left out")
     channels = [name for name in manifest.channels if name not in form.channels]

@@ -58,6 +58,8 @@ class ExportFormat(ABC):
         name: on the command line.
         one_camera: it holds the pictures of one camera.
         sensors: classes of the sensors that it holds beside cameras.
+        lone_sensors: classes of those that it holds where the run has no camera.
+        holds_motion: it holds more of the motion than poses of sensors.
         channels: of ground truth that it holds.
         dates_stamps: its stamps are since 1970.
         has_messages: it has a choice of pixels or PNG, and point clouds.
@@ -66,6 +68,8 @@ class ExportFormat(ABC):
     name: ClassVar[str]
     one_camera: ClassVar[bool] = False
     sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
+    lone_sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
+    holds_motion: ClassVar[bool] = False
     channels: ClassVar[tuple[str, ...]] = ()
     dates_stamps: ClassVar[bool] = True
     has_messages: ClassVar[bool] = False

@@ -19,6 +19,7 @@ from omnisim.image_files import read_image
 from omnisim.perception.panorama import CameraMount
 from omnisim.simulation.calibration_file import CALIBRATION, read_mount
 from omnisim.simulation.run_folder import RunFolder
+from omnisim.simulation.sensors.depth_camera import STEPS_PER_M
 
 PICTURE = ".png"
 
@@ -90,6 +91,20 @@ class RecordedCamera:
                 f"{pixels.shape[0]} px of {pixels.shape[2]} × {pixels.dtype}"
             )
         return np.ascontiguousarray(pixels[..., :3])
+
+    def depths_m(self, step: int) -> NDArray[np.float64]:
+        """Depths (height, width) of a depth camera along its axis; +inf: none.
+
+        Raises:
+            OutputError: the file is missing or damaged.
+            RunError: it is not one of this camera.
+        """
+        path = self.picture_file(step)
+        depths = read_image(path)[0][..., 0]
+        width, height = self.size_px
+        if depths.shape != (height, width) or depths.dtype != np.uint16:
+            raise RunError(f"{path}: expected depths of {width} × {height} px in 16 bits")
+        return np.where(depths, depths / STEPS_PER_M, np.inf)
 
     def has(self, channel: str) -> bool:
         """Channel of ground truth is in the run."""

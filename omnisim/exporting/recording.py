@@ -96,6 +96,14 @@ class Recording:
         table = self.run.manifest.sensors[name].model_extra or {}
         return read_cloud(self.run.file(name, step, f".{table['file_format']}"))
 
+    def depth_camera(self, name: str) -> RecordedCamera:
+        """Depth camera, whose pictures are depths.
+
+        Raises:
+            RunError: its calibration cannot be read.
+        """
+        return RecordedCamera.read(self.run, name)
+
     def base_from_lidar(self, name: str) -> NDArray[np.float64]:
         """Pose (4, 4) of a lidar.
 

@@ -32,6 +32,9 @@ FORMATS = {
     "ros2-sqlite": FormatEntry(
         "ROS 2 bag in an SQLite file: ROS 2 before Iron", "ros2.bag_format", "Ros2Sqlite", "ros"
     ),
+    "kitti": FormatEntry(
+        "KITTI odometry: pinholes, deskewed point clouds, poses", "formats.kitti", "Kitti"
+    ),
     "kitti360": FormatEntry(
         "KITTI-360: fisheyes, pinholes, lidar, poses", "formats.kitti360", "Kitti360"
     ),

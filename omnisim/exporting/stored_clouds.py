@@ -29,6 +29,11 @@ class StoredCloud:
     header: FileHeader
     points: NDArray[np.void]
 
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """Points (n, 3) in the lidar's frame at each one's own time."""
+        return np.stack([self.points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+
 
 def read_cloud(path: Path) -> StoredCloud:
     """Read a cloud as `PointCloud.save` writes it.

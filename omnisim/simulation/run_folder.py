@@ -94,6 +94,19 @@ class RunFolder:
             raise RunError(f"{path}: has no {MANIFEST}: {expected}")
         return cls(path, parse_manifest(content, f"{path / MANIFEST}: is damaged"))
 
+    @classmethod
+    def read_each(cls, path: Path) -> list[RunFolder]:
+        """Read the run in a folder, or the runs in its folders: of robots that drove together.
+
+        Raises:
+            RunError: there is none.
+        """
+        if path.is_dir() and not (path / MANIFEST).exists():
+            folders = sorted(file.parent for file in path.glob(f"*/{MANIFEST}"))
+            if folders:
+                return [cls.read(folder) for folder in folders]
+        return [cls.read(path)]
+
     def stem(self, sensor: str, step: int) -> Path:
         """Path of a sensor's files of a step, without their suffixes."""
         return self.path / sensor / f"{step:06d}"

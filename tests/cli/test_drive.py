@@ -81,6 +81,34 @@ def test_the_video_shows_the_pictures(omnisim, run_folder, tmp_path):
         assert abs(one - other).mean() < 8.0
 
 
+def test_robots_that_drove_together_are_plotted_and_seen_side_by_side(
+    omnisim, run_folder, tmp_path
+):
+    av = pytest.importorskip("av")
+    (tmp_path / "pair").mkdir()
+    shutil.copytree(tmp_path / "run", tmp_path / "pair" / "a")
+    (tmp_path / "run").rename(tmp_path / "pair" / "b")
+    (tmp_path / "pair" / "b" / "omnicam" / "000002.png").unlink()
+    steps = json.loads((tmp_path / "pair" / "a" / "manifest.json").read_text())["steps"]
+    status, out, error = omnisim("plot", "pair")
+    assert status == 0
+    assert f"pair/plot.png: {steps} of {steps} steps, 2 of {steps} steps" in out
+    assert error.startswith("note: pair/b/omnicam/000002.png: is missing")
+    status, out, _ = omnisim("video", "pair", "-o", "pair.mp4")
+    assert status == 0
+    assert f"pair.mp4: {steps} pictures" in out
+    with av.open(str(tmp_path / "pair.mp4")) as video:
+        frames = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    for step, right in ((0, 0), (steps - 1, 1)):  # the right one has two pictures
+        files = (("a", step), ("b", right))
+        pixels = [read_image(tmp_path / "pair" / name / "omnicam" / f"{index:06d}.png")[0]
+                  for name, index in files]  # fmt: skip
+        expected = np.concatenate(pixels, axis=1)
+        assert frames[step].shape == expected.shape
+        one, other = (p.reshape(4, 8, 8, 8, 3).mean(axis=(1, 3)) for p in (expected, frames[step]))
+        assert abs(one - other).mean() < 8.0
+
+
 def test_pictures_too_small_for_a_video(tmp_path):
     pytest.importorskip("av")
     with pytest.raises(OutputError, match=r"at least 2 × 2 px, got 1 × 1 px"):

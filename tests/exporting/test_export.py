@@ -1,5 +1,6 @@
 """Exports of runs, whatever the format: whole or not at all, and errors in one line."""
 
+import json
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ from omnisim.exporting.recorded_camera import RecordedCamera
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.registry import FORMATS, format_named
 from omnisim.extras import missing_packages
+from omnisim.image_files import read_image
 from omnisim.optics import read_optics_file
 from omnisim.poses import pose
 from omnisim.robot.odometry import OdometryErrors
@@ -153,10 +155,78 @@ def test_sensors_and_channels_that_a_format_has_no_place_for_are_named(run, tmp_
         assert channels == [f"{format} has no place for the channels flow, occluded: left out"]
     else:
         assert "laser" in sensors[0]
-        assert ("lidar" in sensors[0]) == (format != "kitti360")
+        assert ("lidar" in sensors[0]) == (format not in ("kitti", "kitti360"))
         named = "".join(channels).partition("channels ")[2].partition(":")[0].split(", ")
         recorded = {"range", "semantic", "instance", "flow", "occluded"}
         assert set(named) == recorded - set(form.channels)
+
+
+@pytest.fixture
+def without(run, tmp_path):
+    """Runs as the drive's robot without some of its sensors records them."""
+
+    def remove(*left_out):
+        folder = tmp_path / "run"
+        shutil.copytree(run, folder)
+        manifest = json.loads((folder / "manifest.json").read_text())
+        for name in left_out:
+            del manifest["sensors"][name]
+            shutil.rmtree(folder / name)
+        manifest["channels"] = []
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+        return folder
+
+    return remove
+
+
+CAMERAS = "front", "fisheye", "mirror"
+
+
+@pytest.mark.usefixtures("needs_opengl")
+class TestWithoutCameras:
+    @pytest.mark.parametrize(
+        ("format", "held", "file"),
+        [("kitti", "lidar", "sequences/00/velodyne/000003.bin"),
+         ("kitti360", "lidar", "calibration/calib_cam_to_velo.txt"),
+         ("euroc", "imu", "mav0/imu0/data.csv"), ("tum", "kinect", "depth/1.500000000.png")],
+    )  # fmt: skip
+    def test_formats_take_what_they_have_a_place_for(self, without, tmp_path, format, held, file):
+        notes, folder = [], without(*CAMERAS)
+        list(export_run(folder, format, tmp_path / "out", print_note=notes.append))
+        names = {"imu", "kinect", "laser", "lidar", "sonar"} - {held}
+        assert f"{format} has no place for {', '.join(sorted(names))}: left out" in notes
+        assert (tmp_path / "out" / file).stat().st_size > 0
+        assert not list((tmp_path / "out").rglob("*image*")) + list((tmp_path / "out").rglob("rgb"))
+
+    def test_a_bag_has_all_sensors(self, without, tmp_path):
+        reader = pytest.importorskip("mcap_ros2.reader")
+        list(export_run(without(*CAMERAS), "ros2-mcap", tmp_path / "out"))
+        messages = reader.read_ros2_messages(str(tmp_path / "out" / "out.mcap"))
+        assert {one.channel.topic for one in messages} >= {
+            "/lidar/points", "/imu/data_raw", "/kinect/depth/image_rect", "/laser/scan",
+            "/sonar/range", "/odom", "/ground_truth/pose",
+        }  # fmt: skip
+
+    @pytest.mark.parametrize("format", ["nerfstudio", "colmap", "tartanair"])
+    def test_formats_that_hold_nothing_of_a_run_refuse_it(self, without, tmp_path, format):
+        got = "imu, kinect, laser, lidar, sonar"
+        expected = f"expected a sensor of type omnicamera for {format}, got {got}"
+        with pytest.raises(OmnisimError, match=expected):
+            list(export_run(without(*CAMERAS), format, tmp_path / "out"))
+        assert not (tmp_path / "out").exists()
+
+    def test_types_that_a_format_holds_are_named(self, without, tmp_path):
+        folder = without(*CAMERAS, "kinect", "lidar", "imu")
+        expected = "of type omnicamera or depth_camera for tum, got laser, sonar"
+        with pytest.raises(OmnisimError, match=expected):
+            list(export_run(folder, "tum", tmp_path / "out"))
+
+    def test_depths_are_the_cameras_own(self, without, run, tmp_path):
+        """Millimetres of the run as 5000ths of a metre; +inf, 0."""
+        list(export_run(without(*CAMERAS), "tum", tmp_path / "out"))
+        own = read_image(run / "kinect" / "000001.png")[0][..., 0].astype(int)
+        depths = read_image(tmp_path / "out" / "depth" / "0.500000000.png")[0][..., 0]
+        np.testing.assert_array_equal(depths, np.where(own * 5 < 65536, own * 5, 0))
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -207,6 +277,9 @@ class TestOptics:
 
     @pytest.mark.parametrize("format", [name for name in FORMATS if not name.startswith("ros2")])
     def test_formats_of_lenses_refuse_them(self, optics, tmp_path, format):
-        with pytest.raises(OmnisimError, match="expected a camera with one viewpoint, got optics"):
+        expected = (
+            "with one viewpoint, got optics|that is a pinhole, or a lidar, for kitti, got ball"
+        )
+        with pytest.raises(OmnisimError, match=expected):
             list(export_run(optics, format, tmp_path / "out"))
         assert not any(tmp_path.iterdir())

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.plots.run_plot import run_figure, steps_to_show
+from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
 from omnisim.scene import load_scene
 from omnisim.scene.model import DynamicObject
 from omnisim.scene.object_motion import Rest
@@ -16,7 +16,7 @@ def _figure(places_m, steps, scene=None, title="a run"):
     places = np.array(places_m, dtype=np.float64)
     truth = Trajectory.on_ground(np.arange(len(places)), places, np.zeros(len(places)))
     pictures = {step: np.zeros((8, 8, 3), np.uint8) for step in steps}
-    return run_figure(title, scene, truth, places, pictures)
+    return run_figure(title, scene, [RunDrawing(truth, places, pictures)])
 
 
 def test_steps_at_one_place_share_a_label():
@@ -63,3 +63,28 @@ def test_a_long_title_is_broken():
 @pytest.mark.parametrize(("steps", "wanted"), [(1, [0]), (3, [0, 1, 2]), (11, [0, 2, 4, 6, 8, 10])])
 def test_steps_to_show(steps, wanted):
     assert steps_to_show(steps) == wanted
+
+
+def test_robots_that_drove_together_are_on_one_map():
+    paths = {"a": [(0.0, 0.0), (1.0, 0.0)], "b": [(9.0, 4.0), (9.0, 5.0)]}
+    runs = [
+        RunDrawing(
+            Trajectory.on_ground([0.0, 1.0], places, [0.0, 0.0]),
+            np.array(places),
+            {step: np.zeros((8, 8, 3), np.uint8) for step in steps},
+            name,
+        )
+        for (name, places), steps in zip(paths.items(), ([0, 1], [0]), strict=True)
+    ]
+    figure = run_figure("a: first\nb: second", None, runs)
+    axes, *strips = figure.axes
+    lines = {line.get_label(): line for line in axes.lines}
+    assert {"a: true path", "b: true path", "a: odometry", "b: odometry"} <= set(lines)
+    for name, places in paths.items():
+        np.testing.assert_allclose(lines[f"{name}: true path"].get_xydata(), places)
+    assert lines["a: true path"].get_color() != lines["b: true path"].get_color()
+    titles = [strip.get_title() for strip in strips]
+    assert titles == ["a, step 0, 0.0 s", "a, step 1, 1.0 s", "b, step 0, 0.0 s"]
+    low, high = axes.get_xlim()
+    assert low < 0.0
+    assert high > 9.0

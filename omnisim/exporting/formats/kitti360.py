@@ -11,7 +11,9 @@
 
 The body is the GPS/IMU, at the base of the vehicle: x forward, y right, z down; the world's z is
 up. Fisheyes are MEI. Classes are the run's own, instances are numbered in each class from 1. The
-drive has the name of the first one, which the development kit expects.
+drive has the name of the first one, which the development kit expects. Clouds are skewed by the
+motion, as the raw ones of the data set. Without cameras, image_00 stands at the lidar's origin and
+looks along its x.
 
 Source: KITTI-360's documentation; kitti360scripts: loadCalibration.py, project.py, annotation.py.
 """
@@ -35,11 +37,13 @@ from omnisim.exporting.formats.tum import write_lines
 from omnisim.exporting.lens_camera import LensCamera
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.stamps import date_text
-from omnisim.poses import inverse
+from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
+from omnisim.poses import inverse, pose_from_rotation
 from omnisim.simulation.sensors.lidar import MountedLidar
 
 DRIVE = "2013_05_28_drive_0000_sync"
 PINHOLES, FISHEYES = ("image_00", "image_01"), ("image_02", "image_03")
+LIDAR_FROM_CAMERA = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
 BASE_FROM_IMU = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -72,7 +76,7 @@ class Kitti360(ExportFormat):
             data.mkdir(parents=True)
             write_lines(data.parent / "timestamps.txt", iter(dates))
         semantics = folder / "data_2d_semantics" / "train" / DRIVE
-        labels = LabelPictures.of(semantics, cameras, print_note)
+        labels = LabelPictures.of(semantics, cameras, print_note) if cameras else None
         for step in range(recording.steps):
             if labels is not None:
                 labels.write(step)
@@ -124,6 +128,11 @@ def _write_calibrations(
     imu_from_lens = {
         name: inverse(BASE_FROM_IMU) @ camera.base_from_lens for name, camera in cameras.items()
     }
+    imu_from_velo = None
+    if lidars:
+        imu_from_velo = inverse(BASE_FROM_IMU) @ recording.base_from_lidar(lidars[0])
+    if imu_from_velo is not None and not cameras:
+        imu_from_lens[PINHOLES[0]] = imu_from_velo @ LIDAR_FROM_CAMERA
     first = next(iter(imu_from_lens))
     lines = []
     for name in (*PINHOLES, *FISHEYES):  # the development kit wants all four
@@ -131,9 +140,10 @@ def _write_calibrations(
         lines.append(f"{name}: {_matrix(pose[:3])}")
     missing = [name for name in (*PINHOLES, *FISHEYES) if name not in cameras]
     if missing:
+        place = f"the pose of {first}" if cameras else f"the place of {lidars[0]}"
         print_note(
-            f"calib_cam_to_pose.txt: {', '.join(missing)}, which the run has not, have the pose of "
-            f"{first}: the development kit wants all four"
+            f"calib_cam_to_pose.txt: {', '.join(missing)}, which the run has not, have {place}: "
+            "the development kit wants all four"
         )
     write_lines(folder / "calib_cam_to_pose.txt", iter(lines))
     _write_pinholes(folder / "perspective.txt", cameras)
@@ -144,8 +154,7 @@ def _write_calibrations(
         write_text(folder / f"{name}.yaml", text)
         if isinstance(lens, UnifiedCamera) and not lens.xi:
             print_note(f"{name}.yaml: PINHOLE, which the development kit does not read")
-    if lidars:
-        imu_from_velo = inverse(BASE_FROM_IMU) @ recording.base_from_lidar(lidars[0])
+    if imu_from_velo is not None:
         cam0 = imu_from_lens.get(PINHOLES[0], imu_from_lens[first])
         velo_from_cam0 = inverse(imu_from_velo) @ cam0
         write_text(folder / "calib_cam_to_velo.txt", _matrix(velo_from_cam0[:3]) + "\n")

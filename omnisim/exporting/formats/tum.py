@@ -5,6 +5,8 @@
     groundtruth.txt                 poses of the camera's optical frame
     calibration.json                omnisim's calibration: the format has none
 
+Of a run without a camera the first depth camera, which has no `rgb`.
+
 Source: TUM RGB-D benchmark, file formats.
 """
 
@@ -20,6 +22,7 @@ from omnisim.exporting.lens_camera import LensCamera
 from omnisim.exporting.recording import Recording
 from omnisim.exporting.stamps import restamped, seconds_text
 from omnisim.image_files import write_numbers
+from omnisim.simulation.sensors.depth_camera import MountedDepthCamera
 from omnisim.trajectories import Trajectory
 from omnisim.trajectories.formats import tum
 
@@ -31,16 +34,23 @@ class Tum(ExportFormat):
 
     name = "tum"
     one_camera = True
+    lone_sensors = (MountedDepthCamera,)
     channels = ("range",)
 
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
         """Write the data set, picture by picture."""
-        camera = LensCamera.of(recording.cameras[0], print_note)
-        has_depths = camera.recorded.has("range") and camera.is_pinhole
-        if camera.recorded.has("range") and not has_depths:
+        depth_cameras = recording.sensors(MountedDepthCamera)
+        recorded = (*recording.cameras, *map(recording.depth_camera, depth_cameras))[0]
+        camera = LensCamera.of(recorded, print_note)
+        has_pictures = bool(recording.cameras)
+        has_ranges = has_pictures and camera.recorded.has("range")
+        has_depths = not has_pictures or (has_ranges and camera.is_pinhole)
+        if has_ranges and not has_depths:
             print_note(f"{camera.name}: no depths: TUM's are a pinhole's, along its axis")
+        if not has_pictures and len(depth_cameras) > 1:
+            print_note(f"depth is {camera.name}: {', '.join(depth_cameras[1:])} left out")
         stamps = [
             seconds_text(stamp)
             for stamp in settings.stamps_ns(recording.truth.times_s, recording.run.path)
@@ -49,14 +59,17 @@ class Tum(ExportFormat):
         lines = tum.lines(Trajectory(recording.truth.times_s, poses))
         write_lines(folder / "groundtruth.txt", restamped(lines, stamps, " "))
         camera.save_calibration(folder / "calibration.json")
-        _write_list(folder, "rgb", "color images", stamps)
+        if has_pictures:
+            _write_list(folder, "rgb", "color images", stamps)
         if has_depths:
             _write_list(folder, "depth", "depth maps", stamps)
         far = FarDepths(camera.name, STEPS_PER_M)
         for step, stamp in enumerate(stamps):
-            camera.copy_picture(step, folder / "rgb" / f"{stamp}.png")
+            if has_pictures:
+                camera.copy_picture(step, folder / "rgb" / f"{stamp}.png")
             if has_depths:
-                write_numbers(folder / "depth" / f"{stamp}.png", far.encode(camera.depths_m(step)))
+                depths_m = camera.depths_m(step) if has_pictures else recorded.depths_m(step)
+                write_numbers(folder / "depth" / f"{stamp}.png", far.encode(depths_m))
             yield step + 1
         far.note(print_note)
 

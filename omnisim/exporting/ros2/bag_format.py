@@ -11,12 +11,14 @@
 | `/<camera>/points` | PointCloud2 | `--points`: its points, with colours |
 | `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimetres, 0: none (REP 118) |
 | `/<scanner>/scan` | LaserScan | |
-| `/<lidar>/points` | PointCloud2 | with ring, time, range, instance |
+| `/<lidar>/points` | PointCloud2 | with ring, time since the revolution's start, range, instance |
 | `/<imu>/data_raw` | Imu | at its own rate, without orientation |
 | `/<sonar>/range` | Range | |
 | `/odom` | Odometry | by dead reckoning; a rig has none |
 | `/ground_truth/pose` | PoseStamped | true pose of the base in `map` |
 | `/tf`, `/tf_static` | TFMessage | `map → odom → base_link → sensors`, `map → objects` |
+
+Without odometry there is no frame `odom`: `map → base_link`.
 
 Source: REP 103, 105, 117, 118; common_interfaces of Humble.
 """
@@ -26,9 +28,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.errors import OutputError
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
@@ -48,6 +47,7 @@ from omnisim.exporting.ros2.streams import (
     ros_name,
 )
 from omnisim.poses import inverse
+from omnisim.robot.odometry import Odometry
 from omnisim.simulation.run_folder import LABELS
 from omnisim.simulation.sensors import MountedSensor
 from omnisim.simulation.sensors.depth_camera import MountedDepthCamera
@@ -71,6 +71,7 @@ class Ros2Bag(ExportFormat):
     """Base of the bags, which differ in their storage."""
 
     has_messages = True
+    holds_motion = True
     channels = ("range", *LABELLED)
     sensors = tuple(kind for kind, _ in STREAMS)
     storage: ClassVar[str]
@@ -156,35 +157,32 @@ class _Motion:
     def __init__(self, recording: Recording):
         self._truth = recording.truth
         self._odometry = recording.odometry
-        self._reckoned = self._truth
-        if recording.odometry is not None:
-            self._reckoned = recording.odometry.dead_reckoned()
+        self._reckoned = None if self._odometry is None else self._odometry.dead_reckoned()
         self._objects = recording.objects()
 
     def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
         """Write the messages of a step."""
         map_from_base = self._truth.world_from_base[step]
-        odom_from_base = self._reckoned.world_from_base[step]
-        poses: dict[tuple[str, str], NDArray[np.float64]] = {
-            (MAP, ODOM): map_from_base @ inverse(odom_from_base),
-            (ODOM, BASE): odom_from_base,
-            **{
-                (MAP, ros_name(name)): motion.world_from_base[step]
-                for name, motion in self._objects.items()
-            },
-        }
+        poses = {(MAP, BASE): map_from_base}
+        if self._odometry is not None and self._reckoned is not None:
+            odom_from_base = self._reckoned.world_from_base[step]
+            poses = {
+                (MAP, ODOM): map_from_base @ inverse(odom_from_base),
+                (ODOM, BASE): odom_from_base,
+            }
+            rates = self._rates(self._odometry, step)
+            reading = messages.odometry(stamp_ns, (ODOM, BASE), odom_from_base, *rates)
+            bag.write("/odom", stamp_ns, reading)
+        for name, motion in self._objects.items():
+            poses[MAP, ros_name(name)] = motion.world_from_base[step]
         bag.write("/tf", stamp_ns, messages.transforms(stamp_ns, poses))
         truth = messages.pose_stamped(stamp_ns, MAP, map_from_base)
         bag.write("/ground_truth/pose", stamp_ns, truth)
-        if self._odometry is not None:
-            speed, turn_rate = self._rates(step)
-            reading = messages.odometry(stamp_ns, (ODOM, BASE), odom_from_base, speed, turn_rate)
-            bag.write("/odom", stamp_ns, reading)
 
-    def _rates(self, step: int) -> tuple[float, float]:
+    @staticmethod
+    def _rates(odometry: Odometry, step: int) -> tuple[float, float]:
         """Speed and turn rate since the step before, as the wheels report them."""
-        odometry = self._odometry
-        if odometry is None or step == 0:
+        if step == 0:
             return 0.0, 0.0
         duration_s = float(odometry.times_s[step] - odometry.times_s[step - 1])
         distance_m, turn_rad = odometry.distances_m[step - 1], odometry.turns_rad[step - 1]

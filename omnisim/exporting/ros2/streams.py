@@ -121,7 +121,7 @@ class DepthStream(Stream):
 
     def __init__(self, recording: Recording, name: str, settings: ExportSettings):
         super().__init__(recording, name, settings)
-        self.camera = RecordedCamera.read(recording.run, name)
+        self.camera = recording.depth_camera(name)
         self.frame = f"{self.topic}_optical_frame"
         self.lens = true_lens(self.camera)
 
