@@ -25,7 +25,7 @@ from omnisim.sensors.stage import BackendName, Stage
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.contacts import Contact, find_contacts
-from omnisim.simulation.drive_world import DriveWorld, OtherVehicle
+from omnisim.simulation.drive_world import DriveWorld, MovingVehicle
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.manifest import MANIFEST_FORMAT
 from omnisim.simulation.physics.rover import Rover
@@ -43,6 +43,8 @@ from omnisim.simulation.sensors import DriveSettings, Moment
 from omnisim.simulation.sensors.omnicamera import CAMERA_POSES
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import Trajectory, write_trajectory
+from omnisim.trajectories.body_motion import BodyMotion
+from omnisim.trajectories.spline_motion import SplineMotion
 from omnisim.version import __version__
 
 LARGEST_SEED = 2**63 - 1
@@ -109,7 +111,7 @@ class Drive:
         self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)
-        return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
+        return PlannedDrive(self, truth, planned.motion, odometry, planned.follows_floor, contacts)
 
     def _as_simulated(self, planned: PlannedRoute, motion: SimulatedMotion) -> PlannedDrive:
         """Drive as physics has simulated it."""
@@ -120,7 +122,15 @@ class Drive:
         errors = dataclasses.replace(self.vehicle.odometry, turn_scale=1.0)
         odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
         contacts = motion.contacts_at(truth)
-        return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts, motion=motion)
+        return PlannedDrive(
+            self,
+            truth,
+            motion.smooth,
+            odometry,
+            planned.follows_floor,
+            contacts,
+            simulated=motion,
+        )
 
     def along(self, truth: Trajectory) -> PlannedDrive:
         """Take the vehicle along poses as they are, without wheels: there is no odometry.
@@ -130,7 +140,7 @@ class Drive:
         """
         self._check_seed()
         self._check_sensors(truth)
-        return PlannedDrive(self, truth)
+        return PlannedDrive(self, truth, SplineMotion(truth))
 
     def _check_seed(self) -> None:
         if not 0 <= self.seed <= LARGEST_SEED:
@@ -147,24 +157,26 @@ class PlannedDrive:
 
     Attributes:
         drive: its settings.
-        truth: poses of the base.
+        truth: poses of the base at the steps.
+        motion: of the base, between the steps too.
         odometry: readings of the wheels, or None: it has none.
         follows_floor: see `PlannedRoute`.
         contacts: of the body with the scene, in the order in which they begin, or None: not
             looked for.
         name: of the vehicle in the world.
         others: other vehicles in the world, by name.
-        motion: in physics, between the poses; None: straight and even.
+        simulated: motion of the robot and of the objects about it in physics, or None.
     """
 
     drive: Drive
     truth: Trajectory
+    motion: BodyMotion
     odometry: Odometry | None = None
     follows_floor: bool = False
     contacts: tuple[Contact, ...] | None = None
     name: str = BODY
-    others: Mapping[str, OtherVehicle] = field(default_factory=dict)
-    motion: SimulatedMotion | None = None
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+    simulated: SimulatedMotion | None = None
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
@@ -173,11 +185,15 @@ class PlannedDrive:
     @cached_property
     def world(self) -> DriveWorld:
         """Motion of the world."""
-        scene, body = _with_short_name(self.drive.scene), self.drive.vehicle.body
-        if self.motion is None:
-            return DriveWorld(scene, body, self.truth, self.name, self.others)
-        scene = self.motion.scene_with_motions(scene)
-        return DriveWorld(scene, body, self.truth, self.name, self.others, self.motion.base)
+        scene = _with_short_name(self.drive.scene)
+        if self.simulated is not None:
+            scene = self.simulated.scene_with_motions(scene)
+        return DriveWorld(scene, self.moving, self.name, self.others)
+
+    @property
+    def moving(self) -> MovingVehicle:
+        """Vehicle on its way."""
+        return MovingVehicle(self.drive.vehicle.body, self.truth, self.motion)
 
     def record(self, folder: Path, force: bool = False) -> Iterator[int]:
         """Render what is missing in the folder, step by step; yields how many steps are there.
@@ -206,7 +222,7 @@ class PlannedDrive:
             )
             settings = DriveSettings(
                 self.name,
-                self.truth if self.motion is None else self.motion.base,
+                self.motion,
                 drive.seed,
                 drive.unlit,
                 drive.channel_format,
@@ -300,10 +316,10 @@ class PlannedDrive:
 
     def _physics_manifest(self) -> dict[str, Any]:
         """Physics for the manifest; empty without."""
-        if self.motion is None or self.drive.physics is None:
+        if self.simulated is None or self.drive.physics is None:
             return {}
         chassis = dataclasses.asdict(self.drive.physics)
-        return {"physics": {**self.motion.manifest(), "chassis": chassis}}
+        return {"physics": {**self.simulated.manifest(), "chassis": chassis}}
 
     def _write_records(self, run: RunFolder) -> None:
         """Write the files that need no rendering."""
@@ -351,7 +367,11 @@ def _plan_in_physics(
     planned = {name: one._plan_route(print_note) for name, one in drives.items()}
     drivers = {
         name: Driver(
-            rovers[name], planned[name].trajectory, one.route.path, one.route.ignore_limits
+            rovers[name],
+            planned[name].trajectory,
+            planned[name].motion,
+            one.route.path,
+            one.route.ignore_limits,
         )
         for name, one in drives.items()
     }
@@ -365,12 +385,7 @@ def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]
 
     All begin at the time 0 s of their trajectories.
     """
-    vehicles = {
-        name: OtherVehicle(
-            plan.drive.vehicle.body, plan.truth if plan.motion is None else plan.motion.base
-        )
-        for name, plan in plans.items()
-    }
+    vehicles = {name: plan.moving for name, plan in plans.items()}
     together = {}
     for name, plan in plans.items():
         others = {other: vehicle for other, vehicle in vehicles.items() if other != name}

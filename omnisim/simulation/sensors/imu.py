@@ -33,7 +33,7 @@ from omnisim.simulation.sensors.sensor import (
     MountedSensor,
 )
 from omnisim.trajectories import Trajectory
-from omnisim.trajectories.smooth_motion import SmoothMotion
+from omnisim.trajectories.body_motion import BodyMotion
 
 READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
 COLUMNS = "t_s,wx_radps,wy_radps,wz_radps,fx_mps2,fy_mps2,fz_mps2"
@@ -114,7 +114,7 @@ class MountedImu(MountedSensor):
     def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
         """Open it; it needs nothing of the stage."""
         key = key_of("imu", settings.seed, self.name)
-        return ImuInstrument(self, settings.trajectory, key)
+        return ImuInstrument(self, settings.motion, key)
 
 
 class ImuMount(SensorMount):
@@ -163,15 +163,14 @@ class ImuInstrument(Instrument):
 
     Args:
         imu: on its vehicle.
-        trajectory: of the vehicle's base.
+        motion: of the vehicle's base.
         key: of its random numbers.
     """
 
-    def __init__(self, imu: MountedImu, trajectory: Trajectory, key: int):
+    def __init__(self, imu: MountedImu, motion: BodyMotion, key: int):
         self._imu, self._key = imu, key
-        self._start_s = float(trajectory.times_s[0])
-        self._motion = SmoothMotion(trajectory)
-        count = self._count_to(float(trajectory.times_s[-1]))
+        self._start_s, self._motion = motion.start_s, motion
+        count = self._count_to(motion.end_s)
         self._biases = imu.errors.biases(count, imu.rate_hz, key)
 
     def close(self) -> None:
@@ -183,7 +182,9 @@ class ImuInstrument(Instrument):
         first = 0 if moment.previous_s is None else self._count_to(moment.previous_s)
         indices = np.arange(first, self._count_to(moment.time_s))
         times_s = self._start_s + indices / imu.rate_hz
-        ideal = true_readings(self._motion, imu.base_from_imu, imu.gravity_mps2, times_s)
+        ideal = true_readings(
+            self._motion, imu.base_from_imu, imu.gravity_mps2, times_s, 1.0 / imu.rate_hz
+        )
         noise = imu.errors.noise(indices, imu.rate_hz, self._key)
         return Readings(times_s, ideal + self._biases[indices] + noise)
 

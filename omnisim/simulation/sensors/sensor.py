@@ -22,6 +22,7 @@ from omnisim.sensors.stage import Closing, Stage
 from omnisim.short_repr import short_repr
 from omnisim.simulation.is_written import is_written
 from omnisim.trajectories import Trajectory
+from omnisim.trajectories.body_motion import BodyMotion
 from omnisim.world import Motion
 
 TABLE_SUFFIX = ".csv"
@@ -59,7 +60,7 @@ class DriveSettings:
 
     Attributes:
         vehicle: name of the sensor's vehicle in the world.
-        trajectory: of its base, with a pose for each step, or closer ones.
+        motion: of its base.
         seed: of the drive.
         unlit: show plain base colours.
         channel_format: of files with ground truth.
@@ -67,7 +68,7 @@ class DriveSettings:
     """
 
     vehicle: str
-    trajectory: Trajectory
+    motion: BodyMotion
     seed: int = 0
     unlit: bool = False
     channel_format: ChannelFormat = ChannelFormat.AUTO
