@@ -44,12 +44,12 @@ def check(motion, mount, turn_deg=0.01):
     truth = motion.at(times).at_mount(mount)
     assert np.abs(truth.velocity_mps[0]).max() < 1e-6
     places, rotations = integrate(times, readings, truth.world_from_base[0], np.zeros(3))
-    off_m = np.linalg.norm(places - truth.world_from_base[:, :3, 3], axis=1)
-    assert off_m.max() < 1e-3
+    errors_m = np.linalg.norm(places - truth.world_from_base[:, :3, 3], axis=1)
+    assert errors_m.max() < 1e-3
     changes = np.swapaxes(rotations, 1, 2) @ truth.world_from_base[:, :3, :3]
-    off_deg = np.degrees(Rotation.from_matrix(changes).magnitude())
-    assert off_deg.max() < turn_deg
-    assert off_deg[-1] < 0.01
+    errors_deg = np.degrees(Rotation.from_matrix(changes).magnitude())
+    assert errors_deg.max() < turn_deg
+    assert errors_deg[-1] < 0.01
 
 
 @pytest.mark.parametrize(("scene", "path"), PATHS)
