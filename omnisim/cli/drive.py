@@ -112,6 +112,8 @@ def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
         print_note(f"{whose}{NO_SIZE}")
     for contact in (plan.contacts or ())[:MOST_CONTACTS]:
         print_note(f"{whose}{contact}")
+    for note in plan.notes:
+        print_note(f"{whose}{note}")
     if plan.simulated is not None:
         print_note(f"{whose}{plan.simulated.engine}: {plan.simulated.slip}")
 

@@ -34,12 +34,17 @@ def run(request: PlotRequest) -> None:
     if recorded.manifest.cameras:
         camera = recorded.camera()
         shown = [step for step in steps_to_show(len(truth)) if step < done]
-        pictures = {step: read_image(recorded.file(camera, step, ".png"))[0] for step in shown}
+        pictures = {step: _image(recorded, camera, step) for step in shown}
     title = _title(recorded, truth, reckoned, done)
     scene, others = _scene(recorded, request.scene), _others(recorded)
     figure = run_figure(title, scene, truth, reckoned, pictures, others)
     write_plot(target, figure)
     out.print(f"{target}: {done} of {pluralize(len(truth), 'step')}", markup=False)
+
+
+def _image(run: RunFolder, camera: str, step: int) -> NDArray[np.uint8]:
+    """Last image (height, width, 3) of a camera at a step."""
+    return read_image(run.file(camera, run.index_at(camera, step), ".png"))[0]
 
 
 def _others(run: RunFolder) -> dict[str, Trajectory]:

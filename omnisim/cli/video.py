@@ -23,7 +23,7 @@ def run(request: VideoRequest) -> None:
     recorded = RunFolder.read(folder)
     check_video_target(output)
     name = recorded.camera(request.camera_name)
-    done = recorded.steps_done()
+    done = recorded.measurements_done(name)
     if done == 0:
         raise RunError(f"{folder}: has no pictures yet: run its command again to go on")
 

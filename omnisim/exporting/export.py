@@ -71,6 +71,11 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
         )
         recording = dataclasses.replace(recording, cameras=recording.cameras[:1])
     manifest = recording.run.manifest
+    if not form.has_clocks:
+        framed = [camera.name for camera in recording.cameras]
+        for kind in form.sensors:
+            framed += recording.sensors(kind)[:1]
+        recording = recording.in_frames(framed, print_note)
     left_out = [
         name
         for name in manifest.sensors

@@ -60,6 +60,7 @@ class ExportFormat(ABC):
         sensors: classes of the sensors that it holds beside cameras.
         channels: of ground truth that it holds.
         dates_stamps: its stamps are since 1970.
+        has_clocks: each sensor has stamps of its own; else frames have all sensors.
         has_messages: it has a choice of pixels or PNG, and point clouds.
     """
 
@@ -68,6 +69,7 @@ class ExportFormat(ABC):
     sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
     channels: ClassVar[tuple[str, ...]] = ()
     dates_stamps: ClassVar[bool] = True
+    has_clocks: ClassVar[bool] = False
     has_messages: ClassVar[bool] = False
 
     @abstractmethod
