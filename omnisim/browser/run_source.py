@@ -44,12 +44,12 @@ class RunSource:
         self._camera_name = self._run.camera(camera_name)
         recorded = self._run.manifest.scene
         self.scene = recorded.load(scene)
-        self.steps = self._run.steps_done()
+        self.steps = self._run.measurements_done(self._camera_name)
         if self.steps == 0:
             raise RunError(f"{folder}: has no pictures yet: run its command again to go on")
         first = read_picture(self._picture(0))
         self.camera = OmniCamera(first.camera, polygons=None)
-        self.channel_names = self._run.channels_at(0)
+        self.channel_names = self._run.channels_at(0, self._camera_name)
         self.stage = Stage(self.scene, device=device)
 
     def take(self, draw: Draw, channels: Collection[str]) -> Taken:

@@ -112,8 +112,10 @@ def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
         print_note(f"{whose}{NO_SIZE}")
     for contact in (plan.contacts or ())[:MOST_CONTACTS]:
         print_note(f"{whose}{contact}")
-    if plan.motion is not None:
-        print_note(f"{whose}{plan.motion.engine}: {plan.motion.slip}")
+    for note in plan.notes:
+        print_note(f"{whose}{note}")
+    if plan.simulated is not None:
+        print_note(f"{whose}{plan.simulated.engine}: {plan.simulated.slip}")
 
 
 def _make_folder(folder: Path) -> None:

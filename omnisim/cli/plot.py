@@ -51,8 +51,13 @@ def _drawing(run: RunFolder, name: str) -> RunDrawing:
     if run.manifest.cameras:
         camera, done = run.camera(), run.steps_done()
         shown = [step for step in steps_to_show(len(truth)) if step < done]
-        pictures = {step: read_image(run.file(camera, step, ".png"))[0] for step in shown}
+        pictures = {step: _image(run, camera, step) for step in shown}
     return RunDrawing(truth, reckoned, pictures, name)
+
+
+def _image(run: RunFolder, camera: str, step: int) -> NDArray[np.uint8]:
+    """Last image (height, width, 3) of a camera at a step."""
+    return read_image(run.file(camera, run.index_at(camera, step), ".png"))[0]
 
 
 def _others(run: RunFolder) -> dict[str, Trajectory]:

@@ -13,8 +13,7 @@ from omnisim.cli.run_requests import VideoRequest
 from omnisim.errors import OutputError, RunError
 from omnisim.image_files import read_image
 from omnisim.plots.video_file import check_video_target, write_video
-from omnisim.simulation.run_folder import GROUND_TRUTH, RunFolder
-from omnisim.trajectories import read_trajectory
+from omnisim.simulation.run_folder import RunFolder
 
 
 def run(request: VideoRequest) -> None:
@@ -25,7 +24,7 @@ def run(request: VideoRequest) -> None:
     runs = RunFolder.read_each(folder)
     check_video_target(output)
     for recorded in runs:
-        if recorded.steps_done() == 0:
+        if recorded.measurements_done(recorded.camera(request.camera_name)) == 0:
             raise RunError(f"{recorded.path}: has no pictures yet: run its command again to go on")
         if notice := recorded.unfinished():
             print_note(notice)
@@ -48,7 +47,7 @@ class _View:
     Attributes:
         run: its folder.
         camera: name.
-        times_s: (n,) of the steps that are done.
+        times_s: (n,) of its images that are recorded.
     """
 
     run: RunFolder
@@ -62,8 +61,8 @@ class _View:
         Raises:
             RunError: there is none.
         """
-        times_s = read_trajectory(run.path / GROUND_TRUTH).times_s[: run.steps_done()]
-        return cls(run, run.camera(camera), times_s)
+        name = run.camera(camera)
+        return cls(run, name, run.times_s(name)[: run.measurements_done(name)])
 
     def at(self, time_s: float) -> NDArray[np.uint8]:
         """Latest picture at a time; before the first, the first."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +24,7 @@ class FarDepths:
         self._camera, self._steps_per_m = camera, steps_per_m
         self._count = 0
 
-    def encode(self, depths_m: NDArray[np.float32]) -> NDArray[np.uint16]:
+    def encode(self, depths_m: NDArray[np.floating[Any]]) -> NDArray[np.uint16]:
         """Steps (height, width) of depths, +inf for none."""
         steps = np.round(np.where(np.isfinite(depths_m), depths_m, 0.0) * self._steps_per_m)
         fits = (steps >= 0.0) & (steps <= LARGEST)

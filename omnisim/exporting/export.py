@@ -81,6 +81,11 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
             f"takes another of {names}"
         )
         recording = dataclasses.replace(recording, cameras=recording.cameras[:1])
+    if not form.has_clocks:
+        framed = [camera.name for camera in recording.cameras]
+        for kind in held:
+            framed += recording.sensors(kind)[:1]
+        recording = recording.in_frames(framed, print_note)
     if left_out:
         print_note(f"{form.name} has no place for {', '.join(left_out)}: left out")
     channels = [name for name in manifest.channels if name not in form.channels]

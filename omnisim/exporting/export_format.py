@@ -62,6 +62,7 @@ class ExportFormat(ABC):
         holds_motion: it holds more of the motion than poses of sensors.
         channels: of ground truth that it holds.
         dates_stamps: its stamps are since 1970.
+        has_clocks: each sensor has stamps of its own; else frames have all sensors.
         has_messages: it has a choice of pixels or PNG, and point clouds.
     """
 
@@ -72,6 +73,7 @@ class ExportFormat(ABC):
     holds_motion: ClassVar[bool] = False
     channels: ClassVar[tuple[str, ...]] = ()
     dates_stamps: ClassVar[bool] = True
+    has_clocks: ClassVar[bool] = False
     has_messages: ClassVar[bool] = False
 
     @abstractmethod

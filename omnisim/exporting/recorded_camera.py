@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -32,11 +32,13 @@ class RecordedCamera:
         run: its folder.
         name: of the camera.
         mount: model, pose on the base, and mask of the pixels that show the scene.
+        indices: (n,) numbers of its images by frame, or None: a frame is an image.
     """
 
     run: RunFolder
     name: str
     mount: CameraMount
+    indices: NDArray[np.intp] | None = field(default=None, kw_only=True)
 
     @classmethod
     def read(cls, run: RunFolder, name: str) -> RecordedCamera:
@@ -73,7 +75,8 @@ class RecordedCamera:
 
     def picture_file(self, step: int) -> Path:
         """File of the picture of a step."""
-        return self.run.file(self.name, step, PICTURE)
+        index = step if self.indices is None else int(self.indices[step])
+        return self.run.file(self.name, index, PICTURE)
 
     def picture(self, step: int) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of a step, sRGB.

@@ -6,16 +6,18 @@ acceleration, the top speed where there is room for it, constant braking. A half
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.errors import TrajectoryError
 from omnisim.poses import wrap_angle
 from omnisim.robot.kinematics import Kinematics
+from omnisim.robot.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.robot.waypoints import check_waypoints
 from omnisim.trajectories.trajectory import Trajectory
 
@@ -24,65 +26,30 @@ MOST_POSES = 1_000_000
 SMALLEST_TURN_RAD = 1e-9
 
 
-@dataclass(frozen=True)
-class _Segment:
-    """Leg or turn on the spot, from rest to rest."""
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Drive along waypoints.
 
-    start: tuple[float, float, float]  # x, y, yaw
-    move_m: tuple[float, float]  # of a leg, or (0, 0)
-    turn_rad: float  # of a turn, or 0
-    top_rate: float
-    acceleration: float
+    Attributes:
+        trajectory: a pose at the start, and after each step.
+        motion: at all times.
+        counts: steps of each of the motion's segments.
+        period_s: of the steps, which are equal in time; None: they are equally long.
+    """
 
-    @property
-    def amount(self) -> float:
-        return math.hypot(*self.move_m) or abs(self.turn_rad)
-
-    @property
-    def ramp_s(self) -> float:
-        """Time to speed up, or to brake."""
-        return min(self.top_rate / self.acceleration, math.sqrt(self.amount / self.acceleration))
-
-    @property
-    def duration_s(self) -> float:
-        # the ramps cover what half their time would at the top rate
-        return self.ramp_s + self.amount / (self.acceleration * self.ramp_s)
-
-    def amounts_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distances or angles (n,) at times (n,) since its start."""
-        ramp, a = self.ramp_s, self.acceleration
-        left = self.duration_s - times_s
-        cruising = a * ramp * (times_s - 0.5 * ramp)
-        braking = self.amount - 0.5 * a * left * left
-        speeding = 0.5 * a * times_s * times_s
-        return np.where(times_s < ramp, speeding, np.where(left < ramp, braking, cruising))
-
-    def times_at(self, amounts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Times (n,) at distances or angles (n,): the inverse of `amounts_at`."""
-        ramp, a = self.ramp_s, self.acceleration
-        ramp_amount = 0.5 * a * ramp * ramp
-        left = np.maximum(self.amount - amounts, 0.0)
-        cruising = amounts / (a * ramp) + 0.5 * ramp
-        braking = self.duration_s - np.sqrt(2.0 * left / a)
-        speeding = np.sqrt(2.0 * amounts / a)
-        return np.where(
-            amounts < ramp_amount, speeding, np.where(left < ramp_amount, braking, cruising)
-        )
-
-    def poses_at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """x, y, yaw (n, 3) at shares (n,) of the way."""
-        change = np.array((*self.move_m, self.turn_rad))
-        poses: NDArray[np.float64] = np.array(self.start) + shares[:, None] * change
-        return poses
+    trajectory: Trajectory
+    motion: PlannedMotion
+    counts: tuple[int, ...]
+    period_s: float | None = None
 
 
-def drive_in_steps(
+def plan_in_steps(
     waypoints_m: ArrayLike,
     kinematics: Kinematics,
     step_m: float,
     step_rad: float,
     start_yaw_rad: float | None = None,
-) -> Trajectory:
+) -> Plan:
     """Drive along waypoints, with a pose after each step.
 
     A leg or turn is cut into equal steps, as few as keep them within the length asked for, so that
@@ -109,12 +76,23 @@ def drive_in_steps(
     return _sample(segments, counts)
 
 
-def drive_with_period(
+def drive_in_steps(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    step_m: float,
+    step_rad: float,
+    start_yaw_rad: float | None = None,
+) -> Trajectory:
+    """Trajectory of `plan_in_steps`."""
+    return plan_in_steps(waypoints_m, kinematics, step_m, step_rad, start_yaw_rad).trajectory
+
+
+def plan_with_period(
     waypoints_m: ArrayLike,
     kinematics: Kinematics,
     period_s: float,
     start_yaw_rad: float | None = None,
-) -> Trajectory:
+) -> Plan:
     """Drive along waypoints, with a pose every `period_s`.
 
     Each leg and turn is slowed down to last a whole number of periods, so that there is a pose at
@@ -136,9 +114,19 @@ def drive_with_period(
     return _sample(segments, counts, period_s)
 
 
+def drive_with_period(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    period_s: float,
+    start_yaw_rad: float | None = None,
+) -> Trajectory:
+    """Trajectory of `plan_with_period`."""
+    return plan_with_period(waypoints_m, kinematics, period_s, start_yaw_rad).trajectory
+
+
 def _segments(
     waypoints_m: ArrayLike, kinematics: Kinematics, start_yaw_rad: float | None
-) -> Iterator[_Segment]:
+) -> Iterator[Segment]:
     points = check_waypoints(waypoints_m)
     legs = np.diff(points, axis=0)
     headings = np.arctan2(legs[:, 1], legs[:, 0])
@@ -153,9 +141,9 @@ def _segments(
         if turn < SMALLEST_TURN_RAD - math.pi:
             turn += 2.0 * math.pi
         if abs(turn) > SMALLEST_TURN_RAD:
-            yield _Segment((x, y, yaw), (0.0, 0.0), turn, *turning)
+            yield Segment((x, y, yaw), (0.0, 0.0), turn, *turning)
         yaw = heading
-        yield _Segment((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
+        yield Segment((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
 
 
 def _count(steps: float) -> int:
@@ -165,9 +153,7 @@ def _count(steps: float) -> int:
     return max(1, math.ceil(steps - 1e-9))
 
 
-def _sample(
-    segments: list[_Segment], counts: list[int], period_s: float | None = None
-) -> Trajectory:
+def _sample(segments: list[Segment], counts: list[int], period_s: float | None = None) -> Plan:
     """Sample segments one after the other, each in its number of steps.
 
     The steps are equal in time where a period is given, and else equally long.
@@ -176,15 +162,22 @@ def _sample(
         raise TrajectoryError(
             f"{sum(counts)} steps: expected at most {MOST_POSES}: make them longer"
         )
-    times, poses, start_s = [np.zeros(1)], [np.array([segments[0].start])], 0.0
+    if period_s is not None:
+        segments = [
+            dataclasses.replace(one, stretch=count * period_s / one.duration_s)
+            for one, count in zip(segments, counts, strict=True)
+        ]
+    segments = in_sequence(segments)
+    times, poses = [np.zeros(1)], [np.array([segments[0].start])]
     for segment, count in zip(segments, counts, strict=True):
         shares = np.arange(1, count + 1) / count
+        law = segment.trapezoid
         if period_s is None:
-            times.append(start_s + segment.times_at(shares * segment.amount))
-            start_s += segment.duration_s
+            times.append(segment.start_s + law.times_at(shares * segment.amount))
         else:
-            shares = segment.amounts_at(shares * segment.duration_s) / segment.amount
+            shares = law.amounts_at(shares * law.duration_s) / segment.amount
         poses.append(segment.poses_at(shares))
     planar = np.concatenate(poses)
     stamps = np.concatenate(times) if period_s is None else period_s * np.arange(len(planar))
-    return Trajectory.on_ground(stamps, planar[:, :2], planar[:, 2])
+    trajectory = Trajectory.on_ground(stamps, planar[:, :2], planar[:, 2])
+    return Plan(trajectory, PlannedMotion(segments), tuple(counts), period_s)

@@ -1,13 +1,15 @@
 """Inertial measurement units: angular rate and specific force.
 
-A reading is the motion at its time, in the frame of the unit (REP 103), with white noise and a bias
-that walks at random, as in Kalibr's model and in data sets for visual-inertial odometry:
+A reading is the mean over its period, half of it before and half after its time, in the frame of
+the unit (REP 103), as of a MEMS unit that integrates and takes its delay off its stamps: the sum of
+the readings is the change of velocity and heading, also where acceleration jumps, and the
+trapezoidal rule gives the motion back. Added are white noise and a bias that walks at random, as in
+Kalibr's model and in data sets for visual-inertial odometry:
 
     rate = true rate + bias + density·√rate_hz·n        bias += random walk/√rate_hz·n
 
-The motion is the smooth one through the poses of the drive, see `SmoothMotion`: rates and forces do
-not jump where a pose follows another. Not in the model: scale errors, misalignment, saturation,
-rounding, temperature and the earth's rotation.
+The first reading is the mean of what follows the start, the last of what precedes the end. Not in
+the model: scale errors, misalignment, saturation, rounding, temperature and the earth's rotation.
 
 Noise and bias follow from a key and the number of the reading alone.
 
@@ -22,10 +24,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.sensors.degradations.random_numbers import normal, pcg4d
-from omnisim.trajectories.smooth_motion import SmoothMotion
+from omnisim.trajectories.body_motion import BodyMotion
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 _READING, _START = 0, 1  # streams of random numbers
@@ -88,10 +91,11 @@ DEVICES = {
 
 
 def true_readings(
-    motion: SmoothMotion,
+    motion: BodyMotion,
     base_from_imu: NDArray[np.float64],
     gravity_mps2: float,
     times_s: NDArray[np.float64],
+    period_s: float,
 ) -> NDArray[np.float64]:
     """Angular rate and specific force (n, 6) at times (n,), without errors, frame of the unit.
 
@@ -100,15 +104,20 @@ def true_readings(
         base_from_imu: (4, 4); away from the base's origin turning adds accelerations.
         gravity_mps2: along the world's −z.
         times_s: of the readings.
+        period_s: that a reading is the mean of; less where the motion begins or ends within it.
     """
-    moved = motion.at(times_s)
-    lever_m, rate = base_from_imu[:3, 3], moved.angular_rate_radps
-    upward = moved.acceleration_mps2 + (0.0, 0.0, gravity_mps2)
-    force = np.einsum("nij,ni->nj", moved.world_from_base, upward)
-    force += np.cross(moved.angular_acceleration_radps2, lever_m)
-    force += np.cross(rate, np.cross(rate, lever_m))
-    turn = base_from_imu[:3, :3]
-    return np.concatenate((rate @ turn, force @ turn), axis=1)
+    begin, end = times_s - 0.5 * period_s, times_s + 0.5 * period_s
+    if motion.end_s > motion.start_s:
+        begin, end = np.maximum(begin, motion.start_s), np.minimum(end, motion.end_s)
+    before, after = (motion.at(times).at_mount(base_from_imu) for times in (begin, end))
+    duration_s = (end - begin)[:, None]
+    rotation = scipy.spatial.transform.Rotation
+    first, last = (one.world_from_base[:, :3, :3] for one in (before, after))
+    turns = rotation.from_matrix(np.swapaxes(first, 1, 2) @ last).as_rotvec()
+    halfway = first @ rotation.from_rotvec(0.5 * turns).as_matrix()
+    upward = (after.velocity_mps - before.velocity_mps) / duration_s + (0.0, 0.0, gravity_mps2)
+    forces = np.einsum("nij,ni->nj", halfway, upward)
+    return np.concatenate((turns / duration_s, forces), axis=1)
 
 
 def _numbers(indices: NDArray[np.int64], stream: int, key: int) -> NDArray[np.float64]:

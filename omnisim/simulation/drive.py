@@ -13,6 +13,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, TrajectoryError
 from omnisim.extras import is_installed, require_extra
@@ -25,9 +28,11 @@ from omnisim.sensors.stage import BackendName, Stage
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.contacts import Contact, find_contacts
-from omnisim.simulation.drive_world import DriveWorld, OtherVehicle
+from omnisim.simulation.drive_world import DriveWorld, MovingVehicle
 from omnisim.simulation.fingerprint import fingerprint
+from omnisim.simulation.is_written import is_written
 from omnisim.simulation.manifest import MANIFEST_FORMAT
+from omnisim.simulation.number_table import write_table
 from omnisim.simulation.physics.rover import Rover
 from omnisim.simulation.physics.simulated_motion import SimulatedMotion
 from omnisim.simulation.route import PlannedRoute, Route, plan_route
@@ -36,13 +41,19 @@ from omnisim.simulation.run_folder import (
     GROUND_TRUTH,
     OBJECTS,
     ODOMETRY,
+    STATES,
+    TIME,
+    TIMES,
     RunFolder,
     open_run,
 )
-from omnisim.simulation.sensors import DriveSettings, Moment
+from omnisim.simulation.sensors import DriveSettings, Moment, MountedSensor
 from omnisim.simulation.sensors.omnicamera import CAMERA_POSES
+from omnisim.simulation.true_states import write_states
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import Trajectory, write_trajectory
+from omnisim.trajectories.body_motion import BodyMotion
+from omnisim.trajectories.spline_motion import SplineMotion
 from omnisim.version import __version__
 
 LARGEST_SEED = 2**63 - 1
@@ -109,7 +120,7 @@ class Drive:
         self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
         contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)
-        return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts)
+        return PlannedDrive(self, truth, planned.motion, odometry, planned.follows_floor, contacts)
 
     def _as_simulated(self, planned: PlannedRoute, motion: SimulatedMotion) -> PlannedDrive:
         """Drive as physics has simulated it."""
@@ -120,7 +131,15 @@ class Drive:
         errors = dataclasses.replace(self.vehicle.odometry, turn_scale=1.0)
         odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
         contacts = motion.contacts_at(truth)
-        return PlannedDrive(self, truth, odometry, planned.follows_floor, contacts, motion=motion)
+        return PlannedDrive(
+            self,
+            truth,
+            motion.smooth,
+            odometry,
+            planned.follows_floor,
+            contacts,
+            simulated=motion,
+        )
 
     def along(self, truth: Trajectory) -> PlannedDrive:
         """Take the vehicle along poses as they are, without wheels: there is no odometry.
@@ -130,7 +149,7 @@ class Drive:
         """
         self._check_seed()
         self._check_sensors(truth)
-        return PlannedDrive(self, truth)
+        return PlannedDrive(self, truth, SplineMotion(truth))
 
     def _check_seed(self) -> None:
         if not 0 <= self.seed <= LARGEST_SEED:
@@ -138,7 +157,7 @@ class Drive:
 
     def _check_sensors(self, truth: Trajectory) -> None:
         for sensor in self.vehicle.sensors:
-            sensor.check_trajectory(truth)
+            sensor.check_trajectory(truth, sensor.times_s(truth.times_s, self.seed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,24 +166,26 @@ class PlannedDrive:
 
     Attributes:
         drive: its settings.
-        truth: poses of the base.
+        truth: poses of the base at the steps.
+        motion: of the base, between the steps too.
         odometry: readings of the wheels, or None: it has none.
         follows_floor: see `PlannedRoute`.
         contacts: of the body with the scene, in the order in which they begin, or None: not
             looked for.
         name: of the vehicle in the world.
         others: other vehicles in the world, by name.
-        motion: in physics, between the poses; None: straight and even.
+        simulated: motion of the robot and of the objects about it in physics, or None.
     """
 
     drive: Drive
     truth: Trajectory
+    motion: BodyMotion
     odometry: Odometry | None = None
     follows_floor: bool = False
     contacts: tuple[Contact, ...] | None = None
     name: str = BODY
-    others: Mapping[str, OtherVehicle] = field(default_factory=dict)
-    motion: SimulatedMotion | None = None
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+    simulated: SimulatedMotion | None = None
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
@@ -173,11 +194,15 @@ class PlannedDrive:
     @cached_property
     def world(self) -> DriveWorld:
         """Motion of the world."""
-        scene, body = _with_short_name(self.drive.scene), self.drive.vehicle.body
-        if self.motion is None:
-            return DriveWorld(scene, body, self.truth, self.name, self.others)
-        scene = self.motion.scene_with_motions(scene)
-        return DriveWorld(scene, body, self.truth, self.name, self.others, self.motion.base)
+        scene = _with_short_name(self.drive.scene)
+        if self.simulated is not None:
+            scene = self.simulated.scene_with_motions(scene)
+        return DriveWorld(scene, self.moving, self.name, self.others)
+
+    @property
+    def moving(self) -> MovingVehicle:
+        """Vehicle on its way."""
+        return MovingVehicle(self.drive.vehicle.body, self.truth, self.motion)
 
     def record(self, folder: Path, force: bool = False) -> Iterator[int]:
         """Render what is missing in the folder, step by step; yields how many steps are there.
@@ -204,17 +229,11 @@ class PlannedDrive:
                     backend=drive.backend,
                 )
             )
-            settings = DriveSettings(
-                self.name,
-                self.truth if self.motion is None else self.motion.base,
-                drive.seed,
-                drive.unlit,
-                drive.channel_format,
-                drive.boxes_3d,
-            )
+            settings = self._settings
             instruments = {
-                sensor.name: stack.enter_context(sensor.open(stage, settings))
+                sensor.name: stack.enter_context(instrument)
                 for sensor in vehicle.sensors
+                if (instrument := sensor.open(stage, settings)) is not None
             }
             content = self._manifest(stage.backend.renderer)
             run = stack.enter_context(open_run(folder, content, force))
@@ -226,23 +245,49 @@ class PlannedDrive:
             yield there
             for done, step in enumerate(missing, start=there + 1):
                 for name, instrument in instruments.items():
-                    if run.missing_of(name, step):
-                        moment = self._moment(run, name, step)
-                        instrument.measure(moment).save(run.stem(name, step))
+                    for index in run.indices_at(name, step):
+                        if run.missing_at(name, index):
+                            moment = self._moment(run, name, index)
+                            instrument.measure(moment).save(run.stem(name, index))
                 yield done
             write_boxes(run, labels)
 
-    def _moment(self, run: RunFolder, sensor: str, step: int) -> Moment:
-        """Moment of a step, of which all steps before are in the folder."""
-        times_s = self.truth.times_s.tolist()
+    @property
+    def _settings(self) -> DriveSettings:
+        drive = self.drive
+        return DriveSettings(
+            self.name,
+            self.motion,
+            drive.seed,
+            drive.unlit,
+            drive.channel_format,
+            drive.boxes_3d,
+        )
+
+    @cached_property
+    def sensor_times_s(self) -> dict[str, NDArray[np.float64]]:
+        """Times (n,) of each sensor's measurements, by its name."""
+        steps_s, seed = self.truth.times_s, self.drive.seed
+        return {one.name: one.times_s(steps_s, seed) for one in self.drive.vehicle.sensors}
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes on what sensors leave out."""
+        sensors = self.drive.vehicle.sensors
+        found = (one.note(self.sensor_times_s[one.name]) for one in sensors)
+        return [note for note in found if note is not None]
+
+    def _moment(self, run: RunFolder, sensor: str, index: int) -> Moment:
+        """Moment of a measurement, of which all before are in the folder."""
+        times_s = self.sensor_times_s[sensor]
         return Moment(
             self.world.state_at,
-            step,
-            times_s[step],
-            times_s[step - 1] if step > 0 else None,
-            times_s[step + 1] if step + 1 < len(times_s) else None,
-            run.channels_at(step),
-            run.stem(sensor, step - 1) if step > 0 else None,
+            index,
+            float(times_s[index]),
+            float(times_s[index - 1]) if index > 0 else None,
+            float(times_s[index + 1]) if index + 1 < len(times_s) else None,
+            run.channels_at(index, sensor),
+            run.stem(sensor, index - 1) if index > 0 else None,
         )
 
     def _manifest(self, renderer: str) -> dict[str, Any]:
@@ -266,7 +311,7 @@ class PlannedDrive:
                 "contents": scene_contents(drive.scene),
             },
             "sensors": {
-                sensor.name: {"type": sensor.type, **sensor.settings()}
+                sensor.name: {"type": sensor.type, **self._timing(sensor), **sensor.settings()}
                 for sensor in vehicle.sensors
             },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
@@ -302,12 +347,19 @@ class PlannedDrive:
         as_read: dict[str, Any] = json.loads(json.dumps(content))
         return as_read
 
+    def _timing(self, sensor: MountedSensor) -> dict[str, Any]:
+        """Rate of a sensor for the manifest; empty where it measures at each step."""
+        if sensor.rate is None:
+            return {}
+        count = len(self.sensor_times_s[sensor.name])
+        return {"rate_hz": sensor.rate.rate_hz, "measurements": count}
+
     def _physics_manifest(self) -> dict[str, Any]:
         """Physics for the manifest; empty without."""
-        if self.motion is None or self.drive.physics is None:
+        if self.simulated is None or self.drive.physics is None:
             return {}
         chassis = dataclasses.asdict(self.drive.physics)
-        return {"physics": {**self.motion.manifest(), "chassis": chassis}}
+        return {"physics": {**self.simulated.manifest(), "chassis": chassis}}
 
     def _write_records(self, run: RunFolder) -> None:
         """Write the files that need no rendering."""
@@ -316,15 +368,24 @@ class PlannedDrive:
         if self.odometry is not None and not run.has(ODOMETRY):
             write_odometry(run.path / ODOMETRY, self.odometry)
         self.world.write_poses(run.path / OBJECTS)
+        times_s = self.sensor_times_s
+        if not run.has(STATES):
+            write_states(run.path / STATES, self.motion, (self.truth.times_s, *times_s.values()))
         for sensor in self.drive.vehicle.sensors:
+            own_s, folder = times_s[sensor.name], run.path / sensor.name
+            sensor.write_readings(folder, self._settings, own_s)
+            if run.has_own_rate(sensor.name) and not is_written(folder / TIMES):
+                write_table(folder / TIMES, TIME, (own_s[:, None],))
             for name, text in sensor.documents().items():
                 if not run.has(f"{sensor.name}/{name}"):
                     write_text(run.path / sensor.name / name, text)
         for camera in self.drive.vehicle.cameras:
             if self.odometry is None and not run.has(f"{camera.name}/{CAMERA_POSES}"):
-                poses = self.truth.world_from_base @ camera.sensor.base_from_optical
+                own_s = times_s[camera.name]
+                poses = np.stack([self.moving.pose_at(time_s) for time_s in own_s.tolist()])
                 write_trajectory(
-                    run.path / camera.name / CAMERA_POSES, Trajectory(self.truth.times_s, poses)
+                    run.path / camera.name / CAMERA_POSES,
+                    Trajectory(own_s, poses @ camera.sensor.base_from_optical),
                 )
 
 
@@ -355,7 +416,11 @@ def _plan_in_physics(
     planned = {name: one._plan_route(print_note) for name, one in drives.items()}
     drivers = {
         name: Driver(
-            rovers[name], planned[name].trajectory, one.route.path, one.route.ignore_limits
+            rovers[name],
+            planned[name].trajectory,
+            planned[name].motion,
+            one.route.path,
+            one.route.ignore_limits,
         )
         for name, one in drives.items()
     }
@@ -369,12 +434,7 @@ def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]
 
     All begin at the time 0 s of their trajectories.
     """
-    vehicles = {
-        name: OtherVehicle(
-            plan.drive.vehicle.body, plan.truth if plan.motion is None else plan.motion.base
-        )
-        for name, plan in plans.items()
-    }
+    vehicles = {name: plan.moving for name, plan in plans.items()}
     together = {}
     for name, plan in plans.items():
         others = {other: vehicle for other, vehicle in vehicles.items() if other != name}

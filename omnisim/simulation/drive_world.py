@@ -15,20 +15,30 @@ from omnisim.scene.labels import BODY
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.is_written import is_written
 from omnisim.trajectories import Trajectory, write_trajectory
-from omnisim.world import WorldState
+from omnisim.trajectories.body_motion import BodyMotion
+from omnisim.world import Pose, WorldState
 
 
 @dataclass(frozen=True, eq=False)
-class OtherVehicle:
-    """Vehicle that a drive's own vehicle meets.
+class MovingVehicle:
+    """Vehicle on its way through the world.
 
     Attributes:
         body: in its base frame, or None: invisible.
-        truth: poses of its base.
+        truth: poses of its base at its steps.
+        motion: of its base, between the steps too.
     """
 
     body: Scene | None
     truth: Trajectory
+    motion: BodyMotion
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4) of its base; at a step the step's, to the last bit."""
+        step = int(np.searchsorted(self.truth.times_s, time_s))
+        if step < len(self.truth) and self.truth.times_s[step] == time_s:
+            return np.array(self.truth.world_from_base[step])
+        return self.motion.pose_at(time_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,37 +47,35 @@ class DriveWorld:
 
     Attributes:
         scene: with its dynamic objects.
-        body: of the vehicle, or None: invisible.
-        truth: poses of the vehicle's base.
-        vehicle: name of the vehicle in the world.
+        own: the vehicle.
+        vehicle: its name in the world.
         others: other vehicles by name.
-        motion: of the vehicle's base between those poses; None: straight and even.
     """
 
     scene: Scene
-    body: Scene | None
-    truth: Trajectory
+    own: MovingVehicle
     vehicle: str = BODY
-    others: Mapping[str, OtherVehicle] = field(default_factory=dict)
-    motion: Trajectory | None = None
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
 
     @property
     def bodies(self) -> dict[str, Scene]:
         """Bodies of all vehicles that have one, by name."""
-        bodies = {self.vehicle: self.body, **{name: one.body for name, one in self.others.items()}}
+        bodies = {name: one.body for name, one in self._vehicles.items()}
         return {name: body for name, body in bodies.items() if body is not None}
 
     def state_at(self, time_s: float) -> WorldState:
         """State of the world; vehicles rest before and after their trajectories."""
-        motion = self.truth if self.motion is None else self.motion
         return WorldState(
             {
-                self.vehicle: motion.pose_at(time_s),
-                **{name: one.truth.pose_at(time_s) for name, one in self.others.items()},
+                **{name: one.pose_at(time_s) for name, one in self._vehicles.items()},
                 **{one.name: one.motion.pose_at(time_s) for one in self.scene.objects},
             },
             time_s,
         )
+
+    @property
+    def _vehicles(self) -> dict[str, MovingVehicle]:
+        return {self.vehicle: self.own, **self.others}
 
     def manifest(self) -> dict[str, Any]:
         """Other vehicles for a run's manifest; empty where there are none."""
@@ -85,8 +93,8 @@ class DriveWorld:
         Raises:
             OutputError: a file cannot be written.
         """
-        times_s = self.truth.times_s
-        motions = {name: one.truth.pose_at for name, one in self.others.items()}
+        times_s = self.own.truth.times_s
+        motions = {name: one.pose_at for name, one in self.others.items()}
         motions |= {one.name: one.motion.pose_at for one in self.scene.objects}
         if motions:
             folder.mkdir(exist_ok=True)

@@ -12,17 +12,21 @@ from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError, did_you_mean
 from omnisim.poses import LARGEST_M
-from omnisim.robot import Kinematics, check_drivable, drive_in_steps, drive_with_period, time_poses
+from omnisim.robot import Kinematics, check_drivable, time_poses
+from omnisim.robot.motion_profile import Plan, plan_in_steps, plan_with_period
 from omnisim.robot.waypoints import read_waypoints
 from omnisim.scene import Scene
 from omnisim.short_repr import short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.floor_following import follow_floor, slow_on_slopes
+from omnisim.simulation.planned_floor import on_floor
 from omnisim.simulation.sweep import Sweep
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import Trajectory, check_continuous, parse_trajectory
+from omnisim.trajectories.body_motion import BodyMotion
 from omnisim.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
 from omnisim.trajectories.formats.text_table import check_printed_times
+from omnisim.trajectories.spline_motion import SplineMotion
 from omnisim.trajectories.trajectory import step_lengths_m
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
@@ -64,11 +68,14 @@ class PlannedRoute:
         trajectory: of the vehicle's base.
         sweep: poses close together along it, for contacts.
         follows_floor: on the scene's floor; false for one height, or heights of a file.
+        motion: of the vehicle's base, between the poses too: of the plan, or smooth through the
+            poses of a file, from rest to rest where it has no times.
     """
 
     trajectory: Trajectory
     sweep: Sweep
     follows_floor: bool
+    motion: BodyMotion
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.trajectory))
@@ -103,11 +110,12 @@ def plan_route(
     path = Path(route.path)
     is_of_scene = any(path.name == route.path for path in scene.paths)
     if path.exists() if path.suffix else path.is_file() and not is_of_scene:
-        trajectory, has_heights, has_times = _from_file(path, vehicle, route, print_note)
+        plan = _from_file(path, vehicle, route, print_note)
     else:
         _refuse_axes(route)
-        trajectory = _from_scene(scene, vehicle, route)
-        has_heights, has_times = False, False
+        plan = _from_scene(scene, vehicle, route)
+    has_heights = isinstance(plan, _Recorded) and plan.has_heights
+    trajectory = plan.trajectory
     follows_floor = not has_heights and route.ground_m is None
     if not has_heights and route.ground_m is not None:
         trajectory = _at_height(trajectory, route.ground_m)
@@ -119,17 +127,43 @@ def plan_route(
     box = BodyBoxes.of(vehicle)
     sweep = Sweep.along(trajectory, 0.0 if box is None else box.reach_m)
     if not follows_floor:
-        return PlannedRoute(trajectory, sweep, follows_floor=False)
+        motion = _motion(plan, trajectory)
+        return PlannedRoute(trajectory, sweep, follows_floor=False, motion=motion)
     sweep = follow_floor(scene, sweep, box, route.path)
-    if route.rate_hz is None and not has_times:
-        sweep = slow_on_slopes(sweep)
+    if isinstance(plan, Plan):
+        sweep, motion = on_floor(plan, sweep)
+    else:
+        sweep = sweep if plan.has_times else slow_on_slopes(sweep)
+        motion = _motion(plan, sweep.trajectory)
     trajectory = sweep.trajectory
     if print_note is not None:
         low, high = trajectory.positions_m[:, 2].min(), trajectory.positions_m[:, 2].max()
         if max(abs(low), abs(high)) >= NOTED_M:
             heights = f"{low:.2f} m" if high - low < NOTED_M else f"{low:.2f} to {high:.2f} m"
             print_note(f"{route.path}: on the floor, at {heights}; --ground M drives at one height")
-    return PlannedRoute(trajectory, sweep, follows_floor=True)
+    return PlannedRoute(trajectory, sweep, follows_floor=True, motion=motion)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """Trajectory of a file with poses.
+
+    Attributes:
+        trajectory: as the file has it, or timed.
+        has_heights: they are the file's.
+        has_times: they are the file's, or follow from a rate.
+    """
+
+    trajectory: Trajectory
+    has_heights: bool
+    has_times: bool
+
+
+def _motion(plan: Plan | _Recorded, trajectory: Trajectory) -> BodyMotion:
+    """Motion through poses that are not on the floor, or are a file's."""
+    if isinstance(plan, Plan):
+        return plan.motion.at_height(float(trajectory.positions_m[0, 2]))
+    return SplineMotion(trajectory, from_rest=not plan.has_times)
 
 
 def _at_height(trajectory: Trajectory, ground_m: float) -> Trajectory:
@@ -154,7 +188,7 @@ def _check_numbers(route: Route) -> None:
         )
 
 
-def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Trajectory:
+def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Plan:
     paths = {path.name: path for path in scene.paths}
     if route.path not in paths:
         hint = did_you_mean(route.path, paths, "it has")
@@ -175,12 +209,12 @@ def _refuse_axes(route: Route) -> None:
 
 def _from_file(
     path: Path, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None
-) -> tuple[Trajectory, bool, bool]:
-    """Trajectory of a file; true where the file has heights, and where it has times."""
+) -> Plan | _Recorded:
+    """Plan along a file's waypoints, or a file's poses."""
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
         _refuse_axes(route)
-        return _along(waypoints_m, None, vehicle, route, str(path)), False, False
+        return _along(waypoints_m, None, vehicle, route, str(path))
     recording = parse_trajectory(path, axes=route.axes)
     if print_note is not None and recording.axes != "world":
         print_note(
@@ -211,7 +245,8 @@ def _from_file(
                 check_continuous(trajectory, math.inf, recording.source, LARGEST_SPEED_MPS, lines)
         except TrajectoryError as reason:
             raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
-    return trajectory, recording.has_heights, recording.times_s is not None
+    has_times = recording.times_s is not None or route.rate_hz is not None
+    return _Recorded(trajectory, recording.has_heights, has_times)
 
 
 def _check_steps(recording: ParsedTrajectory) -> None:
@@ -233,13 +268,13 @@ def _along(
     vehicle: Vehicle,
     route: Route,
     where: str,
-) -> Trajectory:
+) -> Plan:
     kinematics = _kinematics(vehicle, where)
     try:
         if route.rate_hz is not None:
-            return drive_with_period(waypoints_m, kinematics, 1.0 / route.rate_hz, start_yaw_rad)
+            return plan_with_period(waypoints_m, kinematics, 1.0 / route.rate_hz, start_yaw_rad)
         step_rad = math.radians(route.step_deg)
-        return drive_in_steps(waypoints_m, kinematics, route.step_m, step_rad, start_yaw_rad)
+        return plan_in_steps(waypoints_m, kinematics, route.step_m, step_rad, start_yaw_rad)
     except TrajectoryError as reason:
         raise TrajectoryError(f"{where}: {reason}") from None
 

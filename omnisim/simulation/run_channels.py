@@ -38,8 +38,8 @@ def write_boxes(run: RunFolder, labels: Labels) -> None:
         return
     for camera in run.manifest.cameras:
         if not run.has(f"{camera}/{BOXES}"):
-            steps = range(run.manifest.steps)
-            parts = [_read(run.file(camera, step, BOXES_SUFFIX)) for step in steps]
+            indices = range(run.measurements(camera))
+            parts = [_read(run.file(camera, index, BOXES_SUFFIX)) for index in indices]
             write_json(run.path / camera / BOXES, merged(parts, labels))
 
 

@@ -111,6 +111,11 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     """
     run = RunFolder.read(folder)
     name = run.camera(camera)
+    if run.has_own_rate(name):
+        raise RunError(
+            f"{folder}: camera {name!r} has a rate of its own: expected an image at each step, "
+            "where the wheels are read"
+        )
     recorded = run.manifest.scene
     found = recorded.load(scene)
     if not found.landmarks:

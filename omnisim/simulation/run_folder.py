@@ -4,7 +4,11 @@
     ground_truth.tum            poses of the base (TUM: s, metres, quaternion xyzw)
     odometry.csv                what the wheels report, and dead reckoning by it
     objects/<name>.tum          poses of another vehicle or a dynamic object, at the same times
-    <sensor>/000000.<suffix>    its files of a step, see `omnisim.simulation.sensors`
+    states.csv                  true states of the base at all times at which anything is measured
+    <sensor>/000000.<suffix>    its files of a measurement, see `omnisim.simulation.sensors`: of a
+                                step, or with a rate of its own by
+    <sensor>/times.csv          times of its measurements
+    <imu>/readings.csv          all readings, and with them in biases.csv the biases
     <camera>/sensor.toml        the camera as it was used
     <camera>/calibration.json   its parameters and its mount on the base
     <camera>/000000.png ...     a picture a step, with camera and pose inside
@@ -38,8 +42,12 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatch
+from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, did_you_mean
@@ -53,10 +61,13 @@ from omnisim.simulation.manifest import (
     read_manifest,
 )
 from omnisim.simulation.sensors import MountedSensor
+from omnisim.trajectories import read_trajectory
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
 OBJECTS = "objects"  # folder of poses
+STATES = "states.csv"
+TIMES, TIME = "times.csv", "t_s"  # of a sensor with a rate of its own, and their column
 LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
 PLOT = "plot.png"  # the run's plot, by default
 PARTIAL = ".omnisim-*.partial"
@@ -107,13 +118,68 @@ class RunFolder:
                 return [cls.read(folder) for folder in folders]
         return [cls.read(path)]
 
-    def stem(self, sensor: str, step: int) -> Path:
-        """Path of a sensor's files of a step, without their suffixes."""
-        return self.path / sensor / f"{step:06d}"
+    def stem(self, sensor: str, index: int) -> Path:
+        """Path of a sensor's files of a measurement, without their suffixes."""
+        return self.path / sensor / f"{index:06d}"
 
-    def file(self, sensor: str, step: int, suffix: str) -> Path:
-        """Path of a sensor's file of a step, present or not."""
-        return self.stem(sensor, step).with_suffix(suffix)
+    def file(self, sensor: str, index: int, suffix: str) -> Path:
+        """Path of a sensor's file of a measurement, present or not."""
+        return self.stem(sensor, index).with_suffix(suffix)
+
+    def has_own_rate(self, sensor: str) -> bool:
+        """A sensor measures at a rate of its own, and not at each step."""
+        return self.manifest.sensors[sensor].measurements is not None
+
+    def measurements(self, sensor: str) -> int:
+        """Number of a sensor's measurements: of the steps, unless it has a rate of its own."""
+        own = self.manifest.sensors[sensor].measurements
+        return self.manifest.steps if own is None else own
+
+    def times_s(self, sensor: str) -> NDArray[np.float64]:
+        """Times (n,) of a sensor's measurements.
+
+        Raises:
+            OmnisimError: a file of times is missing or damaged.
+        """
+        if sensor not in self._times:
+            times = self._step_times_s
+            if self.has_own_rate(sensor):
+                times = read_times(self.path / sensor / TIMES, self.measurements(sensor))
+            self._times[sensor] = times
+        return self._times[sensor]
+
+    def indices_at(self, sensor: str, step: int) -> range:
+        """Numbers of a sensor's measurements after the step before, up to a step's time.
+
+        Raises:
+            OmnisimError: a file of times is missing or damaged.
+        """
+        if not self.has_own_rate(sensor):
+            return range(step, step + 1)
+        steps_s, times_s = self._step_times_s, self.times_s(sensor)
+        last = len(steps_s) - 1
+        begin = 0 if step == 0 else int(np.searchsorted(times_s, steps_s[step - 1], side="right"))
+        end = int(np.searchsorted(times_s, steps_s[step], side="right"))
+        return range(begin, len(times_s) if step == last else end)
+
+    def index_at(self, sensor: str, step: int) -> int:
+        """Number of a sensor's last measurement at a step or before it, else of its first."""
+        return max(self.indices_at(sensor, step).stop - 1, 0)
+
+    def measurements_done(self, sensor: str) -> int:
+        """Count the measurements of a sensor, from the first one on, of the steps that are done."""
+        steps = self.steps_done()
+        return self.indices_at(sensor, steps - 1).stop if steps > 0 else 0
+
+    @cached_property
+    def _step_times_s(self) -> NDArray[np.float64]:
+        truth = read_trajectory(self.path / GROUND_TRUTH)
+        self.check_steps(GROUND_TRUTH, len(truth))
+        return truth.times_s
+
+    @cached_property
+    def _times(self) -> dict[str, NDArray[np.float64]]:
+        return {}
 
     def has(self, name: str) -> bool:
         """A file of the run is there, such as `GROUND_TRUTH`."""
@@ -175,23 +241,53 @@ class RunFolder:
 
     def missing_of(self, sensor: str, step: int) -> Path | None:
         """Find the first of a sensor's files of a step that is missing; None: all are there."""
+        if self.has_own_rate(sensor) and self.suffixes(sensor, 0):
+            for path in (self.path / GROUND_TRUTH, self.path / sensor / TIMES):
+                if not is_written(path):
+                    return path
+        missing = (self.missing_at(sensor, index) for index in self.indices_at(sensor, step))
+        return next((file for file in missing if file), None)
+
+    def missing_at(self, sensor: str, index: int) -> Path | None:
+        """Find the first of a sensor's files of a measurement that is missing; None: none is."""
+        files = (self.file(sensor, index, suffix) for suffix in self.suffixes(sensor, index))
+        return next((file for file in files if not is_written(file)), None)
+
+    def suffixes(self, sensor: str, index: int) -> tuple[str, ...]:
+        """Suffixes of a sensor's files of a measurement."""
         manifest = self.manifest
-        suffixes = manifest.sensor_class(sensor).suffixes_of(
-            self.channels_at(step),
+        return manifest.sensor_class(sensor).suffixes_of(
+            self.channels_at(index, sensor),
             manifest.channel_format,
             manifest.boxes_3d,
             manifest.sensors[sensor].model_extra or {},
         )
-        files = (self.file(sensor, step, suffix) for suffix in suffixes)
-        return next((file for file in files if not is_written(file)), None)
 
-    def channels_at(self, step: int) -> tuple[str, ...]:
-        """Channels of ground truth of a step: the first has no previous one, the last no next."""
+    def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
+        """Channels of a measurement: the first has no previous one, the last no next."""
         there = {""}
-        there |= {"previous"} if step > 0 else set()
-        there |= {"next"} if step < self.manifest.steps - 1 else set()
+        there |= {"previous"} if index > 0 else set()
+        there |= {"next"} if index < self.measurements(sensor) - 1 else set()
         names = self.manifest.channels
         return tuple(name for name in names if name in CHANNELS and CHANNELS[name].other in there)
+
+
+def read_times(path: Path, count: int) -> NDArray[np.float64]:
+    """Read the times (count,) of a sensor's measurements.
+
+    Raises:
+        RunError: they cannot be read, or do not increase.
+    """
+    try:
+        head, *lines = path.read_text(encoding="utf-8").splitlines()
+        times_s = np.array([float(line) for line in lines])
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except ValueError:
+        raise RunError(f"{path}: expected the column {TIME}, a number a line") from None
+    if head != TIME or len(times_s) != count or not np.all(np.diff(times_s) > 0.0):
+        raise RunError(f"{path}: expected {TIME} and {count} times that increase")
+    return times_s
 
 
 @contextmanager
@@ -293,13 +389,13 @@ def _clear(run: RunFolder) -> None:
         file.unlink()
     if objects.is_dir() and not any(objects.iterdir()):
         objects.rmdir()
-    for name in (GROUND_TRUTH, ODOMETRY, PLOT, LABELS):
+    for name in (GROUND_TRUTH, ODOMETRY, STATES, PLOT, LABELS):
         (run.path / name).unlink(missing_ok=True)
 
 
 def _is_own(name: str, sensor: type[MountedSensor]) -> bool:
     """A file of this name in a sensor's folder is the run's."""
-    if name in (*sensor.document_names, BOXES) or fnmatch(name, PARTIAL):
+    if name in (*sensor.document_names, BOXES, TIMES) or fnmatch(name, PARTIAL):
         return True
     step, dot, suffix = name.partition(".")
     is_of_sensor = any(fnmatch(dot + suffix, pattern) for pattern in sensor.suffixes)

@@ -23,6 +23,7 @@ from omnisim.short_repr import short_repr
 from omnisim.simulation.sensors import MountedCamera, MountedScanner, MountedSensor
 from omnisim.simulation.sensors.mount import SensorMount
 from omnisim.simulation.sensors.registry import parse_mounts, sensor_source
+from omnisim.simulation.sensors.triggers import sensor_rates
 from omnisim.toml_file import find_beside
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
@@ -76,10 +77,11 @@ class Vehicle:
         """
         body = _load_body(robot)
         sensors = []
-        for mount in parse_mounts(robot):
-            where = sensor_source(robot, mount.name)
+        mounts = parse_mounts(robot)
+        sources = [sensor_source(robot, mount.name) for mount in mounts]
+        for (mount, rate), where in zip(sensor_rates(mounts, sources), sources, strict=True):
             _check_hidden(mount, body, where)
-            sensor = mount.sensor(robot.folder, where)
+            sensor = dataclasses.replace(mount.sensor(robot.folder, where), rate=rate)
             _check_outside(body, sensor, where)
             sensors.append(sensor)
         return cls(

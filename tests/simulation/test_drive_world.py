@@ -69,7 +69,7 @@ def test_robots_see_each_other_and_the_ball(plans, tmp_path):
         of_other = read_trajectory(folder / "objects" / f"{other}.tum")
         np.testing.assert_array_equal(of_other.times_s, truth.times_s)
         for k, time_s in enumerate(truth.times_s):
-            wanted = plans[other].truth.pose_at(time_s)
+            wanted = plans[other].motion.pose_at(time_s)
             np.testing.assert_allclose(of_other.world_from_base[k], wanted, atol=1e-8)
         ball = read_trajectory(folder / "objects" / "ball.tum").positions_m
         np.testing.assert_allclose(np.linalg.norm(ball[:, :2], axis=1), 1.0, atol=1e-8)

@@ -6,13 +6,15 @@
 
 The body is the IMU, or the vehicle's base where the run has none. `sensor.yaml` has Kalibr's
 models, which come from the same laboratory: `pinhole` with `radial-tangential` or `equidistant`,
-`omni`, `eucm`, `ds`. Velocities are means of the step that follows, biases 0: unknown.
+`omni`, `eucm`, `ds`. States are at the readings' times, with the motion's own velocities and the
+biases that are in the readings; of runs without an IMU at all recorded times, with biases of 0.
 
 Source: Burri et al., The EuRoC micro aerial vehicle datasets (2016), and its files.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -27,13 +29,9 @@ from omnisim.errors import RunError
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.exporting.formats.tum import write_lines
 from omnisim.exporting.lens_camera import LensCamera
-from omnisim.exporting.recording import Recording
-from omnisim.exporting.stamps import restamped
-from omnisim.exporting.stored_scans import read_table
+from omnisim.exporting.recording import ImuReadings, Recording
 from omnisim.poses import inverse
-from omnisim.simulation.sensors.imu import COLUMNS as IMU_COLUMNS
 from omnisim.simulation.sensors.imu import MountedImu
-from omnisim.trajectories import Trajectory
 from omnisim.trajectories.formats import euroc
 
 PICTURES = "#timestamp [ns],filename"
@@ -56,6 +54,7 @@ class Euroc(ExportFormat):
     """Data set of EuRoC MAV."""
 
     name = "euroc"
+    has_clocks = True
     sensors = (MountedImu,)
 
     def write(
@@ -69,24 +68,25 @@ class Euroc(ExportFormat):
         if len(imus) > 1:
             print_note(f"the body is the first IMU, {imus[0]}: {', '.join(imus[1:])} left out")
         base_from_body = recording.base_from_imu(imus[0]) if imus else np.eye(4)
-        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
         body = f"IMU {imus[0]}" if imus else "base of the vehicle: x forward, y left, z up"
         write_text(root / "body.yaml", f"comment: {body}\n")
-        _write_states(root / "state_groundtruth_estimate0", recording, base_from_body, stamps_ns)
-        folders = []
+        readings = recording.imu_readings(imus[0]) if imus else None
+        states = root / "state_groundtruth_estimate0"
+        _write_states(states, recording, base_from_body, readings, settings)
+        if imus and readings is not None:
+            _write_imu(root / "imu0", recording, imus[0], readings, settings)
+        clocks = []
         for index, camera in enumerate(cameras):
-            folders.append(root / f"cam{index}")
+            folder = root / f"cam{index}"
             body_from_lens = inverse(base_from_body) @ camera.base_from_lens
-            _begin_camera(folders[-1], camera, body_from_lens, stamps_ns, print_note)
-        readings = [READINGS]
-        for step, stamp_ns in enumerate(stamps_ns):
-            for camera, own in zip(cameras, folders, strict=True):
-                camera.copy_picture(step, own / "data" / f"{stamp_ns}.png")
-            if imus:
-                readings += _readings(recording, imus[0], step, settings)
+            stamps_ns = settings.stamps_ns(recording.times_s(camera.name), recording.run.path)
+            _begin_camera(folder, camera, body_from_lens, stamps_ns, print_note)
+            clocks.append((camera, folder / "data", stamps_ns))
+        for step in range(recording.steps):
+            for camera, own, stamps_ns in clocks:
+                for index in recording.indices_at(camera.name, step):
+                    camera.copy_picture(index, own / f"{stamps_ns[index]}.png")
             yield step + 1
-        if imus:
-            _write_imu(root / "imu0", recording, imus[0], readings)
 
 
 def _begin_camera(
@@ -125,31 +125,33 @@ def _write_states(
     folder: Path,
     recording: Recording,
     base_from_body: NDArray[np.float64],
-    stamps_ns: list[int],
+    readings: ImuReadings | None,
+    settings: ExportSettings,
 ) -> None:
-    """Write the poses of the body."""
+    """Write the states of the body: at the readings' times, or at all recorded ones."""
     folder.mkdir()
-    poses = recording.truth.world_from_base @ base_from_body
-    lines = euroc.lines(Trajectory(recording.truth.times_s, poses))
-    write_lines(folder / "data.csv", restamped(lines, map(str, stamps_ns), ","))
+    times_s = recording.state_times_s if readings is None else readings.times_s
+    states = recording.states(times_s).at_mount(base_from_body)
+    biases = None if readings is None else readings.biases
+    stamps_ns = settings.stamps_ns(times_s, recording.run.path)
+    lines = euroc.state_lines(stamps_ns, states.world_from_base, states.velocity_mps, biases)
+    write_lines(folder / "data.csv", lines)
     text = ["sensor_type: visual-inertial", "comment: ground truth", *_pose_lines(np.eye(4))]
     write_lines(folder / "sensor.yaml", iter(text))
 
 
-def _readings(
-    recording: Recording, name: str, step: int, settings: ExportSettings
-) -> Iterator[str]:
-    """Lines of the readings since the step before."""
-    path = recording.run.file(name, step, ".csv")
-    columns = read_table(path, *IMU_COLUMNS.split(",")).columns
-    stamps_ns = settings.stamps_ns(columns.pop("t_s"), path)
-    for stamp_ns, values in zip(stamps_ns, zip(*columns.values(), strict=True), strict=True):
-        yield ",".join([str(stamp_ns), *(f"{value:.9f}" for value in values)])
-
-
-def _write_imu(folder: Path, recording: Recording, name: str, readings: list[str]) -> None:
+def _write_imu(
+    folder: Path,
+    recording: Recording,
+    name: str,
+    readings: ImuReadings,
+    settings: ExportSettings,
+) -> None:
     folder.mkdir()
-    write_lines(folder / "data.csv", iter(readings))
+    stamps_ns = settings.stamps_ns(readings.times_s, recording.run.path / name)
+    rows = zip(stamps_ns, readings.values.tolist(), strict=True)
+    printed = (",".join([str(ns), *(f"{value:.9f}" for value in row)]) for ns, row in rows)
+    write_lines(folder / "data.csv", itertools.chain((READINGS,), printed))
     source = recording.run.path / name
     parameters = parse_yaml(recording.imu_parameters(name), str(source))
     try:

@@ -2,7 +2,7 @@
 
     rgb.txt, rgb/<s>.png            stamps and pictures
     depth.txt, depth/<s>.png        coordinates along the axis, 5000 a metre in 16 bits, 0: none
-    groundtruth.txt                 poses of the camera's optical frame
+    groundtruth.txt                 poses of the camera's optical frame, at the fastest rate
     calibration.json                omnisim's calibration: the format has none
 
 Of a run without a camera the first depth camera, which has no `rgb`.
@@ -55,9 +55,11 @@ class Tum(ExportFormat):
             seconds_text(stamp)
             for stamp in settings.stamps_ns(recording.truth.times_s, recording.run.path)
         ]
-        poses = recording.truth.world_from_base @ camera.base_from_lens
-        lines = tum.lines(Trajectory(recording.truth.times_s, poses))
-        write_lines(folder / "groundtruth.txt", restamped(lines, stamps, " "))
+        times_s = recording.state_times_s
+        poses = recording.states(times_s).world_from_base @ camera.base_from_lens
+        lines = tum.lines(Trajectory(times_s, poses))
+        own = map(seconds_text, settings.stamps_ns(times_s, recording.run.path))
+        write_lines(folder / "groundtruth.txt", restamped(lines, own, " "))
         camera.save_calibration(folder / "calibration.json")
         if has_pictures:
             _write_list(folder, "rgb", "color images", stamps)

@@ -15,7 +15,8 @@
 | `/<imu>/data_raw` | Imu | at its own rate, without orientation |
 | `/<sonar>/range` | Range | |
 | `/odom` | Odometry | by dead reckoning; a rig has none |
-| `/ground_truth/pose` | PoseStamped | true pose of the base in `map` |
+| `/ground_truth/pose` | PoseStamped | true pose of the base in `map`, at the fastest rate |
+| `/ground_truth/odom` | Odometry | the same, with true velocities in `base_link` |
 | `/tf`, `/tf_static` | TFMessage | `map → odom → base_link → sensors`, `map → objects` |
 
 Without odometry there is no frame `odom`: `map → base_link`.
@@ -43,6 +44,7 @@ from omnisim.exporting.ros2.streams import (
     LidarStream,
     RangeStream,
     ScanStream,
+    StampedMessage,
     Stream,
     ros_name,
 )
@@ -72,6 +74,7 @@ class Ros2Bag(ExportFormat):
 
     has_messages = True
     holds_motion = True
+    has_clocks = True
     channels = ("range", *LABELLED)
     sensors = tuple(kind for kind, _ in STREAMS)
     storage: ClassVar[str]
@@ -81,7 +84,7 @@ class Ros2Bag(ExportFormat):
     ) -> Iterator[int]:
         """Write the bag, step by step."""
         streams = open_streams(recording, settings)
-        motion = _Motion(recording)
+        motion = _Motion(recording, settings)
         stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
         for stream in streams:
             if isinstance(stream, CameraStream) and stream.lens is None:
@@ -96,10 +99,11 @@ class Ros2Bag(ExportFormat):
                 text = (recording.run.path / LABELS).read_text(encoding="utf-8")
                 bag.write("/labels", stamps_ns[0], messages.text(text), is_latched=True)
             for step, stamp_ns in enumerate(stamps_ns):
-                motion.write(bag, step, stamp_ns)
-                found = [one for stream in streams for one in stream.messages_at(step, stamp_ns)]
+                found = [one for stream in streams for one in stream.messages_of(step)]
+                found += motion.between(step)
                 for one in sorted(found, key=lambda one: one.stamp_ns):
                     bag.write(one.topic, one.stamp_ns, one.message)
+                motion.write(bag, step, stamp_ns)
                 yield step + 1
 
 
@@ -154,11 +158,30 @@ def _write_latched(bag: Bag, streams: list[Stream], stamp_ns: int) -> None:
 class _Motion:
     """Messages of the motion of a run."""
 
-    def __init__(self, recording: Recording):
+    def __init__(self, recording: Recording, settings: ExportSettings):
+        times_s = recording.state_times_s
+        self._state_times_s, self._states = times_s, recording.states(times_s)
+        self._stamps_ns = settings.stamps_ns(times_s, recording.run.path)
         self._truth = recording.truth
         self._odometry = recording.odometry
         self._reckoned = None if self._odometry is None else self._odometry.dead_reckoned()
         self._objects = recording.objects()
+
+    def between(self, step: int) -> Iterator[StampedMessage]:
+        """True states after the step before, up to a step's time."""
+        steps_s, states = self._truth.times_s, self._states
+        begin_s = steps_s[step - 1] if step > 0 else -np.inf
+        end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
+        first, last = np.searchsorted(self._state_times_s, (begin_s, end_s), side="right")
+        for index in range(first, last):
+            stamp_ns, pose = self._stamps_ns[index], states.world_from_base[index]
+            truth = messages.pose_stamped(stamp_ns, MAP, pose)
+            yield StampedMessage("/ground_truth/pose", stamp_ns, truth)
+            velocity_mps = pose[:3, :3].T @ states.velocity_mps[index]
+            odometry = messages.true_odometry(
+                stamp_ns, (MAP, BASE), pose, velocity_mps, states.angular_rate_radps[index]
+            )
+            yield StampedMessage("/ground_truth/odom", stamp_ns, odometry)
 
     def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
         """Write the messages of a step."""
@@ -176,8 +199,6 @@ class _Motion:
         for name, motion in self._objects.items():
             poses[MAP, ros_name(name)] = motion.world_from_base[step]
         bag.write("/tf", stamp_ns, messages.transforms(stamp_ns, poses))
-        truth = messages.pose_stamped(stamp_ns, MAP, map_from_base)
-        bag.write("/ground_truth/pose", stamp_ns, truth)
 
     @staticmethod
     def _rates(odometry: Odometry, step: int) -> tuple[float, float]:

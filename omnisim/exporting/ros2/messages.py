@@ -168,6 +168,24 @@ def odometry(
     )
 
 
+def true_odometry(
+    stamp_ns: int,
+    frames: tuple[str, str],
+    pose: NDArray[np.float64],
+    velocity_mps: NDArray[np.float64],
+    angular_rate_radps: NDArray[np.float64],
+) -> Odometry:
+    """True pose of a child frame in its parent, with velocity (3,) and rate (3,) in the child."""
+    parent, child = frames
+    twist = Twist(Vector3(*velocity_mps.tolist()), Vector3(*angular_rate_radps.tolist()))
+    return Odometry(
+        header(stamp_ns, parent),
+        child,
+        PoseWithCovariance(_pose(pose), UNKNOWN),
+        TwistWithCovariance(twist, UNKNOWN),
+    )
+
+
 def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> PoseStamped:
     """Pose (4, 4) in a frame."""
     return PoseStamped(header(stamp_ns, frame), _pose(pose))

@@ -6,6 +6,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,12 +19,11 @@ from omnisim.calibration.formats.camera_info import CameraInfoLens
 from omnisim.calibration.formats.ros import Ros
 from omnisim.exporting.export_format import ExportSettings
 from omnisim.exporting.recorded_camera import RecordedCamera
-from omnisim.exporting.recording import Recording
+from omnisim.exporting.recording import ImuReadings, Recording
 from omnisim.exporting.ros2 import messages
 from omnisim.exporting.stored_scans import read_table
 from omnisim.image_files import read_image
 from omnisim.simulation.calibration_file import CALIBRATION
-from omnisim.simulation.sensors.imu import COLUMNS as IMU_COLUMNS
 
 BASE = "base_link"
 CLOUD_COLORS = "rgb"
@@ -61,7 +61,22 @@ class Stream(ABC):
 
     @abstractmethod
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Messages of a step."""
+        """Messages of a measurement by its number."""
+
+    def messages_of(self, step: int) -> Iterator[StampedMessage]:
+        """Messages of all measurements after the step before, up to a step's time."""
+        for index in self.recording.indices_at(self.name, step):
+            yield from self.messages_at(index, self._stamps_ns[index])
+
+    @cached_property
+    def _stamps_ns(self) -> list[int]:
+        times_s = self.recording.times_s(self.name)
+        return self.settings.stamps_ns(times_s, self.recording.run.path)
+
+    def _mount(self, world_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose (4, 4) on the base by the pose at the first measurement."""
+        first_s = float(self.recording.times_s(self.name)[0])
+        return self.recording.mount(world_from_sensor, first_s)
 
     def _first_file(self, suffix: str) -> Path:
         return self.recording.run.file(self.name, 0, suffix)
@@ -151,7 +166,7 @@ class ScanStream(Stream):
     def base_from_frame(self) -> NDArray[np.float64]:
         """Pose of the scanner."""
         scan = read_table(self._first_file(".csv"), "beam", "angle_deg", "range_m").header
-        return self.recording.mount(scan.pose("world_from_scanner"))
+        return self._mount(scan.pose("world_from_scanner"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Scan."""
@@ -171,7 +186,7 @@ class RangeStream(Stream):
     def base_from_frame(self) -> NDArray[np.float64]:
         """Pose of the sensor."""
         header = read_table(self._first_file(".csv"), "range_m").header
-        return self.recording.mount(header.pose("world_from_sensor"))
+        return self._mount(header.pose("world_from_sensor"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Range."""
@@ -209,14 +224,27 @@ class ImuStream(Stream):
         return self.recording.base_from_imu(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Readings since the step before."""
-        path = self.recording.run.file(self.name, step, ".csv")
-        columns = read_table(path, *IMU_COLUMNS.split(",")).columns
-        stamps_ns = self.settings.stamps_ns(columns.pop("t_s"), path)
-        readings = np.column_stack(list(columns.values())).tolist()
-        for own_ns, values in zip(stamps_ns, readings, strict=True):
-            message = messages.imu(own_ns, self.frame, values[:3], values[3:])
-            yield StampedMessage(f"/{self.topic}/data_raw", own_ns, message)
+        """One reading."""
+        values = self._readings.values[step].tolist()
+        message = messages.imu(stamp_ns, self.frame, values[:3], values[3:])
+        yield StampedMessage(f"/{self.topic}/data_raw", stamp_ns, message)
+
+    def messages_of(self, step: int) -> Iterator[StampedMessage]:
+        """Readings after the step before, up to a step's time."""
+        steps_s, times_s = self.recording.truth.times_s, self._readings.times_s
+        begin_s = steps_s[step - 1] if step > 0 else -np.inf
+        end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
+        first, last = np.searchsorted(times_s, (begin_s, end_s), side="right")
+        for index in range(first, last):
+            yield from self.messages_at(index, self._stamps_ns[index])
+
+    @cached_property
+    def _readings(self) -> ImuReadings:
+        return self.recording.imu_readings(self.name)
+
+    @cached_property
+    def _stamps_ns(self) -> list[int]:
+        return self.settings.stamps_ns(self._readings.times_s, self.recording.run.path)
 
 
 def ros_name(name: str) -> str:

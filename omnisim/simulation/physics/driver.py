@@ -7,21 +7,24 @@ from dataclasses import dataclass
 from omnisim.short_repr import short_repr
 from omnisim.simulation.physics.rover import Rover
 from omnisim.trajectories import Trajectory
+from omnisim.trajectories.body_motion import BodyMotion
 
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """Robot that follows a planned trajectory.
+    """Robot that follows a planned motion.
 
     Attributes:
         rover: that drives.
-        planned: trajectory; the robot begins at its first pose, and rests before and after.
+        planned: trajectory; the robot begins at its first pose.
+        motion: planned; it rests before and after.
         where: the path's name in messages.
         ignores_limits: goes on where it leaves its path or tips over.
     """
 
     rover: Rover
     planned: Trajectory
+    motion: BodyMotion
     where: str
     ignores_limits: bool = False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.contacts import Contact
 from omnisim.simulation.fingerprint import fingerprint
 from omnisim.trajectories import Trajectory
+from omnisim.trajectories.spline_motion import SplineMotion
 
 
 @dataclass(frozen=True)
@@ -66,14 +68,18 @@ class SimulatedMotion:
     def __repr__(self) -> str:
         return short_repr(self, repr(self.base), counted(len(self.objects), "free object"))
 
+    @cached_property
+    def smooth(self) -> SplineMotion:
+        """Motion of the base, between the engine's states too."""
+        return SplineMotion(self.base)
+
     def at(self, times_s: NDArray[np.float64]) -> Trajectory:
         """Trajectory of the base at times (n,)."""
-        poses = [self.base.pose_at(time_s) for time_s in times_s.tolist()]
-        return Trajectory(times_s, np.stack(poses))
+        return Trajectory(times_s, self.smooth.at(times_s).world_from_base)
 
     def readings_at(self, times_s: NDArray[np.float64]) -> Odometry:
         """Readings of the wheels at times (n,), without errors of their own."""
-        start = self.base.pose_at(float(times_s[0]))
+        start = self.smooth.pose_at(float(times_s[0]))
         yaw = float(np.arctan2(start[1, 0], start[0, 0]))
         ways = [np.interp(times_s, self.base.times_s, way) for way in self.wheels_m.T]
         left, right = (np.diff(way) for way in ways)

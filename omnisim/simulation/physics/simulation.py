@@ -45,9 +45,9 @@ def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, Simulated
         TrajectoryError: a robot cannot follow its path, or tips over; a path that is too long; a
             scene that is too large.
     """
-    start_s = min(float(one.planned.times_s[0]) for one in drivers.values())
+    start_s = min(one.motion.start_s for one in drivers.values())
     for one in drivers.values():
-        if (duration_s := float(one.planned.times_s[-1]) - start_s) > LONGEST_S:
+        if (duration_s := one.motion.end_s - start_s) > LONGEST_S:
             raise TrajectoryError(
                 f"{one.where}: expected at most {LONGEST_S:g} s with --physics, got "
                 f"{duration_s:g} s"
@@ -71,7 +71,7 @@ def _drive(
     world: SimulatedWorld, drivers: Mapping[str, Driver], start_s: float, free: list[str]
 ) -> dict[str, SimulatedMotion]:
     """Drive all robots until the last has come to the end of its trajectory."""
-    duration_s = max(float(one.planned.times_s[-1]) for one in drivers.values()) - start_s
+    duration_s = max(one.motion.end_s for one in drivers.values()) - start_s
     count = math.ceil(duration_s / PERIOD_S) + 1
     times_s = start_s + PERIOD_S * np.arange(count, dtype=np.float64)
     robots = [_Robot(name, one, times_s) for name, one in drivers.items()]
@@ -121,7 +121,7 @@ class _Robot:
 
     def __init__(self, name: str, driver: Driver, times_s: NDArray[np.float64]):
         self.name, self.rover, self._driver = name, driver.rover, driver
-        self.follower = PathFollower(driver.planned, driver.rover, times_s)
+        self.follower = PathFollower(driver.motion, driver.rover, times_s)
         self.touched_s: dict[str, list[float]] = {}
 
     def touch(self, names: set[str], time_s: float) -> None:

@@ -1,45 +1,39 @@
-"""Inertial measurement units on vehicles: readings at their own rate, in the file of each step.
+"""Inertial measurement units on vehicles: readings at their own rate, in one file of a run.
 
-Noise and bias follow from the drive's seed, the sensor's name and the number of the reading: any
-step can be measured by itself.
+Noise and bias follow from the drive's seed, the sensor's name and the number of the reading.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from omnisim.atomic_file import write_text
 from omnisim.errors import RunError
-from omnisim.parameters import Number
+from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.poses import rotation_angles
 from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.imu import DEVICES, STANDARD_GRAVITY_MPS2, ImuErrors, true_readings
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.is_written import is_written
-from omnisim.simulation.sensors.mount import Level, SensorMount
-from omnisim.simulation.sensors.sensor import (
-    DriveSettings,
-    Instrument,
-    Measurement,
-    Moment,
-    MountedSensor,
-)
+from omnisim.simulation.number_table import BLOCK, write_table
+from omnisim.simulation.sensors.mount import Level, Rate, SensorMount
+from omnisim.simulation.sensors.rate import SensorRate
+from omnisim.simulation.sensors.sensor import DriveSettings, MountedSensor
 from omnisim.trajectories import Trajectory
-from omnisim.trajectories.smooth_motion import SmoothMotion
+from omnisim.trajectories.body_motion import BodyMotion
 
 READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
+READINGS, BIASES = "readings.csv", "biases.csv"
 COLUMNS = "t_s,wx_radps,wy_radps,wz_radps,fx_mps2,fy_mps2,fz_mps2"
-MAX_READINGS = 10_000_000  # half a gigabyte; 14 hours at 200 Hz
+BIAS_COLUMNS = COLUMNS.replace(",w", ",bias_w").replace(",f", ",bias_f")
 MAX_TURN_DEG = 120.0  # from pose to pose: near half a turn no smooth motion is found
-LATE = 1e-3  # of the time between readings: printed times are rounded
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,7 +53,7 @@ class MountedImu(MountedSensor):
     base_from_imu: NDArray[np.float64]
     noun: ClassVar[str] = "IMU"
     suffixes: ClassVar[tuple[str, ...]] = (READINGS_SUFFIX,)
-    document_names: ClassVar[tuple[str, ...]] = (PARAMETERS,)
+    document_names: ClassVar[tuple[str, ...]] = (PARAMETERS, READINGS, BIASES)
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
@@ -91,17 +85,12 @@ class MountedImu(MountedSensor):
         rest = (f"{key}: {_yaml_number(number)}" for key, number in numbers.items())
         return {PARAMETERS: "\n".join((*lines, *rest)) + "\n"}
 
-    def check_trajectory(self, truth: Trajectory) -> None:
-        """Refuse more readings than memory holds, and turns between poses that are too wide.
+    def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
+        """Refuse turns between poses that are too wide.
 
         Raises:
             RunError: naming sensor, what is wrong, and what is expected.
         """
-        if truth.duration_s * self.rate_hz >= MAX_READINGS:
-            raise RunError(
-                f"sensor {self.name!r}: rate_hz = {self.rate_hz:g}: expected fewer than "
-                f"{MAX_READINGS} readings, got {truth.duration_s:g} s of them"
-            )
         rotations = truth.world_from_base[:, :3, :3]
         turns_deg = np.abs(np.degrees(rotation_angles(rotations[:-1], rotations[1:])))
         if np.any(turns_deg > MAX_TURN_DEG):
@@ -111,10 +100,71 @@ class MountedImu(MountedSensor):
                 f"{MAX_TURN_DEG:g}°, got {turns_deg[step]:.4g}°"
             )
 
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open it; it needs nothing of the stage."""
+    def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+        """Times (n,) of its readings."""
+        rate = self.rate or SensorRate(self.rate_hz, 0.0, 0.0, self.name)
+        start_s, end_s = step_times_s[[0, -1]].tolist()
+        return rate.times_s(start_s, end_s, seed, self.name)
+
+    @classmethod
+    def suffixes_of(
+        cls,
+        channels: Collection[str],
+        channel_format: ChannelFormat,
+        boxes_3d: bool,
+        settings: Mapping[str, Any],
+    ) -> tuple[str, ...]:
+        """None: all readings are in one file; runs of older versions have one a step."""
+        return () if "readings" in settings else cls.suffixes
+
+    def settings(self) -> dict[str, Any]:
+        """File of its readings."""
+        return {"readings": READINGS}
+
+    def open(self, stage: Stage, settings: DriveSettings) -> None:
+        """Do nothing: it needs no stage."""
+
+    def write_readings(
+        self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
+    ) -> None:
+        """Write all readings, and the biases that are in them, where they are missing.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
         key = key_of("imu", settings.seed, self.name)
-        return ImuInstrument(self, settings.trajectory, key)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        parts = [slice(first, first + BLOCK) for first in range(0, len(times_s), BLOCK)]
+        if not is_written(folder / READINGS):
+            blocks = (self._block(settings.motion, times_s, biases, key, part) for part in parts)
+            write_table(folder / READINGS, COLUMNS, blocks)
+        if not is_written(folder / BIASES):
+            blocks = (np.column_stack((times_s[part], biases[part])) for part in parts)
+            write_table(folder / BIASES, BIAS_COLUMNS, blocks)
+
+    def readings(
+        self, motion: BodyMotion, seed: int, times_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Readings (n, 6) at times (n,): angular rates in rad/s, then specific forces in m/s²."""
+        key = key_of("imu", seed, self.name)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        return self._block(motion, times_s, biases, key, slice(None))[:, 1:]
+
+    def _block(
+        self,
+        motion: BodyMotion,
+        times_s: NDArray[np.float64],
+        biases: NDArray[np.float64],
+        key: int,
+        part: slice,
+    ) -> NDArray[np.float64]:
+        """Rows (n, 7) of a part of the readings, times first."""
+        times, indices = times_s[part], np.arange(len(times_s))[part]
+        ideal = true_readings(
+            motion, self.base_from_imu, self.gravity_mps2, times, 1.0 / self.rate_hz
+        )
+        noise = self.errors.noise(indices, self.rate_hz, key)
+        return np.column_stack((times, ideal + biases[part] + noise))
 
 
 class ImuMount(SensorMount):
@@ -125,8 +175,8 @@ class ImuMount(SensorMount):
     type: Literal["imu"]
     device: Literal["adis16448", "bmi160", "ideal"] = "adis16448"
     """Whose noise: "adis16448" as in EuRoC, "bmi160" as in TUM VI, "ideal": none."""
-    rate_hz: Annotated[Number, Field(ge=1e-3, le=1e5)] = 200.0
-    """Readings a second, from the first pose on."""
+    rate_hz: Rate | None = 200.0
+    """Readings a second, from the start of the drive on."""
     gravity_mps2: Level = STANDARD_GRAVITY_MPS2
     """Gravity along the world's −z; at rest and level the specific force is as much along z."""
     gyro_noise_radps_per_sqrt_hz: Level | None = None
@@ -151,71 +201,11 @@ class ImuMount(SensorMount):
             self.type,
             self.name,
             self.hides,
-            self.rate_hz,
+            self.rate_hz or 200.0,
             self.gravity_mps2,
             errors,
             self.base_from_mount,
         )
-
-
-class ImuInstrument(Instrument):
-    """Takes the readings of an inertial measurement unit.
-
-    Args:
-        imu: on its vehicle.
-        trajectory: of the vehicle's base.
-        key: of its random numbers.
-    """
-
-    def __init__(self, imu: MountedImu, trajectory: Trajectory, key: int):
-        self._imu, self._key = imu, key
-        self._start_s = float(trajectory.times_s[0])
-        self._motion = SmoothMotion(trajectory)
-        count = self._count_to(float(trajectory.times_s[-1]))
-        self._biases = imu.errors.biases(count, imu.rate_hz, key)
-
-    def close(self) -> None:
-        """Do nothing: there is nothing to free."""
-
-    def measure(self, moment: Moment) -> Readings:
-        """Take the readings since the step before, up to this one's time; at the first step one."""
-        imu = self._imu
-        first = 0 if moment.previous_s is None else self._count_to(moment.previous_s)
-        indices = np.arange(first, self._count_to(moment.time_s))
-        times_s = self._start_s + indices / imu.rate_hz
-        ideal = true_readings(self._motion, imu.base_from_imu, imu.gravity_mps2, times_s)
-        noise = imu.errors.noise(indices, imu.rate_hz, self._key)
-        return Readings(times_s, ideal + self._biases[indices] + noise)
-
-    def _count_to(self, time_s: float) -> int:
-        """Number of readings from the start to a time."""
-        return math.floor((time_s - self._start_s) * self._imu.rate_hz + LATE) + 1
-
-
-@dataclass(frozen=True, eq=False)
-class Readings(Measurement):
-    """Readings between two steps.
-
-    Attributes:
-        times_s: (n,).
-        values: (n, 6) angular rate in rad/s and specific force in m/s², frame of the unit.
-    """
-
-    times_s: NDArray[np.float64]
-    values: NDArray[np.float64]
-
-    def save(self, stem: Path) -> None:
-        """Write the readings as CSV where they are missing.
-
-        Raises:
-            OutputError: the file cannot be written.
-        """
-        target = stem.with_suffix(READINGS_SUFFIX)
-        if is_written(target):
-            return
-        rows = np.column_stack((self.times_s, self.values)).tolist()
-        lines = (",".join(f"{value:.9f}" for value in row) for row in rows)
-        write_text(target, "\n".join((COLUMNS, *lines)) + "\n")
 
 
 def _yaml_number(number: float) -> str:

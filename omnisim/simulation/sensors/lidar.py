@@ -20,7 +20,8 @@ from omnisim.sensors.point_cloud import PointCloud
 from omnisim.sensors.spinning_lidar import SpinningLidar
 from omnisim.sensors.stage import Stage
 from omnisim.simulation.is_written import is_written
-from omnisim.simulation.sensors.mount import Level, Positive, Seed, SensorMount
+from omnisim.simulation.sensors.mount import Level, Positive, Rate, Seed, SensorMount
+from omnisim.simulation.sensors.rate import LATE
 from omnisim.simulation.sensors.sensor import (
     DriveSettings,
     Instrument,
@@ -61,6 +62,16 @@ class MountedLidar(MountedSensor):
         return (
             f"{lidar.rings} rings × {lidar.firings} firings at {lidar.rate_hz:g} Hz "
             f"to {lidar.range_max_m:g} m"
+        )
+
+    def note(self, times_s: NDArray[np.float64]) -> str | None:
+        """Note on revolutions between the steps, which have no cloud."""
+        turns = int(float(np.ptp(times_s)) * self.lidar.rate_hz + LATE) + 1
+        if self.rate is not None or turns <= len(times_s):
+            return None
+        return (
+            f"{self.name}: a cloud at each step, of {len(times_s)} of the lidar's {turns} "
+            f"revolutions: rate_hz = {self.lidar.rate_hz:g} in its table takes all"
         )
 
     def settings(self) -> dict[str, Any]:
@@ -109,8 +120,8 @@ class LidarMount(SensorMount):
     device's."""
     firings: Annotated[int, Field(strict=True)] | None = None
     """Firings of all rings in a revolution; 1800 are 0.2° apart."""
-    rate_hz: Positive | None = None
-    """Revolutions a second."""
+    rate_hz: Rate | None = None
+    """Revolutions a second, each with a cloud; left out: the device's, and a cloud at each step."""
     range_min_m: Level | None = None
     """Metres; nearer hits give no point."""
     range_max_m: Positive | None = None

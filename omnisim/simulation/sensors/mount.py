@@ -19,6 +19,7 @@ from omnisim.simulation.sensors.sensor import MountedSensor
 Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Level = Annotated[Number, Field(ge=0.0)]
+Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
 Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
 
 
@@ -41,6 +42,14 @@ class SensorMount(Table):
     """Degrees about z, counter-clockwise seen from above."""
     hides: tuple[Name, ...] = ()
     """Nodes of the body that this sensor does not see, such as its own housing."""
+    rate_hz: Rate | None = None
+    """Measurements a second from the start of the drive on; left out: one at each of its steps."""
+    phase_s: Level = 0.0
+    """Seconds from the start of the drive to the first measurement, with `rate_hz`."""
+    jitter_s: Level = 0.0
+    """Standard deviation of the times of the measurements in seconds, at most 8 % of the period."""
+    trigger: Name | None = None
+    """Name of a trigger: sensors that name it fire together, at the rate that one of them has."""
 
     @property
     def base_from_mount(self) -> NDArray[np.float64]:

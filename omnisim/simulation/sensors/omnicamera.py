@@ -142,19 +142,20 @@ class MountedCamera(MountedSensor):
             CALIBRATION: calibration_json(self.sensor),
         }
 
-    def check_trajectory(self, truth: Trajectory) -> None:
+    def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
         """Refuse an exposure that has not ended when the next picture begins.
 
         Raises:
             RunError: naming camera, step, and what is expected.
         """
         exposure_s = self.sensor.degradation.exposure_s
-        periods_s = np.diff(truth.times_s)
+        periods_s = np.diff(times_s)
         if np.any(periods_s < exposure_s):
             step = int(np.argmin(periods_s))
+            what = "step" if self.rate is None else "image"
             raise RunError(
                 f"camera {self.name!r}: degradation.shutter.exposure_s: expected at most "
-                f"{periods_s[step]:g} s, the time from step {step} to {step + 1}, got "
+                f"{periods_s[step]:g} s, the time from {what} {step} to {step + 1}, got "
                 f"{exposure_s:g}"
             )
 

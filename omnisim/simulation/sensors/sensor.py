@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -21,7 +21,9 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.sensors.stage import Closing, Stage
 from omnisim.short_repr import short_repr
 from omnisim.simulation.is_written import is_written
+from omnisim.simulation.sensors.rate import SensorRate
 from omnisim.trajectories import Trajectory
+from omnisim.trajectories.body_motion import BodyMotion
 from omnisim.world import Motion
 
 TABLE_SUFFIX = ".csv"
@@ -29,16 +31,16 @@ TABLE_SUFFIX = ".csv"
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Step of a drive, at which all sensors measure.
+    """Time of one measurement of a sensor.
 
     Attributes:
         motion: states of the world by seconds.
-        number: of the step, from 0.
-        time_s: of the step.
-        previous_s, next_s: times of the steps around it; None: there is none.
-        channels: of ground truth at this step.
-        previous_stem: path, without suffix, of the sensor's files of the step before; None: there
-            is no step before.
+        number: of the measurement, from 0; of a sensor without a rate of its own the step's.
+        time_s: of the measurement.
+        previous_s, next_s: times of the measurements around it; None: there is none.
+        channels: of ground truth at this time.
+        previous_stem: path, without suffix, of the files of the measurement before; None: there is
+            none.
     """
 
     motion: Motion
@@ -59,7 +61,7 @@ class DriveSettings:
 
     Attributes:
         vehicle: name of the sensor's vehicle in the world.
-        trajectory: of its base, with a pose for each step, or closer ones.
+        motion: of its base.
         seed: of the drive.
         unlit: show plain base colours.
         channel_format: of files with ground truth.
@@ -67,7 +69,7 @@ class DriveSettings:
     """
 
     vehicle: str
-    trajectory: Trajectory
+    motion: BodyMotion
     seed: int = 0
     unlit: bool = False
     channel_format: ChannelFormat = ChannelFormat.AUTO
@@ -156,6 +158,7 @@ class MountedSensor(ABC):
         type: word of the robot file.
         name: no two sensors of a vehicle have the same.
         hides: nodes of the body that it does not see.
+        rate: of its own, or None: it measures at each step of the drive.
         noun: kind of sensor, for people.
         origin_noun: point that lies at the mount's position, for people.
         suffixes: of all its files of a step, written or not; `*` stands for any letters.
@@ -167,6 +170,7 @@ class MountedSensor(ABC):
     type: str
     name: str
     hides: tuple[str, ...]
+    rate: SensorRate | None = field(default=None, kw_only=True)
     noun: ClassVar[str] = "sensor"
     origin_noun: ClassVar[str] = "origin"
     suffixes: ClassVar[tuple[str, ...]]
@@ -191,9 +195,20 @@ class MountedSensor(ABC):
     def summary(self) -> str:
         """Sensor in a few words."""
 
+    def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+        """Times (n,) of its measurements in a drive with steps at times (m,).
+
+        Raises:
+            RunError: none, or more than memory holds.
+        """
+        if self.rate is None:
+            return step_times_s
+        start_s, end_s = step_times_s[[0, -1]].tolist()
+        return self.rate.times_s(start_s, end_s, seed, self.name)
+
     @abstractmethod
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open the sensor on a stage, which is closed after it.
+    def open(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
+        """Open the sensor on a stage, closed after it; None: it has no files of measurements.
 
         Raises:
             GraphicsError: sizes past the GPU's limits.
@@ -223,9 +238,24 @@ class MountedSensor(ABC):
         """Texts of its files of a run, by name."""
         return {}
 
-    def check_trajectory(self, truth: Trajectory) -> None:  # noqa: B027  # most measure any
-        """Refuse a trajectory that the sensor cannot measure.
+    def write_readings(  # noqa: B027  # most have files of their own for each measurement
+        self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
+    ) -> None:
+        """Write those of its files that are missing which have all measurements, at times (n,).
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+
+    def check_trajectory(  # noqa: B027  # most measure any
+        self, truth: Trajectory, times_s: NDArray[np.float64]
+    ) -> None:
+        """Refuse a trajectory that the sensor cannot measure, at times (n,).
 
         Raises:
             RunError: naming sensor, step, and what is expected.
         """
+
+    def note(self, times_s: NDArray[np.float64]) -> str | None:
+        """Note on what it leaves out that measures at times (n,), or None: nothing."""
+        return None

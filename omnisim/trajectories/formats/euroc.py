@@ -1,16 +1,17 @@
 """EuRoC: 17 columns between commas: ns, position, quaternion wxyz, velocity, biases of an IMU.
 
-The velocity and the biases are not read. Written are the mean velocity of the step that follows
-(of the last pose: 0), and biases of 0.
+The velocity and the biases are not read. Of a trajectory the velocities of the smooth motion
+through its poses are written, and biases of 0.
 Source: EuRoC MAV dataset, state_groundtruth_estimate0/data.csv.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.poses import quaternion_from_rotation
 from omnisim.trajectories.formats.parsed_trajectory import (
@@ -25,6 +26,7 @@ from omnisim.trajectories.formats.text_table import (
     is_number,
     quote,
 )
+from omnisim.trajectories.spline_motion import SplineMotion
 from omnisim.trajectories.trajectory import Trajectory
 
 STAMP = re.compile(r"\d{1,19}", re.ASCII)
@@ -62,13 +64,24 @@ def _stamp(table: TextTable, line: Line) -> int:
 def lines(trajectory: Trajectory) -> Iterator[str]:
     """Lines of a file."""
     check_printed_times(trajectory.times_s)
+    stamps_ns = [round(time_s * 1e9) for time_s in trajectory.times_s.tolist()]
+    velocities = SplineMotion(trajectory).at(trajectory.times_s).velocity_mps
+    return state_lines(stamps_ns, trajectory.world_from_base, velocities)
+
+
+def state_lines(
+    stamps_ns: Sequence[int],
+    poses: NDArray[np.float64],
+    velocities_mps: NDArray[np.float64],
+    biases: NDArray[np.float64] | None = None,
+) -> Iterator[str]:
+    """Lines of a file with states: poses (n, 4, 4), velocities (n, 3), biases (n, 6) or 0."""
     names = (f"{name} [{unit}]" for name, unit in zip(COLUMNS, UNITS, strict=True))
     yield "#" + ",".join(names)
-    quaternions = quaternion_from_rotation(trajectory.world_from_base[:, :3, :3])
-    velocities = np.zeros((len(trajectory), 3))
-    velocities[:-1] = np.diff(trajectory.positions_m, axis=0)
-    velocities[:-1] /= np.diff(trajectory.times_s)[:, None]
-    columns = (trajectory.positions_m, quaternions[:, (3, 0, 1, 2)], velocities)
-    biases = ["0"] * 6
-    for time_s, row in zip(trajectory.times_s, np.column_stack(columns), strict=True):
-        yield ",".join([str(round(time_s * 1e9)), *(f"{value:.9f}" for value in row), *biases])
+    quaternions = quaternion_from_rotation(poses[:, :3, :3])[:, (3, 0, 1, 2)]
+    rows = np.column_stack((poses[:, :3, 3], quaternions, velocities_mps)).tolist()
+    walks = [["0"] * 6] * len(rows)
+    if biases is not None:
+        walks = [[f"{value:.9f}" for value in row] for row in biases.tolist()]
+    for stamp_ns, row, bias in zip(stamps_ns, rows, walks, strict=True):
+        yield ",".join([str(stamp_ns), *(f"{value:.9f}" for value in row), *bias])

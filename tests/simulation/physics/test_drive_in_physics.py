@@ -43,17 +43,17 @@ def test_a_square_is_driven_as_planned_and_dead_reckoning_has_the_slip(drive):
     end = plan.odometry.planar_poses[-1]
     slip_m = np.linalg.norm(end[:2] - plan.truth.positions_m[-1, :2])
     assert slip_m < (0.02 if drive == "differential" else 0.5)
-    assert 0.0 < plan.motion.slip.distance < 2e-3
-    assert abs(plan.motion.slip.turn) < (3e-3 if drive == "differential" else 0.06)
+    assert 0.0 < plan.simulated.slip.distance < 2e-3
+    assert abs(plan.simulated.slip.turn) < (3e-3 if drive == "differential" else 0.06)
 
 
 def test_the_same_drive_has_the_same_bytes():
     wanted = _drive(hall(), SQUARE[:3])
     first, second = wanted.plan(), wanted.plan()
-    for one, other in ((first.truth, second.truth), (first.motion.base, second.motion.base)):
+    for one, other in ((first.truth, second.truth), (first.simulated.base, second.simulated.base)):
         assert one.world_from_base.tobytes() == other.world_from_base.tobytes()
     assert first.odometry.turns_rad.tobytes() == second.odometry.turns_rad.tobytes()
-    assert first.motion.manifest() == second.motion.manifest()
+    assert first.simulated.manifest() == second.simulated.manifest()
 
 
 def test_a_wall_stops_the_robot():
@@ -77,11 +77,11 @@ def test_a_ball_that_is_hit_rolls_ahead():
     plan = _drive(scene, SQUARE[:2]).plan()
     (contact,) = plan.contacts
     assert contact.object == "ball"
-    motion = plan.motion.objects["ball"]
+    motion = plan.simulated.objects["ball"]
     hit = int(np.searchsorted(motion.times_s, contact.time_s))
     np.testing.assert_allclose(motion.positions_m[: hit - 2, 0], 1.0, atol=1e-3)
     # a robot of 10 kg pushes a ball of 0.4 kg: between its own speed, and twice as fast
-    robot_mps = np.diff(plan.motion.base.positions_m[hit - 20 : hit, 0]).mean() * 200.0
+    robot_mps = np.diff(plan.simulated.base.positions_m[hit - 20 : hit, 0]).mean() * 200.0
     ball_mps = np.diff(motion.positions_m[hit + 40 : hit + 60, 0]).mean() * 200.0
     assert 0.9 * robot_mps < ball_mps < 2.0 * robot_mps
     late = slice(-100, None)
@@ -209,11 +209,11 @@ def test_objects_that_move_push_those_that_are_free():
     scene = dataclasses.replace(hall(), objects=(moving, ball((-1.0, 2.0, 0.1))))
     plan = _drive(scene, ((0.0, 0.0), (2.0, 0.0), (0.0, 0.0))).plan()
     assert plan.truth.duration_s > 5.0
-    rolled = plan.motion.objects["ball"].positions_m
+    rolled = plan.simulated.objects["ball"].positions_m
     assert np.abs(rolled[:50] - (-1.0, 2.0, 0.1)).max() < 2e-3
     assert rolled[-1, 0] > -0.3  # ahead of the cart's end
     np.testing.assert_allclose(rolled[:, 1], 2.0, atol=0.05)
-    assert "cart" not in plan.motion.objects
+    assert "cart" not in plan.simulated.objects
     assert plan.contacts == ()
 
 
@@ -243,7 +243,7 @@ def test_robots_meet_each_other_in_one_world():
     }
     plans = plan_together(drives)
     east, west = plans["east"], plans["west"]
-    np.testing.assert_array_equal(east.motion.base.times_s, west.motion.base.times_s)
+    np.testing.assert_array_equal(east.simulated.base.times_s, west.simulated.base.times_s)
     for plan, other in ((east, "west"), (west, "east")):
         (contact,) = plan.contacts
         assert contact.object == other
@@ -256,7 +256,7 @@ def test_robots_meet_each_other_in_one_world():
         states = [world.state_at(time_s).world_from_object for world in worlds.values()]
         for name, plan in plans.items():
             for state in states:
-                np.testing.assert_array_equal(state[name], plan.motion.base.pose_at(time_s))
+                np.testing.assert_array_equal(state[name], plan.motion.pose_at(time_s))
 
 
 def test_a_robot_alone_drives_as_beside_one_that_is_far_away():
@@ -273,8 +273,8 @@ def test_a_robot_alone_drives_as_beside_one_that_is_far_away():
         for name in ("near", "far")
     )
     alone, beside = near.plan(), plan_together({"a": near, "b": far})["a"]
-    assert beside.motion.base.times_s[-1] > alone.motion.base.times_s[-1] + 1.0
+    assert beside.simulated.base.times_s[-1] > alone.simulated.base.times_s[-1] + 1.0
     np.testing.assert_allclose(beside.truth.world_from_base, alone.truth.world_from_base, atol=1e-4)
     # it rests when it has arrived
-    end = beside.motion.base.positions_m[len(alone.motion.base) :]
+    end = beside.simulated.base.positions_m[len(alone.simulated.base) :]
     assert np.abs(end - end[0]).max() < 1e-3

@@ -18,10 +18,9 @@ from omnisim.sensors.imu import DEVICES, ImuErrors, true_readings
 from omnisim.simulation import Vehicle
 from omnisim.simulation.drive import Drive
 from omnisim.simulation.route import Route
-from omnisim.simulation.sensors import DriveSettings, Moment
 from omnisim.simulation.sensors.imu import COLUMNS
 from omnisim.trajectories import Trajectory
-from omnisim.trajectories.smooth_motion import SmoothMotion
+from omnisim.trajectories.spline_motion import SplineMotion
 
 G = 9.80665
 IMU = {"name": "imu", "type": "imu", "position_m": [0.0, 0.0, 0.0]}
@@ -32,17 +31,11 @@ def vehicle_of(**keys):
     return Vehicle.from_robot(parse_robot({"name": "a", "sensors": [IMU | keys]}, "robot"))
 
 
-def readings_of(trajectory, seed=0, steps=None, **keys):
-    """Readings (n, 7) of all steps, or some, with their times."""
+def readings_of(trajectory, seed=0, **keys):
+    """Readings (n, 7) of a drive along a trajectory, with their times."""
     (sensor,) = vehicle_of(**keys).sensors
-    times = trajectory.times_s.tolist()
-    found = []
-    with sensor.open(None, DriveSettings("a", trajectory, seed)) as instrument:
-        for step in range(len(times)) if steps is None else steps:
-            before = times[step - 1] if step else None
-            one = instrument.measure(Moment(trajectory.pose_at, step, times[step], before))
-            found.append(np.column_stack((one.times_s, one.values)))
-    return np.concatenate(found)
+    times = sensor.times_s(trajectory.times_s, seed)
+    return np.column_stack((times, sensor.readings(SplineMotion(trajectory), seed, times)))
 
 
 def wavy():
@@ -69,8 +62,10 @@ def test_a_lever_arm_adds_the_centripetal_acceleration_of_a_turn_on_the_spot():
     rate, times = 2.0, np.linspace(0.0, 3.0, 31)
     trajectory = Trajectory.on_ground(times, np.zeros((31, 2)), rate * times)
     rows = readings_of(trajectory, device="ideal", position_m=[0.5, 0.0, 0.2])
-    expected = (0.0, 0.0, rate, -0.5 * rate**2, 0.0, G)
-    np.testing.assert_allclose(rows[:, 1:], np.tile(expected, (601, 1)), atol=1e-9)
+    # the mean over a reading's turn; at both ends over half of it
+    mean = np.sinc(rate / 200.0 / (2.0 * math.pi))
+    expected = (0.0, 0.0, rate, -0.5 * rate**2 * mean, 0.0, G)
+    np.testing.assert_allclose(rows[1:-1, 1:], np.tile(expected, (599, 1)), atol=1e-9)
 
 
 def test_a_lever_arm_feels_angular_acceleration():
@@ -112,7 +107,7 @@ def strapdown(rows, start, velocity_mps):
 
 def test_strapdown_integration_gives_back_the_poses():
     trajectory = wavy()
-    velocity_mps = SmoothMotion(trajectory).velocities_mps(np.zeros(1))[0]
+    velocity_mps = SplineMotion(trajectory).at(np.zeros(1)).velocity_mps[0]
     found_m, found = [], []
     for rate_hz in (100.0, 200.0):
         rows = readings_of(trajectory, device="ideal", rate_hz=rate_hz)
@@ -132,12 +127,9 @@ def test_strapdown_integration_gives_back_the_poses():
 
 def test_the_motion_goes_through_the_poses_that_pictures_are_taken_at():
     trajectory = wavy()
-    motion = SmoothMotion(trajectory)
-    np.testing.assert_allclose(
-        motion.positions_m(trajectory.times_s), trajectory.positions_m, atol=1e-12
-    )
-    turned = motion.at(trajectory.times_s).world_from_base
-    np.testing.assert_allclose(turned, trajectory.world_from_base[:, :3, :3], atol=1e-12)
+    motion = SplineMotion(trajectory)
+    poses = motion.at(trajectory.times_s).world_from_base
+    np.testing.assert_allclose(poses, trajectory.world_from_base, atol=1e-12)
 
 
 def test_stamps_since_1970_make_no_difference():
@@ -206,13 +198,6 @@ def test_biases_do_not_depend_on_how_many_are_asked_for():
     assert many[0, :3].all()
 
 
-def test_any_step_alone_has_the_same_readings():
-    trajectory = wavy()
-    rows = readings_of(trajectory)
-    assert rows[0, 0] == 0.0
-    assert np.array_equal(readings_of(trajectory, steps=[17]), rows[1 + 16 * 20 : 1 + 17 * 20])
-
-
 def test_a_rate_below_the_steps_leaves_some_empty():
     rows = readings_of(wavy(), rate_hz=3.0)
     np.testing.assert_allclose(rows[:, 0], np.arange(13) / 3.0)
@@ -242,15 +227,22 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
         "sensor.yaml"
     ]
     files = sorted((run / "imu").glob("*.csv"))
-    assert [file.name for file in files] == [f"{step:06d}.csv" for step in range(steps)]
-    assert files[0].read_text().startswith(f"{COLUMNS}\n0.000000000,")
+    assert [file.name for file in files] == ["biases.csv", "readings.csv", "times.csv"]
+    assert files[1].read_text().startswith(f"{COLUMNS}\n0.000000000,")
     before = [file.read_bytes() for file in files]
-    for file in files[2:5]:
+    for file in files:
         file.unlink()
-    assert list(drive.plan().record(run)) == [steps - 3, steps - 2, steps - 1, steps]
+    assert list(drive.plan().record(run)) == [steps]
     assert [file.read_bytes() for file in files] == before
-    rows = np.concatenate([np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2) for file in files])
+    biases, rows = (np.loadtxt(file, delimiter=",", skiprows=1) for file in files[:2])
     np.testing.assert_allclose(np.diff(rows[:, 0]), 0.005, atol=2e-9)
+    # without its biases and its noise a reading is the motion's
+    (unit,) = vehicle.sensors
+    ideal = dataclasses.replace(unit, errors=ImuErrors())
+    true = ideal.readings(drive.plan().motion, 3, rows[:, 0])
+    noise = rows[:, 1:] - true - biases[:, 1:]
+    sigmas = np.repeat((1.6968e-4, 2.0e-3), 3) * math.sqrt(200.0)
+    np.testing.assert_allclose(noise.std(axis=0), sigmas, rtol=0.05)
 
 
 def test_parameters_are_in_a_file_like_eurocs():
@@ -299,20 +291,20 @@ def test_more_readings_than_memory_holds_are_refused():
     days = Trajectory(np.array([0.0, 1e6]), np.stack([np.eye(4)] * 2))
     (imu,) = vehicle_of().sensors
     with pytest.raises(RunError, match=r"sensor 'imu': rate_hz = 200: expected fewer than"):
-        imu.check_trajectory(days)
+        imu.times_s(days.times_s, 0)
 
 
 def test_the_unit_may_be_turned_on_its_robot():
     trajectory, mount = wavy(), pose((0.1, 0.2, 0.3), 10.0, 20.0, 30.0)
-    motion, times = SmoothMotion(trajectory), np.linspace(0.5, 3.5, 50)
-    turned = true_readings(motion, mount, G, times)
+    motion, times = SplineMotion(trajectory), np.linspace(0.5, 3.5, 50)
+    h = 1e-4
+    turned = true_readings(motion, mount, G, times, 2 * h)
 
     # the unit's own path, differentiated by its positions
     def path(at):
-        moved = motion.at(at).world_from_base
-        return motion.positions_m(at) + moved @ mount[:3, 3], moved @ mount[:3, :3]
+        mounted = motion.at(at).world_from_base @ mount
+        return mounted[:, :3, 3], mounted[:, :3, :3]
 
-    h = 1e-4
     acceleration = (path(times + h)[0] - 2 * path(times)[0] + path(times - h)[0]) / h**2
     force = np.einsum("nij,ni->nj", path(times)[1], acceleration + (0.0, 0.0, G))
     np.testing.assert_allclose(turned[:, 3:], force, atol=1e-5)
@@ -327,9 +319,9 @@ def test_turns_that_no_smooth_motion_follows_are_refused():
     with pytest.raises(
         RunError, match=r"sensor 'imu': step 1 → 2: expected a turn of at most 120°"
     ):
-        imu.check_trajectory(turns)
-    imu.check_trajectory(wavy())
-    imu.check_trajectory(Trajectory(np.zeros(1), np.eye(4)[None]))
+        imu.check_trajectory(turns, turns.times_s)
+    for path in (wavy(), Trajectory(np.zeros(1), np.eye(4)[None])):
+        imu.check_trajectory(path, path.times_s)
 
 
 def test_wide_turns_have_even_rates():
@@ -343,6 +335,6 @@ def test_wide_turns_have_even_rates():
     poses = np.tile(np.eye(4), (31, 1, 1))
     poses[:, :3, :3] = [one.as_matrix() for one in rotations]
     times = np.cumsum(random.uniform(0.1, 1.0, 31))
-    motion = SmoothMotion(Trajectory(times, poses))
+    motion = SplineMotion(Trajectory(times, poses))
     before, after = (motion.at(times[1:-1] + share).angular_rate_radps for share in (-1e-7, 1e-7))
     np.testing.assert_allclose(before, after, atol=1e-3)
