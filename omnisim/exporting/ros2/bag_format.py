@@ -30,6 +30,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from omnisim.errors import OutputError
 from omnisim.exporting.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.exporting.recording import Recording
