@@ -50,7 +50,7 @@ def bake_scene(
 ) -> Baked:
     """Bake the light of a scene's static surfaces into a new folder.
 
-    Unfinished work stays in a folder beside it, and the same bake goes on with it.
+    Unfinished work stays in a folder beside it; the same bake resumes it, on any machine.
 
     Args:
         scene: its dynamic objects are left out.
@@ -69,7 +69,8 @@ def bake_scene(
     plan = {
         "omnisim": __version__,
         "fingerprint": fingerprint,
-        "texel_m": bake.texel_m,
+        "texel_m": settings.texel_m,  # as given: a computed one is rounded otherwise elsewhere
+        "atlas_px": list(bake.atlas.size_px),
         "samples": settings.samples,
         "bounces": settings.bounces,
         "seed": settings.seed,
@@ -80,8 +81,8 @@ def bake_scene(
     pixels = lightmap(bake.patches, bake.light(found), found.is_valid)
     document = plan | {
         "version": VERSION,
+        "texel_m": bake.texel_m,
         "exposure": scene.lighting.exposure,
-        "atlas_px": list(bake.atlas.size_px),
         "rects": bake.atlas.shares(bake.atlas.rects_px),
         "back_rects": bake.atlas.shares(bake.atlas.back_rects_px),
         "probes": {

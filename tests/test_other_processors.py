@@ -1,0 +1,152 @@
+"""What one processor has begun goes on on another, which rounds otherwise; pictures are the same.
+
+The other processor is emulated, see `tests.emulation`.
+"""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from omnisim.sensors import OmniCamera, Renderer
+from omnisim.scene import builtin_scenes, read_scene
+from tests.emulation import omnisim_emulated, rounds_otherwise, run_emulated
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]
+SIZE_PX = 96
+RENDER = f"""
+import sys
+import numpy as np
+from omnisim.scene import builtin_scenes, read_scene
+from omnisim.sensors import OmniCamera, Renderer
+images = {{}}
+for name in builtin_scenes():
+    scene = read_scene(name)
+    camera = OmniCamera().resized({SIZE_PX})
+    with Renderer(scene, camera) as renderer:
+        base = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
+        frame = renderer.render(base, also=("range", "instance"))
+    images |= {{name: frame.rgb, **{{f"{{name}} {{k}}": v for k, v in frame.channels.items()}}}}
+    images[f"{{name}} given"] = np.array([scene.given.content, scene.given.light])
+np.savez(sys.argv[1], **images)
+"""
+
+
+def test_the_emulated_processor_rounds_otherwise():
+    """Else the other tests of this module hold by themselves."""
+    if not rounds_otherwise():
+        pytest.skip("this processor has nothing to disable: it rounds as the emulated one")
+
+
+def test_built_in_scenes_look_the_same(tmp_path):
+    run_emulated(RENDER, tmp_path / "there.npz")
+    there = np.load(tmp_path / "there.npz")
+    for name in builtin_scenes():
+        scene = read_scene(name)
+        given = there[f"{name} given"].tolist()
+        assert [scene.given.content, scene.given.light] == given
+        camera = OmniCamera().resized(SIZE_PX)
+        with Renderer(scene, camera) as renderer:
+            base = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
+            frame = renderer.render(base, also=("range", "instance"))
+        off = np.abs(frame.rgb.astype(int) - there[name]).max(axis=-1)
+        assert off.max() <= 1, name
+        assert np.mean(off > 0) <= 1e-3, name
+        assert np.mean(frame.channels["instance"] != there[f"{name} instance"]) <= 1e-3
+        ranges, others = frame.channels["range"], there[f"{name} range"]
+        np.testing.assert_array_equal(np.isinf(ranges), np.isinf(others))
+        close = np.isclose(ranges, others, rtol=1e-5) | np.isinf(ranges)
+        assert np.mean(~close) <= 1e-3
+
+
+def _unfinished(run, keep):
+    """Leave the first files of a run's camera alone."""
+    for file in sorted((run / "omnicam").glob("*")):
+        if file.name[:6].isdigit() and int(file.name[:6]) >= keep:
+            file.unlink()
+
+
+@pytest.mark.parametrize("physics", [(), ("--physics",)], ids=["planned", "physics"])
+def test_a_drive_resumes(omnisim, tmp_path, physics):
+    if physics:
+        pytest.importorskip("mujoco")
+    options = (
+        "soccer", "--robot", "p2at", "--path", "diagonal", "--size", "32", "--quality", "fast",
+        *physics, "-o",
+    )  # fmt: skip
+    status, _, err = omnisim("drive", *options, "here")
+    assert status == 0, err
+    run = tmp_path / "here"
+    shutil.copytree(run, tmp_path / "whole")
+    steps = json.loads((run / "manifest.json").read_text())["steps"]
+    _unfinished(run, steps - 2)
+    out = omnisim_emulated("drive", *options, run)
+    assert f"{steps - 2} of them" in out or "there before" in out, out
+    for image in sorted((run / "omnicam").glob("*.png")):
+        whole = tmp_path / "whole" / "omnicam" / image.name
+        from omnisim.image_files import read_image
+
+        off = np.abs(read_image(image)[0].astype(int) - read_image(whole)[0]).max(axis=-1)
+        assert np.mean(off > 1) <= 1e-2, image.name  # noise and edges at 32 px
+
+
+PLAN = """
+name = "crossed"
+scenes = [{ file = "soccer" }]
+shards = 2
+pictures_per_shard = 2
+channels = ["range"]
+[[cameras]]
+size_px = 24
+quality = "fast"
+"""
+
+
+def test_shards_of_two_processors_are_one_data_set(omnisim, tmp_path):
+    (tmp_path / "plan.toml").write_text(PLAN)
+    out = tmp_path / "set"
+    omnisim_emulated("generate", tmp_path / "plan.toml", "-o", out, "--shards", "0")
+    first = sorted(out.glob("*.tar"))
+    stamps = [file.stat().st_mtime_ns for file in first]
+    assert len(first) == 1
+    status, text, err = omnisim("generate", "plan.toml", "-o", "set")
+    assert status == 0, err
+    assert len(sorted(out.glob("*.tar"))) == 2
+    assert [file.stat().st_mtime_ns for file in first] == stamps, text
+
+
+BAKE = """
+import sys
+from pathlib import Path
+from omnisim.baking import tiles
+from omnisim.baking.baked_files import bake_scene
+from omnisim.baking.settings import BakeSettings
+from omnisim.scene import read_scene
+stored = []
+original = tiles.TileFolder.store
+def store(self, name, arrays):
+    original(self, name, arrays)
+    stored.append(name)
+    if len(stored) == int(sys.argv[3]):
+        raise SystemExit
+tiles.TileFolder.store = store
+settings = BakeSettings(texel_m=1.0, samples=2, bounces=1)
+bake_scene(read_scene(sys.argv[1], baked="none"), Path(sys.argv[2]), settings, jobs=1)
+print(len(stored))
+"""
+
+
+def test_a_bake_resumes(tmp_path):
+    import subprocess
+    import sys
+
+    whole = run_emulated(BAKE, "soccer", tmp_path / "whole", -1)
+    run_emulated(BAKE, "soccer", tmp_path / "crossed", 2)
+    done = subprocess.run(
+        [sys.executable, "-c", BAKE, "soccer", tmp_path / "crossed", "-1"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert int(done.stdout) == int(whole) - 2
+    baked = read_scene("soccer", baked=tmp_path / "crossed")
+    assert baked.lighting.baked is not None
