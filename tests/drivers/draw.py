@@ -1,4 +1,4 @@
-"""Drawing of the cases by the driver of this process: `python -m tests.drivers.draw FOLDER`."""
+"""Drawing of the cases by the driver of this process: `python -m tests.drivers.draw --folder FOLDER`."""
 
 import argparse
 import time
@@ -15,7 +15,7 @@ from tests.drivers.shader_sources import collected_shaders
 def main() -> None:
     """Draw into files of a folder."""
     parser = argparse.ArgumentParser(prog="python -m tests.drivers.draw", description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("--folder", type=Path, required=True)
     parser.add_argument("--poses", type=int, default=2, help="of each case")
     parser.add_argument("--size", type=int, default=96, help="of the images, in pixels")
     parser.add_argument("--sample", action="store_true", help="other lights and sensors, too")

@@ -44,7 +44,7 @@ def draw_by(environment: Mapping[str, str], folder: Path, *options: str) -> str:
     Raises:
         RuntimeError: it failed, with what it said.
     """
-    command = [sys.executable, "-m", "tests.drivers.draw", str(folder), *options]
+    command = [sys.executable, "-m", "tests.drivers.draw", "--folder", str(folder), *options]
     ours = {"LP_NUM_THREADS": "1", "PYTHONPATH": str(CHECKOUT)}
     done = subprocess.run(
         command, cwd=CHECKOUT, env={**os.environ, **ours, **environment},
