@@ -1,4 +1,4 @@
-"""Drawing of the cases by the driver of this process: `python -m tests.drivers.draw --folder FOLDER`."""
+"""Drawing of the cases by one driver: `python -m tests.drivers.draw --folder FOLDER`."""
 
 import argparse
 import time

@@ -54,7 +54,8 @@ class MeshDeformer:
         bounds, offsets = _tables(self._deformations, bases)
         corners = np.concatenate([_corners(one) for one in ranges if one.mesh.deformation])
         self._count, self._corner_count = len(bounds), len(corners)
-        _check_size(context, max(self._count, self._corner_count), max(bounds.nbytes, offsets.nbytes))
+        most = max(self._count, self._corner_count)
+        _check_size(context, most, max(bounds.nbytes, offsets.nbytes))
         matrices, weights = self._state(0.0)
         with gpu_allocation("meshes that deform", "make the scene smaller"):
             self._bound = [
