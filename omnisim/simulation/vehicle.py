@@ -75,13 +75,19 @@ class Vehicle:
             SensorFileError: naming the sensor file, key, value and what was expected.
         """
         body = _load_body(robot)
-        sensors = []
-        for mount in parse_mounts(robot):
-            where = sensor_source(robot, mount.name)
+        sensors: list[MountedSensor] = []
+        for index, mount in enumerate(parse_mounts(robot)):
+            is_named = "name" in mount.model_fields_set
+            where = sensor_source(robot, mount.name if is_named else index)
             _check_hidden(mount, body, where)
-            sensor = mount.sensor(robot.folder, where)
-            _check_outside(body, sensor, where)
-            sensors.append(sensor)
+            for sensor in mount.sensors(robot.folder, where):
+                if any(sensor.name == other.name for other in sensors):
+                    raise RobotFileError(
+                        f"{sensor_source(robot, sensor.name)}: a second sensor of this name: "
+                        "expected each name once"
+                    )
+                _check_outside(body, sensor, sensor_source(robot, sensor.name))
+                sensors.append(sensor)
         return cls(
             name=robot.name,
             title=robot.title,
