@@ -45,7 +45,7 @@ class CocoSettings:
             end += share
             if place < end:
                 return name
-        return next(reversed(self.splits), "")
+        return list(self.splits)[-1] if self.splits else ""
 
 
 @dataclass
@@ -101,10 +101,14 @@ def _add(
         number = classes.setdefault(names[one["category_id"]], len(classes) + 1)
         if one["area"] < settings.min_area_px:
             continue
-        own = {"id": len(split.annotations) + 1, "image_id": image_id, "category_id": number}
+        own: dict[str, Any] = {
+            "id": len(split.annotations) + 1,
+            "image_id": image_id,
+            "category_id": number,
+        }
         if settings.with_polygons:
-            size, counts = one["segmentation"]["size"], one["segmentation"]["counts"]
-            own["segmentation"] = polygons_of_mask(mask_from_runs(*size, counts))
+            (height, width), counts = one["segmentation"]["size"], one["segmentation"]["counts"]
+            own["segmentation"] = polygons_of_mask(mask_from_runs(height, width, counts))
         split.annotations.append(one | own)
 
 

@@ -213,7 +213,7 @@ class CameraInstrument(RendererInstrument[Renderer]):
         """Take the picture of a moment, of the file of the picture before if it is metered."""
         is_ideal = self._renderer.camera.degradation.is_ideal
 
-        def motion(time_s: float) -> WorldState:
+        def motion(time_s: float) -> WorldState | NDArray[np.float64]:
             return moment.motion(time_s + self._time_shift_s)
 
         frame = self._renderer.render(
