@@ -142,9 +142,11 @@ def _estimated(data, folder, *words):
     """Positions (n, 3) of the lidar by KISS-ICP's own command, in its frame at the first cloud."""
     settings = {"kiss_icp_out_dir": str(folder), "kiss_icp_mapping": '{"voxel_size": 0.5}'}
     command = [sys.executable, "-c", KISS_ICP, str(data), *words]
-    subprocess.run(command, env=os.environ | settings, check=True, capture_output=True)
-    (file,) = (folder / "latest").glob("*_poses.npy")
-    return np.load(file)[:, :3, 3]
+    # its table of times fails with NumPy 2.5, after the poses are written
+    done = subprocess.run(command, env=os.environ | settings, check=False, capture_output=True)
+    files = list((folder / "latest").glob("*_poses.npy"))
+    assert files, done.stderr.decode()
+    return np.load(files[0])[:, :3, 3]
 
 
 @pytest.mark.slow
