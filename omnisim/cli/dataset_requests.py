@@ -144,7 +144,7 @@ class DatasetConvertRequest:
         bool,
         typer.Option(
             "--polygons",
-            help="Outlines as polygons, in place of run lengths.",
+            help="Masks as polygons, in place of run lengths.",
             rich_help_panel=OF_COCO,
         ),
     ] = False

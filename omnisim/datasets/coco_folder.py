@@ -27,7 +27,7 @@ class CocoSettings:
 
     Attributes:
         min_area_px: of an object that is annotated, visible pixels.
-        with_polygons: outlines as polygons in place of run lengths.
+        with_polygons: masks as polygons in place of run lengths.
         splits: share of the samples by name; empty: one file for all of them.
     """
 

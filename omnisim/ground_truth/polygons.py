@@ -1,4 +1,4 @@
-"""Outlines of masks as COCO's polygons, exact along the edges of pixels."""
+"""Masks as COCO's polygons, exact along the edges of pixels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
         mask: (height, width).
     """
     regions, count = scipy.ndimage.label(mask)
-    outlines: list[list[float]] = []
+    polygons: list[list[float]] = []
     for region, (rows, columns) in enumerate(scipy.ndimage.find_objects(regions), start=1):
         outer, *holes = _loops(regions[rows, columns] == region)
         start = outer[:1] if holes else []
@@ -34,10 +34,10 @@ def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
         for hole in holes:
             outer += [*hole, hole[0], *start]
         corner = columns.start, rows.start
-        outlines.append([float(value + offset) for point in outer
+        polygons.append([float(value + offset) for point in outer
                          for value, offset in zip(point, corner, strict=True)])  # fmt: skip
-    assert len(outlines) == count
-    return outlines
+    assert len(polygons) == count
+    return polygons
 
 
 def _loops(region: NDArray[np.bool_]) -> list[Loop]:
