@@ -64,7 +64,7 @@ GPU_LAYERS = (
 HOMES = {
     "moderngl": {"gpu"},
     "trimesh": {"scene"},
-    "PIL": {"scene"},
+    "PIL": {"scene", "plots"},  # textures; captions without matplotlib
     "OpenImageIO": {"image_files"},
     "typer": {"cli"},
     "rich": {"cli"},
