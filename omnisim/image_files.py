@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from omnisim.atomic_file import atomic_write, check_suffix, check_target
 from omnisim.errors import OutputError
+from omnisim.sources import note_file
 from omnisim.version import __version__
 
 EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -350,6 +351,7 @@ def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec
     Raises:
         OutputError: the file is missing or not a picture.
     """
+    note_file(path)
     _check_png(path)
     with _utf8_header(path), _quiet():
         source = oiio.ImageInput.open(str(path))

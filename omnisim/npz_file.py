@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import OmnisimError
+from omnisim.sources import note_file
 
 
 def read_arrays(
@@ -32,6 +33,7 @@ def read_arrays(
     Raises:
         error: it cannot be read, or is no archive.
     """
+    note_file(path)
     try:
         quiet = warnings.catch_warnings(action="ignore")
         with quiet, np.load(path, allow_pickle=False) as stored:

@@ -12,6 +12,7 @@ from typing import Any
 
 from omnisim.errors import OmnisimError
 from omnisim.parameters import Model, parse_table
+from omnisim.sources import note_table
 
 
 def read_toml(path: Path, model: type[Model], error: type[OmnisimError]) -> Model:
@@ -31,7 +32,7 @@ def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
         error: the file cannot be read, or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as reason:
         raise error(f"{path}: cannot be read: {reason.strerror}") from None
     except UnicodeDecodeError:
@@ -41,6 +42,8 @@ def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
     except (ValueError, RecursionError):
         fault = "a number of thousands of digits, or too deep a nesting"
         raise error(f"{path}: not TOML: expected plain values, got {fault}") from None
+    note_table(path, tables)
+    return tables
 
 
 def find_beside(folder: Path, name: str, key: str, error: type[OmnisimError]) -> Path:

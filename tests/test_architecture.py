@@ -45,7 +45,7 @@ LAYERS = (
         "file_keys",
         "npz_file",
     },
-    {"parameters", "extras"},
+    {"fingerprint", "parameters", "extras", "sources"},
     {"errors", "short_repr", "version"},
 )
 GPU_LAYERS = (

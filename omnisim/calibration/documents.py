@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 import yaml
 
 from omnisim.errors import CalibrationError
+from omnisim.sources import note_bytes
 
 LARGEST_BYTES = 1 << 26
 LARGEST_GROWTH = 100_000  # nodes that a YAML text's aliases may add
@@ -64,6 +65,7 @@ def read_text(path: Path) -> str:
     except (OSError, ValueError) as reason:
         words = getattr(reason, "strerror", None) or str(reason)
         raise CalibrationError(f"{path}: cannot be read: {words}") from None
+    note_bytes(path, data)
     if len(data) > LARGEST_BYTES:
         raise CalibrationError(f"{path}: expected a calibration file, got more than 64 MiB")
     try:

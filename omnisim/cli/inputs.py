@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -175,9 +174,10 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
         raise OutputError("--labels: requires --also semantic")
     scene = load_requested_scene(request, request.sky, request.baked)
     if request.no_shadows:
-        scene = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
+        scene = scene.altered("no shadows", lighting=scene.lighting.without_shadows())
     if request.labels is not None:
-        scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
+        rules = read_label_file(request.labels)
+        scene = scene.altered(f"labels {rules}", labels=rules)
     for notice in find_labels(scene).notices() if is_labelled else ():
         print_note(notice)
     return scene

@@ -19,6 +19,7 @@ from omnisim.sensors import OmniCamera
 from omnisim.sensors.camera_parameters import camera_of_parameters
 from omnisim.sensors.degradations import Degradation, Exposure, preset
 from omnisim.sensors.degradations.degradation_file import EFFECTS, parse_degradation
+from omnisim.sources import recorded_sources
 
 WHOLE_RIG = "all"
 ROUNDING = 1e-9  # of a parameter that is computed from others
@@ -50,13 +51,19 @@ class RigFile:
         plan: path of its file.
         is_exposed: the exposure varies from picture to picture.
 
+    Attributes:
+        sources: files that it was read from.
+
     Raises:
         OmnisimError: a file with a fault.
     """
 
     def __init__(self, table: PlanCameraTable, plan: Path, is_exposed: bool):
         self.table, self._plan, self._is_exposed = table, plan, is_exposed
-        self._read = _read_cameras(table, plan.parent)
+        with recorded_sources() as self.sources:
+            self._read = _read_cameras(table, plan.parent)
+            if table.preset is not None:
+                preset(table.preset, plan.parent)
 
     def rig(self, stream: Shares | None = None) -> PlanRig:
         """Rig with its size, quality and degradations.

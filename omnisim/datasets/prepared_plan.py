@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import fnmatch
 import hashlib
 import json
@@ -25,11 +24,11 @@ from omnisim.datasets.free_space_file import (
 from omnisim.datasets.plan import PlacedTable, Plan, PlanSceneTable, read_plan
 from omnisim.datasets.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.plan_light import draw_light
-from omnisim.datasets.tar_file import file_sha256
 from omnisim.errors import PlanError, did_you_mean
+from omnisim.fingerprint import fingerprint
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
-from omnisim.simulation.fingerprint import fingerprint
+from omnisim.sources import note_file, note_sources, recorded_sources
 from omnisim.trajectories import parse_trajectory
 from omnisim.version import __version__
 
@@ -124,10 +123,10 @@ class PreparedPlan:
             source = self._scene_file(table)
             scene = read_scene(source, table.up_axis, table.meters_per_unit)
             # its own name would be the path by which the plan was found
-            scene = dataclasses.replace(scene, name=table.title)
+            scene = scene.altered("", name=table.title)
             if table.labels is not None:
                 rules = read_label_file(self.path.parent / table.labels)
-                scene = dataclasses.replace(scene, labels=rules)
+                scene = scene.altered(f"labels {rules}", labels=rules)
             self._scenes[number] = scene
         return self._scenes[number]
 
@@ -251,7 +250,7 @@ class PreparedPlan:
         scene = read_scene(
             self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
         )
-        scene = dataclasses.replace(scene, name=table.title)
+        scene = scene.altered("", name=table.title)
         low, high = scene.bounds_m()
         return PlanObject(
             table.title,
@@ -275,14 +274,14 @@ class PreparedPlan:
         digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
         scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
         objects = [fingerprint(one.scene) for one in self.objects]
-        cameras = [
-            json.dumps(camera.model.parameters(), sort_keys=True) + fingerprint(camera.degradation)
-            for rig in self.rigs
-            for camera in rig.cameras.values()
-        ]
-        maps = [self.path.parent / name for name in self.plan.sky_files]
-        cameras += [file_sha256(path) for path in maps if path.is_file()]
-        parts: list[Any] = [__version__, *scenes, *objects, *cameras, fingerprint(self.poses)]
+        with recorded_sources() as sources:
+            for file in self.rig_files:
+                note_sources(file.sources)
+            if self.plan.stand.file is not None:
+                note_file(self.path.parent / self.plan.stand.file)
+            for name in self.plan.sky_files:
+                note_file(self.path.parent / name)
+        parts: list[Any] = [__version__, *scenes, *objects, sources.digest(self.path.parent)]
         for part in parts:
             digest.update(f"\n{part}".encode())
         return digest.hexdigest()[:16]

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
+from omnisim.sources import read_source
+
 
 class AssetResolver(Mapping[str, bytes]):
     """Content of the files beside a scene file, by the names that its author meant them by.
@@ -62,7 +64,7 @@ class AssetResolver(Mapping[str, bytes]):
         """Content of a file; a FileNotFoundError with the reason for whatever keeps it unread."""
         try:
             found = self._find(name)
-            data = b"" if found is None else found.read_bytes()
+            data = b"" if found is None else read_source(found)
         except OSError as reason:  # no permission, a bad disk, a name too long
             raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None
         if found is None:

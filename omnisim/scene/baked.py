@@ -18,10 +18,11 @@ from omnisim.errors import OutputError, SceneError
 from omnisim.image_files import read_radiance
 from omnisim.npz_file import read_arrays
 from omnisim.parameters import Positive, Signed, Table, parse_table
-from omnisim.scene.baked_fingerprint import baked_fingerprint
+from omnisim.scene.baked_fingerprint import baked_fingerprint, content_fingerprint
 from omnisim.scene.baked_light import FACTORS, LARGEST, BakedLight, Probes
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
+from omnisim.sources import read_source
 
 CONTENTS, IRRADIANCE = "baked.json", "irradiance.exr"
 UNWRAPPING, PROBES = "unwrapping.npz", "probes.npz"
@@ -64,10 +65,10 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
     if not folder.is_dir():
         raise SceneError(f"{folder}: no such folder: {_advice(scene, folder)}")
     contents = _read_contents(folder / CONTENTS)
-    if contents.fingerprint != baked_fingerprint(scene):
+    if not _is_of(contents.fingerprint, scene):
         raise SceneError(
-            f"{folder}: expected the light of {scene.name}, got that of another scene, or of this "
-            f"one before its surfaces or lights changed: {_advice(scene, folder)}"
+            f"{folder}: the bake does not match {scene.name}: geometry or lights have changed "
+            f"since: {_advice(scene, folder)}"
         )
     rectangles = _rectangles(contents.rects, "rects", scene, folder / CONTENTS)
     backs = _rectangles(contents.back_rects, "back_rects", scene, folder / CONTENTS)
@@ -88,13 +89,18 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
     )
 
 
+def _is_of(fingerprint: str, scene: Scene) -> bool:
+    """True for a scene's own bake, also one of a version that knew scenes by their content."""
+    return fingerprint == baked_fingerprint(scene) or fingerprint == content_fingerprint(scene)
+
+
 def _advice(scene: Scene, folder: Path) -> str:
     return f"run `omnisim bake {scene.name} -o {folder}`"
 
 
 def _read_contents(path: Path) -> _Contents:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_source(path))
     except OSError as reason:
         raise SceneError(f"{path}: cannot be read: {reason.strerror}: {_EXPECTED}") from None
     except (ValueError, RecursionError):

@@ -1,4 +1,7 @@
-"""Fingerprint of what baked light depends on: static surfaces, their materials, and the light."""
+"""Fingerprint of what baked light depends on: static surfaces, their materials, and the light.
+
+Of a scene that was loaded it is of its files and keys, and the same on any machine.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,14 @@ _NAMES = frozenset(("name", "world_from_node"))  # without an effect on light
 
 
 def baked_fingerprint(scene: Scene) -> str:
+    """SHA-256 (64 hexadecimal digits) of what baked light depends on."""
+    return content_fingerprint(scene) if scene.given is None else scene.given.light
+
+
+def content_fingerprint(scene: Scene) -> str:
     """SHA-256 (64 hexadecimal digits) of static geometry, materials, lights and exposure.
+
+    It is of computed numbers: of a loaded scene only the machine that made it has it.
 
     Names, dynamic objects, fog, a background that does not shine and where vehicles start count for
     nothing.

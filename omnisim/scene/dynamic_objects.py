@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import assert_never
@@ -48,7 +47,7 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
     path = find_beside(folder, table.file, f"{where}: file", SceneError)
     # fingerprints name the file: not by where this machine has it
     shape = load_shape(path, table.up_axis, table.animation)
-    shape = dataclasses.replace(shape, name=table.file)
+    shape = shape.altered("", name=table.file)
     if shape.objects:
         raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
     try:

@@ -6,7 +6,7 @@ import dataclasses
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from omnisim.errors import NoticeWarning, SceneError, printable
 from omnisim.scene.dynamic_objects import load_objects
 from omnisim.scene.extension import apart, extend, with_objects
 from omnisim.scene.file_axes import FileAxes, overruled
+from omnisim.scene.given import Given
 from omnisim.scene.gltf.animations import NO_ANIMATION, AnimationChoice
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.labels import label_rules
@@ -36,8 +37,10 @@ from omnisim.scene.readers import check_format, read_file
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
 from omnisim.scene.start_pose import default_start, find_start
+from omnisim.sources import recorded_sources, source_digest
 
 MAX_NOTICE = 300
+_LIGHT_KEYS = {"background", "light", "lamps", "sun", "sky"}
 NO_BAKED_LIGHT = "none"  # in place of a folder
 
 
@@ -101,10 +104,22 @@ def read_scene(
         keeps_sky=sky is None,
         takes_baked=baked is None and sky is None,
     )
-    scene = _load_source(source, options, ())
+    with recorded_sources() as sources:
+        scene = _load_source(source, options, ())
+    assert scene.given is not None
+    content = source_digest(sources.digest(_folder(source)), options)
+    scene = scene.identified(Given(content, scene.given.light))
     if baked is None or str(baked) == NO_BAKED_LIGHT:
         return scene
     return _with_baked_light(scene, Path(baked))
+
+
+def _folder(source: str | Path) -> Path:
+    """Folder that the files of a scene are in."""
+    file = resolve_source(source)
+    path = file.toml or file.mesh_file
+    assert path is not None
+    return path.parent
 
 
 class _Options(NamedTuple):
@@ -140,7 +155,7 @@ def _load_source(
         found = _under_option(found, None if outer else options.sky)
     folder = Path() if options.sky is not None or found.toml is None else found.toml.parent
     if found.toml is None:
-        return _under_sky(_load_mesh_file(source, found, options), found, folder)
+        return _lit(_load_mesh_file(source, found, options), found, folder)
     path = found.toml.resolve()
     if path in outer:
         raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
@@ -150,7 +165,7 @@ def _load_source(
     else:
         scene = _load_extended(str(source), found, options, outer)
 
-    scene = _under_sky(lit_scene(scene, found.settings), found, folder)
+    scene = _lit(scene, found, folder)
 
     def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
         played = animation or NO_ANIMATION
@@ -161,7 +176,8 @@ def _load_source(
         objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
     except SceneError as reason:
         raise SceneError(f"{found.toml}: {reason}") from None
-    scene = with_objects(scene, objects, str(found.toml))
+    given, scene = scene.given, with_objects(scene, objects, str(found.toml))
+    scene = scene if given is None else scene.identified(given)
     if found.settings.light.baked is None or not options.takes_baked:
         return scene
     return _with_baked_light(scene, found.toml.parent / found.settings.light.baked)
@@ -176,7 +192,37 @@ def _under_option(found: SceneSource, sky: SkyTable | None) -> SceneSource:
 def _with_baked_light(scene: Scene, folder: Path) -> Scene:
     from omnisim.scene.baked import with_baked_light  # reads pictures, slow to import
 
-    return with_baked_light(scene, folder)
+    given = scene.given
+    assert given is not None
+    with recorded_sources() as sources:
+        lit = with_baked_light(scene, folder)
+    return lit.identified(Given(source_digest(given.content, sources.digest(folder)), given.light))
+
+
+def _lit(scene: Scene, found: SceneSource, folder: Path) -> Scene:
+    """Scene in the light of its settings, known by their keys and the map of its sky."""
+    given = scene.given
+    assert given is not None
+    with recorded_sources() as sources:
+        lit = _under_sky(lit_scene(scene, found.settings), found, folder)
+    keys = _light_keys(found.settings)
+    if not keys:
+        return lit.identified(given)
+    light = source_digest(given.light, keys, sources.digest(folder))
+    return lit.identified(Given(light, light))
+
+
+def _light_keys(settings: SceneFile) -> dict[str, Any]:
+    """Keys of a scene file that the light of surfaces depends on, where they are not as by default.
+
+    A map's path is left out: its content counts.
+    """
+    keys = settings.model_dump(
+        mode="json", include=_LIGHT_KEYS, exclude_defaults=True, exclude={"light": {"baked"}}
+    )
+    if settings.sky is not None:
+        keys["sky"] = settings.sky.model_dump(mode="json", exclude={"file"})
+    return {key: value for key, value in keys.items() if value or key == "sky"}
 
 
 def _under_sky(scene: Scene, found: SceneSource, folder: Path) -> Scene:
@@ -206,7 +252,8 @@ def _load_extended(
         base = _load_source(found.base, options, outer)
     except SceneError as reason:
         raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
-    return extend(
+    assert base.given is not None
+    extended = extend(
         base,
         dataclasses.replace(
             base,
@@ -221,6 +268,7 @@ def _load_extended(
         ),
         str(toml),
     )
+    return extended.identified(base.given)
 
 
 def _load_mesh_file(
@@ -239,9 +287,12 @@ def _load_mesh_file(
             if options.animation is not None:
                 animation = options.animation
             choice = AnimationChoice(animation, moves_objects=not options.is_shape)
-            read, matrix = read_file(path, axes, options.resources, choice)
+            with recorded_sources() as sources:
+                read, matrix = read_file(path, axes, options.resources, choice)
             scene = _scene(str(source), path, read, matrix, settings, options.is_shape)
-            return apart(scene, read.objects)
+            moving = choice.name or True if read.objects else None
+            given = source_digest(sources.digest(path.parent), axes, moving)
+            return apart(scene, read.objects).identified(Given(given, given))
         except SceneError as reason:
             raise SceneError(f"{path}: {reason}") from None
     except OSError as reason:  # no permission, a name too long

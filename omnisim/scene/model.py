@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import copy
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.fingerprint import fingerprint
 from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene import editing
 from omnisim.scene.arrays import import_arrays
 from omnisim.scene.file_axes import world_from_axes
+from omnisim.scene.given import Given
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.instance_boxes import instance_boxes
 from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
@@ -103,6 +106,7 @@ class Scene:
         landmarks: names are distinct.
         labels: class rules, the first that matches a name has it; without any: by names.
         objects: that move; names are distinct.
+        given: identity by what it was made from; None: by its own content.
     """
 
     name: str
@@ -118,6 +122,7 @@ class Scene:
     landmarks: tuple[Landmark, ...] = ()
     labels: tuple[LabelRule, ...] = ()
     objects: tuple[DynamicObject, ...] = ()
+    given: Given | None = field(default=None, init=False)
 
     def __repr__(self) -> str:
         return short_repr(
@@ -199,11 +204,18 @@ class Scene:
             SceneError: a name that is taken, or a matrix that is not a pose.
         """
         pose = np.eye(4) if world_from_part is None else world_from_part
-        return self._with(editing.add(self._content, name, part._still, pose))
+        content = editing.add(self._content, name, part._still, pose)
+        given = part.given
+        if given is None:  # made of arrays, which are what was given
+            given = Given(fingerprint(part), fingerprint(part))
+        return self._edited(content, "added", name, given, pose)
 
     def at_start(self) -> Scene:
         """Scene whose dynamic objects are instances where they are at 0 s."""
-        return replace(self._with(self._still), objects=()) if self.objects else self
+        if not self.objects:
+            return self
+        still = replace(self._with(self._still), objects=())
+        return still if self.given is None else still.identified(self.given.edited("at start"))
 
     def removed(self, name: str) -> Scene:
         """Scene without an instance.
@@ -211,7 +223,7 @@ class Scene:
         Raises:
             SceneError: there is no instance of this name.
         """
-        return self._with(editing.remove(self._content, name))
+        return self._edited(editing.remove(self._content, name), "removed", name)
 
     def moved(self, name: str, world_from_instance: ArrayLike) -> Scene:
         """Scene with an instance at another pose (4, 4), see `pose_of`; its scale stays.
@@ -219,7 +231,8 @@ class Scene:
         Raises:
             SceneError: there is no instance of this name, or a matrix that is not a pose.
         """
-        return self._with(editing.move(self._content, name, world_from_instance))
+        content = editing.move(self._content, name, world_from_instance)
+        return self._edited(content, "moved", name, world_from_instance)
 
     def recolored(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
@@ -234,7 +247,8 @@ class Scene:
         Raises:
             SceneError: there is no instance of this name, or a colour or texture that is none.
         """
-        return self._with(editing.recolor(self._content, name, base_color, texture))
+        content = editing.recolor(self._content, name, base_color, texture)
+        return self._edited(content, "recolored", name, base_color, texture)
 
     @classmethod
     def from_arrays(
@@ -333,3 +347,26 @@ class Scene:
 
     def _with(self, content: editing.Content) -> Scene:
         return replace(self, **content._asdict())
+
+    def _edited(self, content: editing.Content, *change: object) -> Scene:
+        """Scene of other content, by the name and the arguments of the edit."""
+        edited = self._with(content)
+        return edited if self.given is None else edited.identified(self.given.edited(*change))
+
+    def identified(self, given: Given) -> Scene:
+        """The same scene, known by what it was made from."""
+        scene = copy.copy(self)
+        object.__setattr__(scene, "given", given)
+        return scene
+
+    def altered(self, change: str, **fields: object) -> Scene:
+        """Scene with other fields, known by the words of the change beside what it was made from.
+
+        Args:
+            change: all that the fields follow from; empty: they do not count.
+            fields: new values by name, as for `dataclasses.replace`.
+        """
+        scene = replace(self, **fields)  # type: ignore[arg-type]
+        if self.given is None:
+            return scene
+        return scene.identified(self.given.edited(change) if change else self.given)

@@ -16,6 +16,7 @@ from omnisim.scene.gltf.animations import FIRST_ANIMATION, NO_ANIMATION, Animati
 from omnisim.scene.gltf.reader import read_gltf
 from omnisim.scene.imported import ImportedScene, texture_notices
 from omnisim.scene.textures import TextureStore, large_textures
+from omnisim.sources import read_source
 
 _GLTF = {".glb", ".gltf"}
 _SDF = {".sdf", ".world"}
@@ -96,7 +97,7 @@ def _read(
         from omnisim.scene.usd.reader import read_usd  # of an extra
 
         return read_usd(path, axes)
-    data = path.read_bytes()
+    data = read_source(path)
     matrix = world_from_file(suffix, data, axes)
     if suffix in _GLTF:
         return read_gltf(data, textures, assets, matrix, animation), matrix

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from omnisim.atomic_file import write_text
 from omnisim.errors import RunError, TrajectoryError
 from omnisim.extras import is_installed, require_extra
+from omnisim.fingerprint import fingerprint
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.robot import Chassis, simulate_odometry, with_errors, write_odometry
 from omnisim.robot.odometry import Odometry
@@ -29,13 +30,12 @@ from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
 from omnisim.simulation.contacts import Contact, find_contacts
 from omnisim.simulation.drive_world import DriveWorld, MovingVehicle
-from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.is_written import is_written
 from omnisim.simulation.manifest import MANIFEST_FORMAT
 from omnisim.simulation.number_table import write_table
 from omnisim.simulation.physics.rover import Rover
 from omnisim.simulation.physics.simulated_motion import SimulatedMotion
-from omnisim.simulation.route import PlannedRoute, Route, plan_route
+from omnisim.simulation.route import PlannedRoute, Route, plan_route, route_digest
 from omnisim.simulation.run_channels import write_boxes, write_labels
 from omnisim.simulation.run_folder import (
     GROUND_TRUTH,
@@ -322,7 +322,7 @@ class PlannedDrive:
             **self._physics_manifest(),
             "path": {
                 "name": Path(drive.route.path).name,
-                "poses": fingerprint(self.truth.times_s, self.truth.world_from_base),
+                "route": route_digest(drive.route),
                 "length_m": round(self.truth.path_length_m, 6),
                 "duration_s": round(self.truth.duration_s, 6),
                 "follows_floor": self.follows_floor,
@@ -447,8 +447,8 @@ def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]
 
 
 def scene_contents(scene: Scene) -> str:
-    """Fingerprint of a scene, wherever its file is."""
-    return fingerprint(_with_short_name(scene))
+    """Fingerprint of a scene, wherever its file is, on any machine."""
+    return fingerprint(_with_short_name(scene) if scene.given is None else scene)
 
 
 def _with_short_name(scene: Scene) -> Scene:

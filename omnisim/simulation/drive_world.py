@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from omnisim.fingerprint import fingerprint
 from omnisim.robot.sensor_names import folder_name
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
-from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.is_written import is_written
 from omnisim.trajectories import Trajectory, write_trajectory
 from omnisim.trajectories.body_motion import BodyMotion
@@ -81,10 +81,7 @@ class DriveWorld:
         """Other vehicles for a run's manifest; empty where there are none."""
         if not self.others:
             return {}
-        others = {
-            name: fingerprint(one.body, one.truth.times_s, one.truth.world_from_base)
-            for name, one in self.others.items()
-        }
+        others = {name: fingerprint(one.body) for name, one in self.others.items()}
         return {"world": {"vehicle": self.vehicle, "others": others}}
 
     def write_poses(self, folder: Path) -> None:

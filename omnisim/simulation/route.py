@@ -22,6 +22,7 @@ from omnisim.simulation.floor_following import follow_floor, slow_on_slopes
 from omnisim.simulation.planned_floor import on_floor
 from omnisim.simulation.sweep import Sweep
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.sources import note_file, recorded_sources, source_digest
 from omnisim.trajectories import Trajectory, check_continuous, parse_trajectory
 from omnisim.trajectories.body_motion import BodyMotion
 from omnisim.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
@@ -58,6 +59,19 @@ class Route:
     ignore_limits: bool = False
     ground_m: float | None = None
     axes: Axes | None = None
+
+
+def route_digest(route: Route) -> str:
+    """Digest (16 hexadecimal digits) of a route: its options, and the content of its file.
+
+    A path of the scene is in the scene's own digest.
+    """
+    path, options = Path(route.path), dict(vars(route))
+    options["path"] = path.name
+    with recorded_sources() as sources:
+        if path.is_file():
+            note_file(path)
+    return source_digest(options, sources.digest(path.parent))[:16]
 
 
 @dataclass(frozen=True, eq=False)

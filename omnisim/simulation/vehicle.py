@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeVar
 
 import numpy as np
 
 from omnisim.errors import RobotFileError, SceneError, did_you_mean
+from omnisim.fingerprint import fingerprint
 from omnisim.poses import pose_from_rotation
 from omnisim.robot.kinematics import Kinematics
 from omnisim.robot.odometry import OdometryErrors
@@ -24,9 +26,11 @@ from omnisim.simulation.sensors import MountedCamera, MountedScanner, MountedSen
 from omnisim.simulation.sensors.mount import SensorMount
 from omnisim.simulation.sensors.registry import parse_mounts, sensor_source
 from omnisim.simulation.sensors.triggers import sensor_rates
+from omnisim.sources import recorded_sources, source_digest
 from omnisim.toml_file import find_beside
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
+_PLACES = "source", "folder"  # of a robot file on this machine
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,7 @@ class Vehicle:
         odometry: the errors of its wheels.
         footprint: about its base, or None: unknown.
         sensors: in the order of the robot file.
+        given: digest of what it was made from; None: known by its own content.
     """
 
     name: str
@@ -50,6 +55,7 @@ class Vehicle:
     odometry: OdometryErrors
     footprint: Footprint | None
     sensors: tuple[MountedSensor, ...]
+    given: str | None = field(default=None, init=False)
 
     def __repr__(self) -> str:
         return short_repr(
@@ -75,6 +81,13 @@ class Vehicle:
                 inside the body, or that hides what the body does not have.
             SensorFileError: naming the sensor file, key, value and what was expected.
         """
+        with recorded_sources() as sources:
+            vehicle = cls._of(robot)
+        tables = {key: value for key, value in vars(robot).items() if key not in _PLACES}
+        return vehicle.identified(source_digest(fingerprint(tables), sources.digest(robot.folder)))
+
+    @classmethod
+    def _of(cls, robot: Robot) -> Vehicle:
         body = _load_body(robot)
         sensors: list[MountedSensor] = []
         mounts = parse_mounts(robot)
@@ -163,7 +176,17 @@ class Vehicle:
             if polygons != "same":
                 sensor = sensor.with_polygons(polygons)
             sensors.append(dataclasses.replace(mounted, sensor=sensor))
-        return dataclasses.replace(self, sensors=tuple(sensors))
+        changed = dataclasses.replace(self, sensors=tuple(sensors))
+        if self.given is None:
+            return changed
+        settings = fingerprint(size_px, polygons, degradation, quality)
+        return changed.identified(source_digest(self.given, settings))
+
+    def identified(self, given: str) -> Vehicle:
+        """The same vehicle, known by a digest of what it was made from."""
+        vehicle = copy.copy(self)
+        object.__setattr__(vehicle, "given", given)
+        return vehicle
 
 
 def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted:
@@ -185,7 +208,8 @@ def _load_body(robot: Robot) -> Scene | None:
         body = _moved(read_scene(path, resources=folders, animation="none"), robot.body_offset_m)
         # pictures and fingerprints name the body: not by where this machine has it; it is no scene
         # to look around in, and has its middle for a start
-        return dataclasses.replace(body, name=robot.body, start=default_start(body.bounds_m()))
+        start = default_start(body.bounds_m())
+        return body.altered("", name=robot.body, start=start)
     except SceneError as reason:
         words = str(reason).removeprefix(f"{path}: ")
         raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
@@ -204,7 +228,7 @@ def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
         )
         for one in body.instances
     )
-    return dataclasses.replace(body, instances=instances)
+    return body.altered(f"offset {offset_m}", instances=instances)
 
 
 def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:

@@ -9,12 +9,12 @@ import pytest
 from omnisim import poses
 from omnisim.cameras import CAMERA_MODELS
 from omnisim.errors import OmnisimError, OpticsError
+from omnisim.fingerprint import fingerprint
 from omnisim.optics import OpticalSystem, Surface, read_optics_file
 from omnisim.optics.media import refractive_index
 from omnisim.optics.shapes import Conic, Polynomial
 from omnisim.optics.system_file import parse_optics
 from omnisim.sensors.camera_parameters import camera_of_parameters
-from omnisim.simulation.fingerprint import fingerprint
 from tests.optics.examples import EXAMPLES, SYSTEMS, pinhole
 
 TILTED = poses.pose((0.01, -0.02, 0.003), 0.3, 0.2, 0.1)

@@ -64,7 +64,7 @@ DAMAGES = {
     "a list": (lambda f: (f / "baked.json").write_text("[]"), "baked.json: is damaged: expected"),
     "no file": (lambda f: (f / "baked.json").unlink(), "baked.json: cannot be read: No such file"),
     "version": (lambda f: _with_json(f, version=2), "baked.json: version: expected 1, got 2"),
-    "fingerprint": (lambda f: _with_json(f, fingerprint="0"), "expected the light of test, got"),
+    "fingerprint": (lambda f: _with_json(f, fingerprint="0"), "the bake does not match test: "),
     "an instance": (
         lambda f: _with_json(f, rects={"9": [0, 0, 1, 1]}),
         "rects: expected numbers of instances, up to 2, got '9'",

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from omnisim.errors import SceneError
+from omnisim.fingerprint import fingerprint
 from omnisim.resources import SCENES
 from omnisim.scene import load_scene
 from omnisim.scene.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
 from omnisim.scene.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
-from omnisim.simulation.fingerprint import fingerprint
 from tests.scene.gltf_builder import GltfBuilder
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from omnisim.fingerprint import fingerprint
 from omnisim.scene.model import AlphaMode, Material
-from omnisim.simulation.fingerprint import fingerprint
 from tests.scenes import room, scene_of
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from omnisim.errors import RobotFileError, SensorFileError
+from omnisim.fingerprint import fingerprint
 from omnisim.poses import pose
 from omnisim.resources import SCENES
 from omnisim.robot import builtin_robots, parse_robot
 from omnisim.sensors import LaserScanner
 from omnisim.simulation import Vehicle
-from omnisim.simulation.fingerprint import fingerprint
 from tests.vehicles import P2AT, p2at_with_every_sensor
 
 CAMERA = {"name": "omni", "type": "omnicamera", "position_m": (0.0, 0.0, 1.0)}

@@ -17,6 +17,7 @@ from omnisim.scene.mujoco.deformables import visible_deformables
 from omnisim.scene.mujoco.geometry import Geom
 from omnisim.scene.mujoco.lights import read_background, read_lighting, turned
 from omnisim.scene.mujoco.meshes import Meshes, Parts
+from omnisim.scene.mujoco.model_files import note_model_files
 from omnisim.scene.mujoco.names import geom_names
 from omnisim.scene.mujoco.viewpoint import find_viewpoint
 from omnisim.scene.parts import Instance
@@ -33,6 +34,7 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
         SceneError: MuJoCo cannot read it.
     """
     model, data, warnings = load_model(path)
+    note_model_files(path)
     try:
         read = ModelReader(model, data, VISIBLE_GROUPS).read()
     except UnicodeDecodeError as reason:

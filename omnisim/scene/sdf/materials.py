@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,6 +18,7 @@ from omnisim.scene.sdf.element import Omissions, SdfElement
 from omnisim.scene.sdf.heightmaps import Layer, blend
 from omnisim.scene.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
 from omnisim.scene.textures import NO_PICTURE, TextureStore, alpha_mode_of
+from omnisim.sources import read_source
 
 _DEFAULT = (0.7, 0.7, 0.7)  # of a visual without a material; Gazebo's
 _TEXTURE_FOLDERS = ("", "materials/textures", "../materials/textures", "../textures")
@@ -210,7 +212,7 @@ class MaterialReader:
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")  # of a large picture
-                    image = Image.open(path)
+                    image = Image.open(io.BytesIO(read_source(path)))
                     image.load()
                     self._images[path] = image
             except MemoryError:

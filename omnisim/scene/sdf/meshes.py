@@ -18,6 +18,7 @@ from omnisim.scene.imported import texture_notices
 from omnisim.scene.other_formats import check_format, read_other
 from omnisim.scene.parts import Instance, Material, Mesh
 from omnisim.scene.textures import TextureStore
+from omnisim.sources import read_source
 
 _GLTF = {".glb", ".gltf"}
 _COLLADA = {".dae", ".zae"}
@@ -69,7 +70,7 @@ class MeshLibrary:
         if suffix not in _GLTF:
             check_format(path)
         try:
-            data = path.read_bytes()
+            data = read_source(path)
         except OSError as reason:
             raise SceneError(f"cannot be read: {reason.strerror}") from None
         if not data:

@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element
 
 from omnisim.errors import SceneError
 from omnisim.scene.sdf.document import parse_xml
+from omnisim.sources import read_source
 
 MANIFESTS = ("model.config", "manifest.xml")
 
@@ -36,7 +37,7 @@ def read_xml(path: Path) -> Element:
         SceneError: naming the file; it cannot be read, or is none.
     """
     try:
-        return parse_xml(path.read_bytes())
+        return parse_xml(read_source(path))
     except OSError as reason:
         raise SceneError(f"{path}: cannot be read: {reason.strerror}") from None
     except SceneError as reason:

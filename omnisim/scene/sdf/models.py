@@ -23,6 +23,7 @@ from omnisim.scene.sdf.frames import Scope, UnplacedError
 from omnisim.scene.sdf.model_folder import model_file, read_xml
 from omnisim.scene.sdf.shapes import ROUND
 from omnisim.short_repr import counted
+from omnisim.sources import read_source
 
 _DEEPEST = 24  # models in models
 _MOST = 200_000  # models of a world: a few files that include each other twice make billions
@@ -288,7 +289,7 @@ def read_root(path: Path, data: bytes | None = None) -> SdfElement:
         SceneError: it cannot be read, or is none.
     """
     try:
-        root = parse_xml(path.read_bytes() if data is None else data)
+        root = parse_xml(read_source(path) if data is None else data)
     except OSError as reason:
         raise SceneError(f"cannot be read: {reason.strerror}") from None
     if root.tag != "sdf":

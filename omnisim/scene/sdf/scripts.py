@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from omnisim.sources import read_source
+
 Rgb = tuple[float, float, float]
 
 
@@ -106,7 +108,7 @@ def read_scripts(paths: list[Path]) -> dict[str, ScriptMaterial]:
     for path in paths:
         for file in sorted(path.glob("*.material")) if path.is_dir() else [path]:
             try:
-                text = file.read_bytes().decode("utf-8", "replace")
+                text = read_source(file).decode("utf-8", "replace")
             except OSError:  # the material is then not found, which is noted
                 continue
             found |= parse_scripts(text, found)

@@ -25,6 +25,7 @@ from omnisim.scene.textures import TextureStore, alpha_mode_of
 from omnisim.scene.urdf.document import UrdfElement
 from omnisim.scene.urdf.kinematics import link_poses
 from omnisim.short_repr import counted
+from omnisim.sources import read_source
 from omnisim.srgb import linear_from_srgb
 
 _GEOMETRIES = ("mesh", "box", "cylinder", "sphere", "capsule")
@@ -181,7 +182,7 @@ class _Reader:
         name = found.attribute("filename")
         path = self._resources.find(name, self._folder)
         try:
-            data = path.read_bytes() if path is not None else None
+            data = read_source(path) if path is not None else None
         except OSError:
             data = None
         if data is None:

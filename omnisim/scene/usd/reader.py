@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from omnisim.scene.file_axes import FileAxes
 from omnisim.scene.imported import ImportedScene
 from omnisim.scene.usd.process import call_isolated
+from omnisim.sources import Sources, note_sources, recorded_sources
 
 
 def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
@@ -25,10 +26,14 @@ def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.floa
     Raises:
         SceneError: it is damaged.
     """
-    return call_isolated(_read, path, axes)
+    read, matrix, sources = call_isolated(_read, path, axes)
+    note_sources(sources)
+    return read, matrix
 
 
-def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
+def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64], Sources]:
     from omnisim.scene.usd.stage_reader import read_stage  # with usd-core, slow to import
 
-    return read_stage(path, axes)
+    with recorded_sources() as sources:
+        read, matrix = read_stage(path, axes)
+    return read, matrix, sources

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Tf, Usd, UsdGeom
+from pxr import Ar, Tf, Usd, UsdGeom
 
 from omnisim.errors import SceneError
 from omnisim.ground_truth.labels import distinct_color
@@ -27,6 +27,7 @@ from omnisim.scene.usd.stage import first_time, open_stage, stage_axes
 from omnisim.scene.usd.surfaces import Surfaces
 from omnisim.scene.usd.texture_files import TextureFiles
 from omnisim.scene.usd.walk import Site, Walk
+from omnisim.sources import note_file
 
 MAX_INSTANCES = 1_000_000
 MAX_NESTED = 16  # point instancers in each other
@@ -63,6 +64,7 @@ class _Reader:
         self._notices = Notices()
         self._assets, self._textures = AssetResolver(path), TextureStore()
         self._stage = open_stage(path, self._notices)
+        note_file(path)
         self._time = first_time(self._stage)
         stated = stage_axes(self._stage)
         unit = stated.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
@@ -100,6 +102,9 @@ class _Reader:
         if not instances:
             reasons = "".join(f"; {notice}" for notice in read.notices[:1])
             raise SceneError(f"has no triangles to draw{reasons}")
+        for layer in self._stage.GetUsedLayers():
+            if layer.realPath:
+                note_file(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
         return read, self._world_from_stage
 
     def _placed(

@@ -16,6 +16,7 @@ from omnisim.scene.parts import Texture, Wrap
 from omnisim.scene.textures import NO_PICTURE, TextureStore
 from omnisim.scene.usd.notices import Notices
 from omnisim.scene.usd.shading import TextureSource
+from omnisim.sources import note_file, read_source
 
 CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 _WRAPS = {"clamp": Wrap.CLAMP_TO_EDGE, "black": Wrap.CLAMP_TO_EDGE}
@@ -138,7 +139,8 @@ def content_of(resolved: str) -> bytes:
     if not Path(package).is_file():  # a device has no end
         return b""
     if package == resolved:
-        return Path(resolved).read_bytes()
+        return read_source(Path(resolved))
+    note_file(Path(package))
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
     return b"" if asset is None else bytes(asset.GetBuffer())
 

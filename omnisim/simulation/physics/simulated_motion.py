@@ -17,7 +17,6 @@ from omnisim.scene import Scene
 from omnisim.scene.object_motion import Along
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.contacts import Contact
-from omnisim.simulation.fingerprint import fingerprint
 from omnisim.trajectories import Trajectory
 from omnisim.trajectories.spline_motion import SplineMotion
 
@@ -111,12 +110,10 @@ class SimulatedMotion:
         )
 
     def manifest(self) -> dict[str, Any]:
-        """Engine, slip and fingerprint of the motion, for a run's manifest."""
-        objects = {name: one.world_from_base for name, one in self.objects.items()}
+        """Engine and slip, for a run's manifest."""
         return {
             "engine": self.engine,
             "step_s": self.step_s,
-            "motion": fingerprint(self.base.world_from_base, objects),
             "slip": {key: round(value, 6) for key, value in asdict(self.slip).items()},
         }
 

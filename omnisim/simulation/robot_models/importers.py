@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 from omnisim.errors import RobotFileError
 from omnisim.extras import require_extra
+from omnisim.fingerprint import fingerprint
 from omnisim.robot import Robot, parse_robot
 from omnisim.simulation.robot_models.imported_model import ImportedModel
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.sources import note_file, recorded_sources, source_digest
 
 _GAZEBO, _MJCF = (".sdf", ".world"), (".xml", ".mjcf")
 SUFFIXES = (*_GAZEBO, ".urdf", *_MJCF)
@@ -83,6 +85,10 @@ def load_robot_model(path: Path, resources: Sequence[str | Path] = ()) -> Loaded
         robot = parse_robot(tomllib.loads(imported.text), str(path), output.parent)
         vehicle = Vehicle.from_robot(robot)
     if vehicle.body is not None:  # its name is in pictures: not where this machine has it
-        body = dataclasses.replace(vehicle.body, name=path.name)
+        body = vehicle.body.altered("", name=path.name)
         vehicle = dataclasses.replace(vehicle, body=body)
+    with recorded_sources() as sources:
+        note_file(path)
+    content = None if vehicle.body is None else fingerprint(vehicle.body)
+    vehicle = vehicle.identified(source_digest(sources.digest(path.parent), content))
     return LoadedModel(robot, vehicle, imported.notices)

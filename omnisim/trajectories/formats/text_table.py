@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import TrajectoryError
+from omnisim.sources import read_source
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
@@ -108,7 +109,7 @@ def read_text_table(path: Path) -> TextTable:
         TrajectoryError: it cannot be read, is not text, or has no line but comments.
     """
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_source(path).decode("utf-8-sig")
     except OSError as reason:
         raise TrajectoryError(f"{path}: cannot be read: {reason.strerror}") from None
     except UnicodeDecodeError:

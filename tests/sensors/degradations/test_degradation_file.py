@@ -6,6 +6,7 @@ import re
 import pytest
 
 from omnisim.errors import OpticsError, SensorFileError
+from omnisim.fingerprint import fingerprint
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import (
     Bayer,
@@ -17,7 +18,6 @@ from omnisim.sensors.degradations import (
     preset_names,
 )
 from omnisim.sensors.degradations.degradation_file import EFFECTS, PRESETS
-from omnisim.simulation.fingerprint import fingerprint
 from omnisim.simulation.sensor_toml import sensor_toml
 
 

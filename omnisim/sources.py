@@ -1,0 +1,114 @@
+"""Files that something is made from, recorded while they are read: its identity on any machine.
+
+Computed numbers differ in their last bit between processors, so identity is a digest of what was
+given: bytes of files, keys and values of tables, options.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
+
+VERSION = 1  # of what is recorded: another one makes other digests
+
+
+class Sources:
+    """Files read within a `recorded_sources` block."""
+
+    def __init__(self) -> None:
+        self._digests: dict[Path, str] = {}
+
+    def digest(self, root: Path) -> str:
+        """SHA-256 (64 hexadecimal digits) of all files, by their paths relative to a folder.
+
+        A file outside of the folder counts by the names of itself and of its own folder: where
+        this machine keeps it makes no difference.
+        """
+        root = root.absolute()
+        files = sorted((_label(path, root), digest) for path, digest in self._digests.items())
+        return source_digest(VERSION, files)
+
+    def add(self, path: Path, digest: str) -> None:
+        """Add a file; the first digest of a path counts."""
+        self._digests.setdefault(path.absolute(), digest)
+
+    def update(self, other: Sources) -> None:
+        """Add the files of others."""
+        for path, digest in other._digests.items():
+            self.add(path, digest)
+
+
+_recorder: ContextVar[Sources | None] = ContextVar("recorder", default=None)
+
+
+@contextmanager
+def recorded_sources() -> Iterator[Sources]:
+    """Record the files that are read within the block; an outer block records them, too."""
+    sources, outer = Sources(), _recorder.get()
+    token = _recorder.set(sources)
+    try:
+        yield sources
+    finally:
+        _recorder.reset(token)
+        if outer is not None:
+            outer.update(sources)
+
+
+def read_source(path: Path) -> bytes:
+    """Read a file, and record it.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    data = path.read_bytes()
+    note_bytes(path, data)
+    return data
+
+
+def note_bytes(path: Path, data: bytes) -> None:
+    """Record a file by its content."""
+    recorder = _recorder.get()
+    if recorder is not None:
+        recorder.add(path, hashlib.sha256(data).hexdigest())
+
+
+def note_file(path: Path) -> None:
+    """Record a file that a library reads by itself; nothing where it cannot be read."""
+    recorder = _recorder.get()
+    if recorder is not None:
+        try:
+            with path.open("rb") as file:
+                recorder.add(path, hashlib.file_digest(file, "sha256").hexdigest())
+        except OSError:  # which its reader reports
+            return
+
+
+def note_sources(sources: Sources) -> None:
+    """Record the files that another process has read."""
+    recorder = _recorder.get()
+    if recorder is not None:
+        recorder.update(sources)
+
+
+def note_table(path: Path, table: Mapping[str, Any]) -> None:
+    """Record a file of keys and values: its comments and layout count for nothing."""
+    recorder = _recorder.get()
+    if recorder is not None:
+        recorder.add(path, source_digest(table))
+
+
+def source_digest(*parts: Any) -> str:
+    """SHA-256 (64 hexadecimal digits) of plain values, in the types of JSON and TOML."""
+    text = json.dumps(parts, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _label(path: Path, root: Path) -> str:
+    if path.is_relative_to(root):
+        return path.relative_to(root).as_posix()
+    return f"{path.parent.name}/{path.name}"
