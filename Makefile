@@ -1,6 +1,6 @@
 # On a fresh Debian or Ubuntu machine with Python and make, each target installs what it needs:
 #   make demo          installs omnisim alone, and renders a first picture
-#   make test          runs linters and the quick tests
+#   make test          runs the quick tests
 #   make test-all      runs linters and all tests
 #   make validate      validates the geometry
 #   make experiments   repeats the paper's experiments in self-localization
@@ -20,7 +20,7 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 help:
 	@echo "Each target first installs what it needs, demo omnisim alone, the others all there is."
 	@echo "make demo         render a first picture: out/courtyard.png"
-	@echo "make test         run linters and the quick tests: some 6 minutes on 2 cores"
+	@echo "make test         run the quick tests"
 	@echo "make test-all     run linters and all tests, of the documentation too"
 	@echo "make lint         run ruff and mypy"
 	@echo "make validate     validate the geometry: out/validation"
@@ -39,10 +39,12 @@ demo: core
 	@echo "Look around in a browser: $(BIN)/omnisim live soccer --robot p2at --open"
 
 # Ends with the number of slow tests left out.
-# Two processes of one rasterising thread each take half the time of one process of two threads.
-PYTEST := LP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+# Two processes of one rasterizing thread each take half the time of one process of two threads.
+# Each gets half of the tests in their order, so that modules share fixtures, and at the end takes
+# over part of the other's.
+PYTEST := LP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
-test: setup lint
+test: setup
 	$(PYTEST) -m "not slow"
 	@echo "Slow tests are left out: make test-all runs them, too"
 

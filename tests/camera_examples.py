@@ -164,6 +164,7 @@ CAMERA_EXAMPLES = {
 }  # fmt: skip
 
 _FIRST_OF_MODEL = {type(camera): name for name, camera in reversed(CAMERA_EXAMPLES.items())}
+FIRST_EXAMPLES = frozenset(_FIRST_OF_MODEL.values())  # one of each model
 # Each test of a camera; those of all but the first example of each model are slow.
 camera_examples = pytest.mark.parametrize(
     "camera",
@@ -171,7 +172,7 @@ camera_examples = pytest.mark.parametrize(
         pytest.param(
             camera,
             id=name,
-            marks=() if name == _FIRST_OF_MODEL[type(camera)] else pytest.mark.slow,
+            marks=() if name in FIRST_EXAMPLES else pytest.mark.slow,
         )
         for name, camera in CAMERA_EXAMPLES.items()
     ],

@@ -1,6 +1,7 @@
 """Fixtures for all tests; every floating-point error in NumPy is a failure."""
 
 import os
+from functools import cache
 
 # Before pyrender, an oracle, is imported: no display, and none of X11's libraries either.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from omnisim.errors import GraphicsError
-from omnisim.gpu.context import open_context
+from omnisim.gpu.context import open_context, release_context
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -32,13 +33,23 @@ def context():
 @pytest.fixture
 def needs_opengl():
     """For tests that open their own context."""
-    open_context_or_skip().release()
+    if reason := _no_opengl():
+        pytest.skip(reason)
 
 
 def open_context_or_skip():
+    if reason := _no_opengl():
+        pytest.skip(reason)
+    return open_context()
+
+
+@cache
+def _no_opengl():
+    """The reason why OpenGL cannot be opened, or "": asked once per process."""
     try:
-        return open_context()
+        release_context(open_context())
     except GraphicsError as reason:
         if os.environ.get("CI"):
             raise  # CI must have OpenGL
-        pytest.skip(str(reason))
+        return str(reason)
+    return ""

@@ -79,13 +79,14 @@ def _files(folders, pattern):
 
 
 @cache
-def _tree(path):
-    return ast.parse(path.read_text(encoding="utf-8"))
+def _nodes(path):
+    """Nodes of a Python module's syntax tree."""
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
 
 
 def _docstrings(path):
     """(line, docstring) of a Python module."""
-    for node in ast.walk(_tree(path)):
+    for node in _nodes(path):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             text = ast.get_docstring(node)
             if text:
@@ -113,22 +114,29 @@ def _clauses():
 
 
 def _retired_names():
-    pattern = re.compile(
-        "|".join(rf"(?P<r{n}>(?<!\w)(?:{word})(?!\w))" for n, word in enumerate(RETIRED))
-    )
-    better = list(RETIRED.values())
+    # one pattern without groups: each alternative is then passed over by its first letter
+    pattern = re.compile(rf"\b(?:{'|'.join(RETIRED)})(?!\w)")
     for path in (*_files(PYTHON, "*.py"), *_files(("shaders",), "*.*")):
         name = path.relative_to(ROOT).as_posix()
         text = path.read_text(encoding="utf-8")
         for found in pattern.finditer(text):
             if not (name.startswith(GLTF) and found.group().startswith("chunk")):
                 line = text.count("\n", 0, found.start()) + 1
-                yield f"{name}:{line}: {found.group()} → {better[int(found.lastgroup[1:])]}"
+                yield f"{name}:{line}: {found.group()} → {_better(found)}"
+
+
+def _better(found):
+    """The name that took the place of a retired one."""
+    return next(
+        better
+        for retired, better in RETIRED.items()
+        if re.compile(retired).match(found.string, found.start())
+    )
 
 
 def _identifiers(path):
     """(line, name) of the variables, parameters and attributes of a Python module."""
-    for node in ast.walk(_tree(path)):
+    for node in _nodes(path):
         if isinstance(node, ast.Name):
             yield node.lineno, node.id
         elif isinstance(node, ast.arg):

@@ -70,6 +70,7 @@ class CalibratedCamera:
         residuals: of the fit, if the camera is one.
         notes: for the reader of the file, a sentence each.
         file_model: model of the lens in the file, if there is a file.
+        time_shift_s: from the camera's stamps to the times of the IMU.
 
     Raises:
         OpticsError: a camera without one viewpoint, which no calibration file holds.
@@ -81,6 +82,7 @@ class CalibratedCamera:
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
     file_model: str | None = None
+    time_shift_s: float = 0.0
 
     def __post_init__(self) -> None:
         check_central(self.camera, "calibration")

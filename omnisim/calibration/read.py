@@ -80,6 +80,7 @@ def _calibrated(
         metadata.residuals,
         notes,
         lens.model_name,
+        parsed.time_shift_s,
     )
 
 

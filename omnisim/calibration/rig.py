@@ -33,11 +33,13 @@ class RigCamera:
         name: of the camera in its file.
         model: the camera.
         body_from_camera: (4, 4) pose of its optical frame (x right, y down, z forward).
+        time_shift_s: from the camera's stamps to the times of the IMU.
     """
 
     name: str
     model: CentralCamera
     body_from_camera: NDArray[np.float64]
+    time_shift_s: float = 0.0
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), summary(self.model))
@@ -101,7 +103,7 @@ class Rig:
         for camera in calibration.cameras:
             pose = find_pose(poses, body, camera.name)
             if pose is not None:
-                cameras.append(RigCamera(camera.name, camera.camera, pose))
+                cameras.append(RigCamera(camera.name, camera.camera, pose, camera.time_shift_s))
             elif name is None:
                 raise CalibrationError(
                     f"{calibration.source}: {camera.name}: expected its pose from {body}, got no "

@@ -14,14 +14,14 @@ from omnisim.cli.dataset_requests import (
     DatasetInfoRequest,
     DatasetViewRequest,
 )
-from omnisim.cli.generate import sheet
-from omnisim.datasets.coco_folder import write_coco
+from omnisim.datasets.coco_folder import CocoSettings, write_coco
 from omnisim.datasets.manifest import MANIFEST, check_hashes, read_manifest
 from omnisim.datasets.recordings import write_recordings
 from omnisim.datasets.samples import Shards
 from omnisim.errors import OutputError, did_you_mean
-from omnisim.ground_truth.previews import preview
 from omnisim.image_files import write_image
+from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
+from omnisim.robot.sensor_names import FOLDER_NAME
 
 
 def info(request: DatasetInfoRequest) -> None:
@@ -60,15 +60,56 @@ def convert(request: DatasetConvertRequest) -> None:
     """Write a data set in another layout."""
     if request.to not in LAYOUTS:
         raise OutputError(f"--to {request.to!r}: {did_you_mean(request.to, LAYOUTS)}")
+    settings = _coco_settings(request)
     shards = Shards(request.folder)
     if request.to == "coco":
-        steps = write_coco(shards, request.output)
+        steps = write_coco(shards, request.output, settings)
     else:
         steps = write_recordings(shards, request.to, request.output, print_note)
     for _ in track(range(len(shards)), "convert", len(shards)):
         next(steps)
     next(steps, None)  # what comes after the last
     out.print(f"{request.output}: {pluralize(len(shards), 'sample')}", markup=False)
+
+
+def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
+    """Settings of a COCO folder.
+
+    Raises:
+        OutputError: options of COCO with another layout, or shares that are not all of a data set.
+    """
+    for option, value in (
+        ("--min-area", request.min_area_px),
+        ("--polygons", request.polygons or None),
+        ("--split", request.split),
+    ):
+        if value is not None and request.to != "coco":
+            raise OutputError(f"{option}: expected with --to coco, got --to {request.to}")
+    return CocoSettings(request.min_area_px or 1, request.polygons, _splits(request.split))
+
+
+def _splits(text: str | None) -> dict[str, float]:
+    """Shares of splits by name."""
+    if text is None:
+        return {}
+    splits: dict[str, float] = {}
+    for part in text.split(","):
+        name, _, share = (word.strip() for word in part.partition("="))
+        try:
+            number = float(share)
+        except ValueError:
+            number = math.nan
+        if not (FOLDER_NAME.fullmatch(name) and 0.0 < number <= 1.0) or name in splits:
+            raise OutputError(
+                f"--split {text!r}: expected names with shares, such as train=0.8,val=0.2, got "
+                f"{part.strip()!r}"
+            )
+        splits[name] = number
+    if abs(sum(splits.values()) - 1.0) > 1e-6:
+        raise OutputError(
+            f"--split {text!r}: expected shares that add up to 1, got {sum(splits.values()):g}"
+        )
+    return splits
 
 
 def view(request: DatasetViewRequest) -> None:
@@ -83,9 +124,11 @@ def view(request: DatasetViewRequest) -> None:
     for row in track(rows, "view", len(rows)):
         sample = shards[row]
         first = sample if "rgb" in sample else next(iter(sample.values()))
-        names = shards.manifest.channels
-        samples.append([first["rgb"], *(preview(name, first[name], None) for name in names)])
-    write_image(request.output, sheet(samples, math.ceil(math.sqrt(len(samples)))))
+        names, metadata = shards.manifest.channels, sample["metadata"]
+        channels = [channel_tile(name, first[name]) for name in names]
+        title = f"{metadata['number']}: {metadata['scene']}, {metadata['camera']}"
+        samples.append(SampleTiles(title, [("rgb", first["rgb"]), *channels]))
+    write_image(request.output, sample_sheet(samples))
     out.print(f"{request.output}: {pluralize(len(rows), 'sample')}", markup=False)
 
 

@@ -9,7 +9,7 @@ import typer
 from omnisim.cli.arguments import DeviceOption
 from omnisim.cli.completion import ENGINES, LAYOUTS, one_of
 
-BEFORE = "Before it is made"  # panel of a help page
+BEFORE, OF_COCO = "Before it is made", "With --to coco"  # panels of help pages
 
 DatasetArgument = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder of a data set that is whole.")
@@ -129,6 +129,35 @@ class DatasetConvertRequest:
             "poses and calibrations.",
         ),
     ] = "coco"
+    min_area_px: Annotated[
+        int | None,
+        typer.Option(
+            "--min-area",
+            metavar="PX",
+            min=1,
+            help="Visible pixels of an object from which on it is annotated.",
+            show_default="1",
+            rich_help_panel=OF_COCO,
+        ),
+    ] = None
+    polygons: Annotated[
+        bool,
+        typer.Option(
+            "--polygons",
+            help="Masks as polygons, in place of run lengths.",
+            rich_help_panel=OF_COCO,
+        ),
+    ] = False
+    split: Annotated[
+        str | None,
+        typer.Option(
+            "--split",
+            metavar="NAME=SHARE,…",
+            help="Annotations in a file each, such as train=0.8,val=0.2.",
+            show_default="all in one",
+            rich_help_panel=OF_COCO,
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -28,11 +25,10 @@ from omnisim.datasets.sample_renderer import SampleRenderer
 from omnisim.datasets.workers import Made
 from omnisim.errors import OutputError, PlanError, did_you_mean
 from omnisim.extras import require_extra
-from omnisim.ground_truth.previews import preview
 from omnisim.image_files import write_image
+from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 
 SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
-GAP_PX = 4
 
 
 def run(request: GenerateRequest) -> None:
@@ -106,18 +102,18 @@ def _preview(request: GenerateRequest, count: int) -> None:
     prepared.check_setups()
     count = min(count, prepared.plan.pictures)
     renderer = SampleRenderer(prepared, request.device)
-    columns = math.ceil(math.sqrt(count))
-    rows: dict[int, list[NDArray[np.uint8]]] = {}
+    samples: dict[int, SampleTiles] = {}
     try:
         for number in track(renderer.order(range(count)), "preview", count):
             frame = next(iter(renderer.render(number).frames.values()))
             channels = [
-                preview(name, frame.channels[name], frame.labels) for name in frame.channels
+                channel_tile(name, values, frame.labels) for name, values in frame.channels.items()
             ]
-            rows[number] = [frame.rgb, *channels]
+            samples[number] = SampleTiles(f"sample {number}", [("rgb", frame.rgb), *channels])
     finally:
         renderer.close()
-    write_image(request.output, sheet([rows[number] for number in sorted(rows)], columns))
+    sheet = sample_sheet([samples[number] for number in sorted(samples)])
+    write_image(request.output, sheet)
     out.print(f"{request.output}: {pluralize(count, 'sample')}", markup=False)
 
 
@@ -132,34 +128,6 @@ def _map(request: GenerateRequest) -> None:
     check_distinct({"-o": request.output}, {"the plan": request.plan})
     write_plot(request.output, plan_figure(PreparedPlan.read(request.plan)))
     out.print(f"{request.output}: free floors and places", markup=False)
-
-
-def sheet(samples: list[list[NDArray[np.uint8]]], columns: int) -> NDArray[np.uint8]:
-    """Sheet (height, width, 3) of samples, each a stack of its picture and its channels."""
-    stacks = [
-        np.concatenate([_framed(picture[..., :3]) for picture in _widened(sample)])
-        for sample in samples
-    ]
-    height, width = (max(stack.shape[axis] for stack in stacks) for axis in (0, 1))
-    rows = math.ceil(len(stacks) / columns)
-    found = np.full((rows * height, columns * width, 3), 255, dtype=np.uint8)
-    for index, stack in enumerate(stacks):
-        row, column = divmod(index, columns)
-        top, left = row * height, column * width
-        found[top : top + stack.shape[0], left : left + stack.shape[1]] = stack
-    return found
-
-
-def _framed(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return np.pad(picture, ((0, GAP_PX), (0, GAP_PX), (0, 0)), constant_values=255)
-
-
-def _widened(pictures: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
-    width = max(one.shape[1] for one in pictures)
-    return [
-        np.pad(one, ((0, 0), (0, width - one.shape[1]), (0, 0)), constant_values=255)
-        for one in pictures
-    ]
 
 
 def _estimate(request: GenerateRequest) -> None:

@@ -70,7 +70,7 @@ class RenderRequest:
             metavar="NAME|FILE",
             autocompletion=complete_robot,
             help="Robot whose body is in the picture, and whose camera takes it where no other is "
-            "given.",
+            "given; with --trajectory all of its sensors record, also its IMUs and lidars.",
             rich_help_panel=CAMERA,
         ),
     ] = None

@@ -135,11 +135,18 @@ def _format_size(box: BodyBoxes | None) -> str:
     return f"{length_m:g} × {width_m:g} × {height_m:g} m, {clearance}"
 
 
+def _format_rate(mounted: MountedSensor) -> str:
+    """Rate of its own, where its summary has none."""
+    if mounted.rate is None or f"{mounted.rate.rate_hz:g} Hz" in mounted.summary():
+        return ""
+    return f"measures at {mounted.rate.rate_hz:g} Hz, "
+
+
 def _sensor_line(mounted: MountedSensor) -> str:
     x, y, z = mounted.origin_m.tolist()
     hidden = f", does not see {', '.join(mounted.hides)}" if mounted.hides else ""
     mesh = f"{mounted.sensor.mesh_summary}, " if isinstance(mounted, MountedCamera) else ""
     return (
-        f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, {mesh}"
+        f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, {mesh}{_format_rate(mounted)}"
         f"{mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m{hidden}"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnisim.calibration.rig import Rig, RigCamera
+from omnisim.cameras import NonCentralCamera
 from omnisim.cli.calibration import read_calibration
 from omnisim.cli.console import pluralize, print_note
 from omnisim.cli.inputs import check_calibration_path, read_camera, refuse_options
@@ -22,9 +23,15 @@ from omnisim.trajectories import Trajectory
 from omnisim.trajectories.formats.parsed_trajectory import Axes
 
 ALL = "all"
+OWN_CAMERA = {
+    "--sensor": "sensor",
+    "--camera": "camera",
+    "--camera-name": "camera_name",
+    "--optics": "optics",
+    "--mirrored": "mirrored",
+}
 SINGLE_PICTURE = {
     "--faces": "faces",
-    "--robot": "robot",
     "--next": "next_at",
     "--next-yaw": "next_yaw_deg",
     "--previous": "previous_at",
@@ -65,6 +72,8 @@ def run(request: RenderRequest, path: Path) -> None:
 
 def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
     """Rig of the whole file, whose frames the poses may be of, and vehicle of the cameras taken."""
+    if request.robot is not None:
+        return _robot(request, request.robot)
     source = request.camera
     own_camera = request.sensor or request.optics
     if source is None and own_camera is None and path.suffix.lower() == ".json":
@@ -80,6 +89,23 @@ def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
     name = None if request.camera_name == ALL else request.camera_name
     rig = Rig.of(calibration, name)
     return rig, rig_vehicle(_name(source), rig if name is None else rig.only(name))
+
+
+def _robot(request: RenderRequest, robot: str) -> tuple[Rig, Vehicle]:
+    """Cameras of a robot on its base, and the robot with all of its sensors.
+
+    Raises:
+        OutputError: another camera beside the robot's.
+    """
+    reason = "expected the robot's sensors with --trajectory and --robot"
+    refuse_options(request, OWN_CAMERA, reason)
+    vehicle = Vehicle.load(robot)
+    cameras = (
+        RigCamera(camera.name, camera.sensor.model, camera.sensor.base_from_optical)
+        for camera in vehicle.cameras
+        if not isinstance(camera.sensor.model, NonCentralCamera)
+    )
+    return Rig("base", tuple(cameras)), vehicle
 
 
 def _name(source: Path | None) -> str:

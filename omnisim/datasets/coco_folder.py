@@ -1,59 +1,124 @@
-"""COCO's layout of a data set: `images/` and one `annotations.json` for all of them.
+"""COCO's layout of a data set: `images/` and one `annotations.json`, or one for each split.
 
-Classes of all scenes have one number for each name.
+Classes of all scenes have one number for each name, in all splits.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from omnisim.atomic_file import atomic_folder, check_new_folder, write_text
 from omnisim.datasets.samples import Shards
 from omnisim.errors import PlanError
+from omnisim.ground_truth.polygons import mask_from_runs, polygons_of_mask
 
 IMAGES, ANNOTATIONS = "images", "annotations.json"
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
-def write_coco(shards: Shards, folder: Path) -> Iterator[int]:
+@dataclass(frozen=True)
+class CocoSettings:
+    """Settings of a COCO folder.
+
+    Attributes:
+        min_area_px: of an object that is annotated, visible pixels.
+        with_polygons: masks as polygons in place of run lengths.
+        splits: share of the samples by name; empty: one file for all of them.
+    """
+
+    min_area_px: int = 1
+    with_polygons: bool = False
+    splits: Mapping[str, float] = field(default_factory=dict)
+
+    def split_of(self, number: int) -> str:
+        """Split of a sample by its number, whatever the number of samples; "": there is one.
+
+        Multiples of the golden ratio, whose fractions are even over any range of numbers.
+        """
+        place, end = number * GOLDEN % 1.0, 0.0
+        for name, share in self.splits.items():
+            end += share
+            if place < end:
+                return name
+        return list(self.splits)[-1] if self.splits else ""
+
+
+@dataclass
+class _Split:
+    """Images and annotations of a split."""
+
+    images: list[dict[str, Any]] = field(default_factory=list)
+    annotations: list[dict[str, Any]] = field(default_factory=list)
+
+
+def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = None) -> Iterator[int]:
     """Write the pictures and boxes of a data set, whole or not at all; yield after each sample.
 
     Raises:
         PlanError: a data set without the channel instance, or a damaged shard.
         OutputError: the folder cannot be written.
     """
+    settings = settings or CocoSettings()
     if "instance" not in shards.manifest.channels:
         raise PlanError("coco: expected a data set with the channel instance, whose boxes it has")
     check_new_folder(folder)
-    images: list[dict[str, Any]] = []
-    annotations: list[dict[str, Any]] = []
+    splits = {name: _Split() for name in settings.splits or ("",)}
     classes: dict[str, int] = {}
+    count = 0
     with atomic_folder(folder) as target:
         (target / IMAGES).mkdir()
         for row in range(len(shards)):
             with shards.damage_named(row), shards.files(row) as files:
                 for picture in shards.pictures(files):
+                    split = splits[settings.split_of(int(picture.name.partition(".")[0]))]
                     picture.rename(target / IMAGES / picture.name)
                     boxes = json.loads((files / f"{picture.stem}.coco.json").read_text("utf-8"))
-                    names = {one["id"]: one["name"] for one in boxes["categories"]}
-                    for image in boxes["images"]:
-                        images.append(image | {"id": len(images)})
-                    for one in boxes["annotations"]:
-                        name = names[one["category_id"]]
-                        number = classes.setdefault(name, len(classes) + 1)
-                        own = {"id": len(annotations) + 1, "image_id": len(images) - 1}
-                        annotations.append(one | own | {"category_id": number})
+                    _add(split, boxes, count, classes, settings)
+                    count += 1
             yield row
-        content = {
-            "info": {"description": shards.manifest.title},
-            "licenses": [{"id": 1, "name": shards.manifest.licence or "unknown"}],
-            "images": images,
-            "categories": [
-                {"id": number, "name": name, "supercategory": ""}
-                for name, number in classes.items()
-            ],
-            "annotations": annotations,
+        for name, split in splits.items():
+            text = json.dumps(_content(shards, split, classes)) + "\n"
+            write_text(target / (f"annotations_{name}.json" if name else ANNOTATIONS), text)
+
+
+def _add(
+    split: _Split,
+    boxes: dict[str, Any],
+    image_id: int,
+    classes: dict[str, int],
+    settings: CocoSettings,
+) -> None:
+    """Add a picture and the annotations of its objects that are large enough."""
+    (image,) = boxes["images"]
+    split.images.append(image | {"id": image_id})
+    names = {one["id"]: one["name"] for one in boxes["categories"]}
+    for one in boxes["annotations"]:
+        number = classes.setdefault(names[one["category_id"]], len(classes) + 1)
+        if one["area"] < settings.min_area_px:
+            continue
+        own: dict[str, Any] = {
+            "id": len(split.annotations) + 1,
+            "image_id": image_id,
+            "category_id": number,
         }
-        write_text(target / ANNOTATIONS, json.dumps(content) + "\n")
+        if settings.with_polygons:
+            (height, width), counts = one["segmentation"]["size"], one["segmentation"]["counts"]
+            own["segmentation"] = polygons_of_mask(mask_from_runs(height, width, counts))
+        split.annotations.append(one | own)
+
+
+def _content(shards: Shards, split: _Split, classes: dict[str, int]) -> dict[str, Any]:
+    return {
+        "info": {"description": shards.manifest.title},
+        "licenses": [{"id": 1, "name": shards.manifest.licence or "unknown"}],
+        "images": split.images,
+        "categories": [
+            {"id": number, "name": name, "supercategory": ""} for name, number in classes.items()
+        ],
+        "annotations": split.annotations,
+    }

@@ -95,7 +95,7 @@ class RecordedCamera:
             )
         return np.ascontiguousarray(pixels[..., :3])
 
-    def depths_m(self, step: int) -> NDArray[np.float64]:
+    def depths_m(self, step: int) -> NDArray[np.float32]:
         """Depths (height, width) of a depth camera along its axis; +inf: none.
 
         Raises:
@@ -107,7 +107,8 @@ class RecordedCamera:
         width, height = self.size_px
         if depths.shape != (height, width) or depths.dtype != np.uint16:
             raise RunError(f"{path}: expected depths of {width} × {height} px in 16 bits")
-        return np.where(depths, depths / STEPS_PER_M, np.inf)
+        depths_m: NDArray[np.float32] = np.where(depths, depths / STEPS_PER_M, np.inf).astype("f4")
+        return depths_m
 
     def has(self, channel: str) -> bool:
         """Channel of ground truth is in the run."""

@@ -90,10 +90,11 @@ def resolve_source(source: str | Path) -> SceneSource:
         path = SCENES / name / "scene.toml"
     if path.is_dir():
         path = _gazebo_model(path)
-    if not path.exists():
-        names = builtin_scenes()
-        hint = did_you_mean(name, names, "built-in:")
-        raise SceneError(f"{name}: no such scene file, and no built-in scene; {hint}")
+    try:
+        path.stat()  # from Python 3.14 on, `exists` is false for whatever the reason is
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        hint = did_you_mean(name, builtin_scenes(), "built-in:")
+        raise SceneError(f"{name}: no such scene file, and no built-in scene; {hint}") from None
     if not path.is_file():
         raise SceneError(f"{path}: is not a regular file")
     if path.suffix.lower() != ".toml":

@@ -189,10 +189,16 @@ class _Surroundings:
         if not len(points):
             return clear
         corners = self._within(points.min(axis=0) - clearance, points.max(axis=0) + clearance)
+        if not len(corners):
+            return clear
         low, high = corners.min(axis=1), corners.max(axis=1)
-        for row, point in enumerate(points):
-            near = np.all((low <= point + clearance) & (high >= point - clearance), axis=1)
-            clear[row] = not np.any(triangle_distances(corners[near] - point) < clearance)
+        near = [
+            np.flatnonzero(np.all((low <= point + clearance) & (high >= point - clearance), axis=1))
+            for point in points
+        ]
+        rows = np.repeat(np.arange(len(points)), [len(ones) for ones in near])
+        distances = triangle_distances(corners[np.concatenate(near)] - points[rows, None])
+        clear[rows[distances < clearance]] = False
         return clear
 
     def sight(self, point: NDArray[np.float64]) -> _Sight:
@@ -201,7 +207,10 @@ class _Surroundings:
         has_floor = False
         for axis in range(3):
             ends = np.where(np.arange(3) == axis, np.inf, 0.0)
-            offsets, fronts = _crossings(self._within(point - ends, point + ends) - point, axis)
+            corners = self._within(point - ends, point + ends)
+            if not len(corners):
+                continue
+            offsets, fronts = _crossings(corners - point, axis)
             for direction in (1.0, -1.0):
                 ahead = np.flatnonzero(offsets * direction > 0.0)
                 if not len(ahead):
@@ -219,19 +228,19 @@ def _crossings(
     """Offsets (n,) along an axis through the origin at which it crosses triangles (m, 3, 3), and
     the signs (n,) of their normals' components along it."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    following = np.roll(corners, -1, axis=1)
+    following = corners[:, [1, 2, 0]]
     # twice the areas of the origin with each edge: barycentric coordinates of the corner opposite
     areas = corners[..., u] * following[..., v] - corners[..., v] * following[..., u]
     total = areas.sum(axis=1)
     crossed = (np.all(areas >= 0.0, axis=1) | np.all(areas <= 0.0, axis=1)) & (total != 0.0)
     shares = areas[crossed] / total[crossed, None]
-    along = np.roll(corners[crossed][..., axis], 1, axis=1)
+    along = corners[crossed][:, [2, 0, 1], axis]
     return np.einsum("nk,nk->n", shares, along), np.sign(total[crossed])
 
 
 def triangle_distances(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (n,) of the origin from triangles (n, 3, 3)."""
-    edges = np.roll(corners, -1, axis=1) - corners
+    edges = corners[:, [1, 2, 0]] - corners
     squares = np.maximum(np.einsum("nij,nij->ni", edges, edges), np.finfo(np.float64).tiny)
     shares = np.clip(-np.einsum("nij,nij->ni", corners, edges) / squares, 0.0, 1.0)
     borders = np.linalg.norm(corners + shares[..., None] * edges, axis=2).min(axis=1)

@@ -207,8 +207,9 @@ class PlannedDrive:
     def record(self, folder: Path, force: bool = False) -> Iterator[int]:
         """Render what is missing in the folder, step by step; yields how many steps are there.
 
-        The first number is how many were there before. Killed and called again it goes on, and
-        ends with the same bytes as if it had never stopped.
+        The first number is how many were there before. What sensors measure between two steps is
+        recorded with the second. Killed and called again it resumes, and ends with the same bytes
+        as if it had never stopped.
 
         Args:
             folder: of the run.
@@ -237,11 +238,14 @@ class PlannedDrive:
             }
             content = self._manifest(stage.backend.renderer)
             run = stack.enter_context(open_run(folder, content, force))
+            is_new = not run.has(STATES)
             self._write_records(run)
             labels = find_labels(drive.scene, stage.objects, tuple(world.bodies))
             write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
             there = len(self.truth) - len(missing)
+            if is_new and not missing:  # all that is recorded is in files of the whole run
+                yield 0
             yield there
             for done, step in enumerate(missing, start=there + 1):
                 for name, instrument in instruments.items():

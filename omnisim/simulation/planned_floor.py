@@ -22,7 +22,8 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
     """Time a plan's poses on the floor, and its motion there.
 
     Steps of equal length keep to the limits along the floor, and so last longer where it is
-    steep; steps that are equal in time keep their times. Between the poses the floor is a spline.
+    steep; steps that are equal in time keep their times. Between the sweep's poses the way is a
+    spline.
 
     Args:
         plan: on a level floor.
@@ -41,7 +42,7 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
             yaw_rad = yaw_from_rotation(poses[part])
             steps = np.abs(wrap_angles(np.diff(yaw_rad)))
         elif plan.period_s is None:
-            steps = step_lengths_m(poses[part])
+            steps = _along_chords(poses[part], sweep.is_step[part])
         else:
             steps = np.linalg.norm(np.diff(poses[part, :2, 3], axis=0), axis=1)
         way = np.concatenate(((0.0,), np.cumsum(steps)))
@@ -54,6 +55,18 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
     times = [segments[0].start_s + np.zeros(1)]
     times += [_times(one, way)[1:] for one, way in zip(segments, ways, strict=True)]
     return dataclasses.replace(sweep, times_s=np.concatenate(times)), PlannedMotion(segments)
+
+
+def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Metres (n − 1,) from each pose (n, 4, 4) to the next, of each step's straight distance.
+
+    What a bump within a step adds is not in them: steps are checked by these distances.
+    """
+    ways_m = step_lengths_m(poses)
+    first = np.flatnonzero(is_step)[:-1]
+    chords_m = step_lengths_m(poses[is_step])
+    scales = chords_m / np.add.reduceat(ways_m, first)
+    return ways_m * np.repeat(scales, np.diff(np.append(first, len(ways_m))))
 
 
 def _times(segment: Segment, way: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -143,6 +143,10 @@ class _FilePoses:
 
 def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.float64], str]:
     """Pose (4, 4) of a frame on the rig's body, and the frame in words."""
+    if frame in (BODY, rig.body) and rig.has_body:
+        return np.eye(4), f"the rig's {rig.body}"
+    if not rig.cameras:
+        raise TrajectoryError(f"{path}: --trajectory-frame: expected {BODY}, got no camera")
     first = rig.cameras[0]
     optical_from_rig = inverse(pose_from_rotation(first.model.rig_from_optical, np.zeros(3)))
     body_from_rig = first.body_from_camera @ optical_from_rig  # upright, x forward
@@ -150,8 +154,6 @@ def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.fl
         is_lens = np.array_equal(first.model.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD)
         place = "" if is_lens else "a camera that looks ahead in the place of "
         return body_from_rig @ AHEAD, f"{place}{first.name} ({OPTICAL_AXES})"
-    if frame in (BODY, rig.body) and rig.has_body:
-        return np.eye(4), f"the rig's {rig.body}"
     if frame == BODY:
         return body_from_rig, f"a vehicle (x forward, y left, z up) with {first.name} on it"
     cameras = {camera.name: camera for camera in rig.cameras}

@@ -62,6 +62,7 @@ from omnisim.simulation.manifest import (
 )
 from omnisim.simulation.sensors import MountedSensor
 from omnisim.trajectories import read_trajectory
+from omnisim.trajectories.trajectory import LARGEST_S
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
@@ -279,13 +280,14 @@ def read_times(path: Path, count: int) -> NDArray[np.float64]:
         RunError: they cannot be read, or do not increase.
     """
     try:
-        head, *lines = path.read_text(encoding="utf-8").splitlines()
+        head, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
         times_s = np.array([float(line) for line in lines])
     except OSError as reason:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except ValueError:
         raise RunError(f"{path}: expected the column {TIME}, a number a line") from None
-    if head != TIME or len(times_s) != count or not np.all(np.diff(times_s) > 0.0):
+    is_known = np.all(np.abs(times_s) < LARGEST_S)  # false for NaN, too
+    if head != TIME or len(times_s) != count or not (is_known and np.all(np.diff(times_s) > 0.0)):
         raise RunError(f"{path}: expected {TIME} and {count} times that increase")
     return times_s
 

@@ -13,6 +13,7 @@ from omnisim.poses import pose_from_rotation, quaternion_from_rotation, rotation
 from omnisim.simulation.number_table import BLOCK, write_table
 from omnisim.simulation.sensors.rate import printed_s
 from omnisim.trajectories.body_motion import BodyMotion, MotionStates
+from omnisim.trajectories.trajectory import LARGEST_S
 
 COLUMNS = (
     "t_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,ax_mps2,ay_mps2,az_mps2,"
@@ -53,13 +54,14 @@ def read_states(path: Path) -> tuple[NDArray[np.float64], MotionStates]:
     try:
         with path.open(encoding="utf-8") as file:
             head = file.readline().rstrip("\n")
-            table = np.loadtxt(file, delimiter=",", ndmin=2)
+            table = np.array([line.split(",") for line in file], dtype=np.float64)
     except OSError as reason:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except ValueError:
         raise RunError(f"{path}: is damaged: expected numbers between commas") from None
     width = len(COLUMNS.split(","))
-    if head != COLUMNS or table.shape[1] != width or not np.all(np.isfinite(table)):
+    is_known = table.shape == (len(table), width) and np.all(np.abs(table) < LARGEST_S)
+    if head != COLUMNS or not len(table) or not is_known:  # false for NaN, too
         raise RunError(f"{path}: expected the columns {COLUMNS} and finite numbers")
     norms = np.linalg.norm(table[:, 4:8], axis=1)
     if not np.all(np.diff(table[:, 0]) > 0.0) or np.any(np.abs(norms - 1.0) > 1e-6):

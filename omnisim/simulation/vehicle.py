@@ -89,14 +89,23 @@ class Vehicle:
     @classmethod
     def _of(cls, robot: Robot) -> Vehicle:
         body = _load_body(robot)
-        sensors = []
+        sensors: list[MountedSensor] = []
         mounts = parse_mounts(robot)
-        sources = [sensor_source(robot, mount.name) for mount in mounts]
+        sources = [
+            sensor_source(robot, mount.name if "name" in mount.model_fields_set else index)
+            for index, mount in enumerate(mounts)
+        ]
         for (mount, rate), where in zip(sensor_rates(mounts, sources), sources, strict=True):
             _check_hidden(mount, body, where)
-            sensor = dataclasses.replace(mount.sensor(robot.folder, where), rate=rate)
-            _check_outside(body, sensor, where)
-            sensors.append(sensor)
+            for built in mount.sensors(robot.folder, where):
+                sensor = dataclasses.replace(built, rate=rate)
+                if any(sensor.name == other.name for other in sensors):
+                    raise RobotFileError(
+                        f"{sensor_source(robot, sensor.name)}: a second sensor of this name: "
+                        "expected each name once"
+                    )
+                _check_outside(body, sensor, sensor_source(robot, sensor.name))
+                sensors.append(sensor)
         return cls(
             name=robot.name,
             title=robot.title,

@@ -46,6 +46,7 @@ Place place_of(vec3 direction, vec3 origin) {
     place.face = size.z > max(size.x, size.y) ? (direction.z > 0.0 ? 5 : 4)
         : size.x >= size.y ? (direction.x > 0.0 ? 0 : 2) : (direction.y > 0.0 ? 1 : 3);
     vec3 local = u_face_from_rig[place.face] * direction;
+    local.z = max(local.z, 1e-30);  // a pixel without a ray has no direction
     vec3 aside = u_face_from_rig[place.face] * origin;
     place.depth = local.z;
     place.tangent = local.xy / local.z;

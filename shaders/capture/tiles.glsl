@@ -7,6 +7,7 @@
 
 const int FACES = 6;
 const int MAX_TILES = 64;  // as in omnisim/gpu/atlas/tile_plan.py
+const float MIN_DEPTH = 1e-30;  // of a ray in its face: of none, and along a face without tiles, 0
 
 uniform mat3 u_rig_from_optical;
 uniform mat3 u_face_from_rig[FACES];
@@ -26,7 +27,7 @@ int face_of(vec3 rig) {
 
 // The nearest tile, where none has the tangent in its region: no ray of a valid pixel asks for it.
 int tile_of(int face, vec2 tangent) {
-    int nearest = u_first_tile[face];
+    int nearest = min(u_first_tile[face], MAX_TILES - 1);  // of a face without any: the next one's
     float least = 1e30;
     for (int tile = nearest; tile < u_first_tile[face + 1]; ++tile) {
         vec2 outside = max(u_tile_region[tile].xy - tangent, tangent - u_tile_region[tile].zw);

@@ -14,6 +14,7 @@ vec3 uv_level_from_ray(vec3 ray) {
     vec3 rig_dx = dFdx(rig), rig_dy = dFdy(rig);
     int face = face_of(rig);
     vec3 local = u_face_from_rig[face] * rig;
+    local.z = max(local.z, MIN_DEPTH);
     vec2 tangent = local.xy / local.z;
     int tile = tile_of(face, tangent);
 

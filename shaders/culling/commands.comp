@@ -64,6 +64,7 @@ void main() {
             }
         }
     }
+    memoryBarrierShared();
     barrier();
     // each thread sums a run of the counts, one sums the runs
     uint sum = 0u;
@@ -73,6 +74,7 @@ void main() {
         sum += count;
     }
     s_sums[thread] = sum;
+    memoryBarrierShared();
     barrier();
     if (thread == 0u) {
         uint total = 0u;
@@ -89,6 +91,7 @@ void main() {
         if (near > 0u) s_first[0] += atomicAdd(counts[count], near);
         if (total > near) s_first[1] += atomicAdd(counts[count + u_ranges], total - near);
     }
+    memoryBarrierShared();
     barrier();
     for (uint group = range.first_group + thread; group < last; group += THREADS) {
         uint visible = visible_of_group[camera * u_groups + group];

@@ -37,9 +37,11 @@ Bounds bounds_of(ClipBox box, vec2 size_px) {
     Bounds bounds;
     bounds.crosses = nearest_m < u_depths_m.x;
     bounds.nearest = u_depth.x + u_depth.y / nearest_m;
-    bounds.first_px = max(ceil(0.5 * size_px * (low + 1.0) - (0.5 + u_radius_px)), vec2(0.0));
-    bounds.last_px =
-        min(floor(0.5 * size_px * (high + 1.0) - (0.5 - u_radius_px)), size_px - 1.0);
+    // no farther off the tile than a texel, so that they are numbers that integers hold
+    bounds.first_px =
+        clamp(ceil(0.5 * size_px * (low + 1.0) - (0.5 + u_radius_px)), vec2(0.0), size_px);
+    bounds.last_px = clamp(
+        floor(0.5 * size_px * (high + 1.0) - (0.5 - u_radius_px)), vec2(-1.0), size_px - 1.0);
     return bounds;
 }
 
@@ -85,7 +87,7 @@ const float NEAREST_M = 0.25;
 
 void show(uint view, uint group, uint child, uint cluster, float far_m) {
     uint at = view / u_tiles * u_clusters + cluster, tile = view % u_tiles;
-    bins[at] = uint(clamp(2.0 * log2(far_m / NEAREST_M), 0.0, float(BINS - 1u)));
+    bins[at] = uint(min(2.0 * log2(max(far_m / NEAREST_M, 1.0)), float(BINS - 1u)));
     // the outcome is the same in any order
     atomicOr(visible_tiles[at * tile_words() + tile / 32u], 1u << (tile & 31u));
     atomicOr(visible_of_group[view / u_tiles * u_groups + group], 1u << child);

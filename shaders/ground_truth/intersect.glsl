@@ -39,6 +39,8 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     hit.triangle_id = miss.triangle_id = 0u;
     hit.range = max_range;
     hit.beside = miss.beside = false;
+    hit.weights = hit.normal = miss.weights = miss.normal = vec3(0.0);
+    miss.range = max_range;
     bool hits = false;
     float least_rad = 1.0;
     uint ids[TEXELS] = ids_around(own_texel);

@@ -54,7 +54,8 @@ vec3 reflected_lamp(
     Reflectance surface, Lamp lamp, vec3 normal, vec3 coat_normal, vec3 view, float coat) {
     float light = max(dot(normal, lamp.direction), 0.0);
     float view_cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
-    vec3 halfway = normalize(lamp.direction + view);
+    vec3 middle = lamp.direction + view;  // 0 where the lamp is behind what is seen
+    vec3 halfway = middle * inversesqrt(max(dot(middle, middle), 1e-30));
     float grazing = pow(1.0 - clamp(dot(view, halfway), 0.0, 1.0), 5.0);
     vec3 gloss = mix(surface.f0, vec3(surface.f90), grazing)
         * microfacets(surface.roughness, normal, halfway, light, view_cosine);

@@ -17,11 +17,11 @@ vec3 mapped_normal(
     vec3 along_u = (right * down_uv.y - down * right_uv.y) * sign(area);
     vec3 along_v = (down * right_uv.x - right * down_uv.x) * sign(area);
     along_u -= normal * dot(normal, along_u);
+    vec3 bump = 2.0 * texture(map, place).rgb - 1.0;  // before any return: it needs derivatives
     if (dot(along_u, along_u) == 0.0) return normal;
     vec3 tangent = normalize(along_u);
     vec3 bitangent = cross(normal, tangent);
     bitangent *= dot(bitangent, along_v) > 0.0 ? -1.0 : 1.0;  // v runs down a texture
-    vec3 bump = 2.0 * texture(map, place).rgb - 1.0;
     bump.xy *= side * scale;
     return normalize(bump.x * tangent + bump.y * bitangent + bump.z * normal);
 }

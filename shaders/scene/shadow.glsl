@@ -90,7 +90,7 @@ float directional_visibility(int i, vec3 position) {
     MapLevel level = level_for(area.z * cascade.z * cascade.z, finest);
     at += offset_texels(area) * (finest / cascade.z);
     vec2 local = at.xy * cascade.z + cascade.xy, inside = abs(local);
-    float slope = SCALES[caster] * (abs(area.x) + abs(area.y)) / max(area.z * cascade.z, 1e-37);
+    float slope = SCALES[caster] * (abs(area.x) + abs(area.y)) / max(area.z * cascade.z, 1e-30);
     float visibility = visibility_at(local, SCALES[caster] * at.z, slope, region, level, finest);
     return max(inside.x, inside.y) < 1.0 ? visibility : 1.0;
 }
@@ -109,7 +109,7 @@ float perspective_visibility(vec3 at, vec3 area, vec4 region, float scale, float
     area *= volume > 0.0 ? -1.0 : 1.0;
     at += offset_texels(area) * (finest * at.z / scale);
     inverse = 1.0 / max(at.z, 1e-6);
-    float slope = LAMP_NEAR_M * (abs(area.x) + abs(area.y)) / (scale * max(abs(volume), 1e-37));
+    float slope = LAMP_NEAR_M * (abs(area.x) + abs(area.y)) / (scale * max(abs(volume), 1e-30));
     return visibility_at(
         at.xy * (inverse * scale), LAMP_NEAR_M * inverse, slope, region, level, finest);
 }

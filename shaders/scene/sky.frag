@@ -12,6 +12,6 @@ void main() {
     // by angle: texture coordinates jump where the map ends
     float radians = max(length(dFdx(direction)), length(dFdy(direction)));
     float texel = 0.5 * TURN / float(textureSize(u_sky, 0).y);
-    float level = max(log2(radians / texel), 0.0);
+    float level = radians > texel ? log2(radians / texel) : 0.0;
     out_color = vec4(textureLod(u_sky, sky_coordinates(direction), level).rgb, 1.0);
 }

@@ -67,7 +67,7 @@ void main() {
 #else
     vec3 position = vec3(0.0);  // unused
 #endif
-    normal = normalize(normal);
+    normal *= inversesqrt(max(dot(normal, normal), 1e-37));  // 0 on a triangle seen edge-on
 #ifdef REFLECTANCE
 #ifdef TEXTURE_COORDINATES
     vec2 uv = v_texture_coordinate;

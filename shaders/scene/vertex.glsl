@@ -14,6 +14,8 @@
 flat out int v_camera;
 #endif
 
+invariant gl_Position;  // a batch's program has a vertex where that of single frames has it
+
 layout(location = 0) in vec3 in_position;
 
 #ifdef CLUSTERED

@@ -12,7 +12,7 @@ from omnisim.browser.live_source import LiveSettings
 from omnisim.scene import load_scene
 
 SIZE_PX = 96
-REST_WITHIN_S = 60.0
+REST_WITHIN_S = 120.0
 
 
 @contextmanager
@@ -46,7 +46,7 @@ class Client:
     def send(self, message_type, /, **content):
         self.socket.send(json.dumps({"type": message_type, **content}))
 
-    def receive(self, kind, timeout=60.0):
+    def receive(self, kind, timeout=120.0):
         """The next message of a kind; others before it are skipped."""
         while True:
             message = unpack(self.socket.recv(timeout))

@@ -65,5 +65,5 @@ def test_a_signal_ends_it_at_once(number, tmp_path, needs_opengl):
     ) as process:  # fmt: skip
         assert process.stdout.readline().startswith("Open http://localhost:")
         process.send_signal(number)
-        out, errors = process.communicate(timeout=10)
+        out, errors = process.communicate(timeout=120)
     assert (process.returncode, out, errors) == (0, "stopped\n", "")

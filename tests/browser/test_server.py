@@ -38,7 +38,7 @@ def page():
 
 
 def _get(page, path="/", **headers):
-    connection = http.client.HTTPConnection("localhost", page.server.port, timeout=10)
+    connection = http.client.HTTPConnection("localhost", page.server.port, timeout=120)
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
     body = answer.read()

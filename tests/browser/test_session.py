@@ -15,6 +15,8 @@ from omnisim.errors import OmnisimError, OutputError
 @pytest.fixture
 def live(monkeypatch):
     monkeypatch.setattr(session, "REST_S", 0.0)
+    monkeypatch.setattr(session, "HELD_S", 600.0)  # also where other processes hold the processor
+    monkeypatch.setattr(session, "SAME_EDIT_S", 600.0)
     return Session(CameraDocument(), FreeFlight(Place((0.0, 0.0, 1.0))))
 
 
@@ -51,7 +53,7 @@ def test_nothing_is_drawn_until_somebody_asks(live):
     done.join(0.1)
     assert done.is_alive()
     live.stop()
-    done.join(2.0)
+    done.join(120.0)
     assert not done.is_alive()
 
 
@@ -62,7 +64,7 @@ def test_pictures_are_coarse_while_a_key_is_held_and_fine_after(live):
         time.sleep(0.02)
         assert not _next(live).is_fine
     live.apply(messages.Drive())
-    until = time.monotonic() + 10.0
+    until = time.monotonic() + 120.0
     while not (draw := _next(live)).is_fine:
         assert time.monotonic() < until
     assert draw.shown.place.position_m[0] > 0.0

@@ -2,7 +2,7 @@
 
 import json
 import re
-import time
+import signal
 
 import numpy as np
 import pytest
@@ -224,17 +224,29 @@ def test_files_that_grow_without_bound_are_refused(text, words, tmp_path):
         load_calibration(tmp_path / "bomb.yaml")
 
 
+@pytest.fixture
+def ends_hangs():
+    """Failure of a test after a minute of its processor's time, whatever else runs beside it."""
+
+    def fail(number, frame):
+        pytest.fail("hangs")
+
+    before = signal.signal(signal.SIGPROF, fail)
+    signal.setitimer(signal.ITIMER_PROF, 60.0)  # a tenth of one; minutes by the length's square
+    yield
+    signal.setitimer(signal.ITIMER_PROF, 0.0)
+    signal.signal(signal.SIGPROF, before)
+
+
 @pytest.mark.parametrize(
     "text",
     ["\n" * 200_000 + "x: 1", '{"fl_x": 0' + ',"k": 0' * 60_000 + "}"],
     ids=["lines", "keys"],
 )
-def test_parsing_time_is_linear_in_length(text, tmp_path):
+def test_a_long_file_does_not_hang(text, tmp_path, ends_hangs):
     (tmp_path / "long").write_text(text)
-    start = time.perf_counter()
     with pytest.raises(CalibrationError):
         load_calibration(tmp_path / "long")
-    assert time.perf_counter() - start < 5.0  # a tenth at most; minutes by the length's square
 
 
 def test_lens_of_another_model_states_its_residuals(monkeypatch):

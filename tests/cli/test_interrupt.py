@@ -26,7 +26,7 @@ def start(folder, code, *arguments):
 
 
 def assert_interrupted(process, folder):
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=300)
     assert (process.returncode, errors) == (INTERRUPTED, "interrupted\n")
     assert not list(folder.iterdir())
 
@@ -87,5 +87,5 @@ def test_it_stays_ignored_where_it_was_ignored(tmp_path):
         "import omnisim.cli.app\n"
         "omnisim.cli.app.main = lambda: os.kill(os.getpid(), signal.SIGINT)\n" + CODE
     )
-    _, errors = (process := start(tmp_path, code)).communicate(timeout=30)
+    _, errors = (process := start(tmp_path, code)).communicate(timeout=300)
     assert (process.returncode, errors) == (0, "")

@@ -14,9 +14,11 @@ from omnisim.calibration import Calibration, NamedPose, load_calibration
 from omnisim.cameras import camera_from_parameters
 from omnisim.cli import inputs, recording, trajectory
 from omnisim.cli.picture_requests import RenderRequest
+from omnisim.exporting.recording import Recording
 from omnisim.image_files import read_channels, read_image
 from omnisim.poses import inverse, pose
 from omnisim.sensors import OmniCamera, Renderer
+from omnisim.simulation.sensors.imu import MountedImu
 from omnisim.trajectories import Trajectory, read_trajectory, write_trajectory
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -215,6 +217,30 @@ def test_a_run_of_a_rig_is_plotted_and_has_no_odometry_to_localize_by(render, om
     status, _, err = omnisim("localize", "run", "-o", "found")
     assert status == 1
     assert "run: expected the run of a robot with wheels, got that of a rig" in err
+
+
+def test_a_robots_sensors_go_along_a_trajectory_without_wheels(omnisim):
+    """An IMU and a lidar on a rig: each at the mount, and no odometry."""
+    write_trajectory(Path("poses.tum"), Trajectory(np.array([0.5, 1.0]), POSES))
+    Path("rig.toml").write_text(
+        'name = "rig"\n[[sensors]]\nname = "imu"\ntype = "imu"\nposition_m = [0.0, 0.0, 0.1]\n'
+        '[[sensors]]\nname = "lidar"\ntype = "lidar"\nposition_m = [0.1, 0.0, 0.4]\nfirings = 36\n'
+    )
+    line = "render", "rings", "--trajectory", "poses.tum", "--robot", "rig.toml", "-o", "run"
+    status, _, err = omnisim(*line)
+    assert status == 0, err
+    assert "poses of the rig's base" in err
+    assert not Path("run", "odometry.csv").exists()
+    recording = Recording.read(Path("run"))
+    np.testing.assert_allclose(recording.truth.world_from_base, POSES, atol=1e-9)
+    assert recording.sensors(MountedImu) == ["imu"]
+    mount = recording.base_from_lidar("lidar")
+    np.testing.assert_allclose(mount, pose((0.1, 0.0, 0.4)), atol=1e-9)
+    status, _, err = omnisim(*line[:-1], "other", "--trajectory-frame", "camera")
+    assert "poses.tum: --trajectory-frame: expected body, got no camera" in err
+    status, _, err = omnisim(*line[:-1], "other", "--camera", TUM_VI)
+    assert (status, "--camera: expected the robot's sensors with" in err) == (1, True)
+    assert not Path("other").exists()
 
 
 @pytest.mark.parametrize(

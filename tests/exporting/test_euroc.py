@@ -35,18 +35,21 @@ def _pose(document):
 def _poses(euroc):
     file_interface = pytest.importorskip("evo.tools.file_interface")
     path = euroc / "state_groundtruth_estimate0" / "data.csv"
-    return file_interface.read_euroc_csv_trajectory(path).poses_se3
+    poses = file_interface.read_euroc_csv_trajectory(path).poses_se3
+    stamps = [row[0] for row in _rows(path)]
+    return [poses[stamps.index(row[0])] for row in _rows(euroc / "cam0" / "data.csv")]
 
 
 def test_stamps_are_whole_nanoseconds_of_all_streams(euroc):
-    stamps = [row[0] for row in _rows(euroc / "state_groundtruth_estimate0" / "data.csv")]
-    assert stamps == [str(START_NS + 500_000_000 * step) for step in range(4)]
+    stamps = [str(START_NS + 500_000_000 * step) for step in range(4)]
     for camera in ("cam0", "cam1", "cam2"):
         rows = _rows(euroc / camera / "data.csv")
         assert rows == [[stamp, f"{stamp}.png"] for stamp in stamps]
         assert all((euroc / camera / "data" / name).is_file() for _, name in rows)
     readings = [int(row[0]) for row in _rows(euroc / "imu0" / "data.csv")]
     assert readings == [START_NS + 50_000_000 * number for number in range(31)]
+    states = _rows(euroc / "state_groundtruth_estimate0" / "data.csv")
+    assert [int(row[0]) for row in states] == readings
 
 
 @pytest.mark.parametrize(("index", "name"), [(0, "front"), (1, "fisheye"), (2, "mirror")])
@@ -93,3 +96,15 @@ def test_the_body_is_the_imu_and_feels_its_gravity(euroc, run):
     truth = np.loadtxt(run / "ground_truth.tum")
     np.testing.assert_allclose(poses[0][:3, 3], truth[0, 1:4] + (0.1, 0.0, 0.2), atol=1e-8)
     np.testing.assert_allclose(poses[0][:3, 1], (-1.0, 0.0, 0.0), atol=1e-8)
+
+
+def test_velocities_are_the_motions_and_agree_with_the_imu(euroc, run):
+    """Central differences of the positions, and biases as the run has recorded them."""
+    states = np.array(_rows(euroc / "state_groundtruth_estimate0" / "data.csv"), dtype=float)
+    times_s, places, velocities = states[:, 0] * 1e-9, states[:, 1:4], states[:, 8:11]
+    moved = (places[2:] - places[:-2]) / (times_s[2:] - times_s[:-2])[:, None]
+    # the third derivative of this path times the square of 50 ms over 6
+    np.testing.assert_allclose(velocities[1:-1], moved, atol=2e-3)
+    biases = np.loadtxt(run / "imu" / "biases.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(states[:, 11:], biases[:, 1:])
+    assert biases[1:, 1:].all()

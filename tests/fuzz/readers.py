@@ -56,12 +56,14 @@ from omnisim.simulation.manifest import read_manifest
 from omnisim.simulation.robot_models.importers import load_robot_model
 from omnisim.simulation.route import Route, plan_route
 from omnisim.simulation.run_data import read_run
-from omnisim.simulation.run_folder import open_run
+from omnisim.simulation.run_folder import open_run, read_times
 from omnisim.simulation.run_labels import RunLabels, landmark_colors
 from omnisim.simulation.sensor_toml import sensor_toml
+from omnisim.simulation.true_states import read_states, write_states
 from omnisim.simulation.vehicle import Vehicle
 from omnisim.trajectories import write_trajectory
 from omnisim.trajectories.files import FORMATS
+from omnisim.trajectories.spline_motion import SplineMotion
 from tests.baked import write_baked
 from tests.calibration.sample_files import EXACT_SAMPLES
 from tests.camera_examples import CAMERA_EXAMPLES
@@ -333,6 +335,12 @@ def _colors(folder: Path) -> None:
     save_model(folder / "a.npz", model, _soccer().landmarks)
 
 
+def _states(folder: Path) -> None:
+    """True states along a trajectory."""
+    motion = SplineMotion(_trajectory())
+    write_states(folder / "a.csv", motion, (_trajectory().times_s,))
+
+
 def _run(folder: Path) -> None:
     """Run of two steps as a drive leaves it, its pictures by us: without OpenGL."""
     (folder / "path.csv").write_text("x_m,y_m\n0,0\n1,0\n")
@@ -516,6 +524,12 @@ def _readers() -> list[Reader]:
         for name in ("auto", "npy")
     ]
     measurements = [
+        Reader("states", _states, lambda f: read_states(f / "a.csv")),
+        Reader(
+            "times",
+            partial(_write, "a.csv", "t_s\n0.100000000\n0.200000000\n"),
+            lambda f: read_times(f / "a.csv", 2),
+        ),
         Reader("scan", lambda f: _scan().save_csv(f / "a.csv"), _read_scan),
         *(
             Reader(f"cloud-{kind}", partial(_cloud, kind), partial(_read_cloud, kind))
@@ -532,7 +546,8 @@ def _readers() -> list[Reader]:
 
 
 RUN_FILES = (
-    "run/manifest.json", "run/ground_truth.tum", "run/odometry.csv", "run/labels.json",
+    "run/manifest.json", "run/ground_truth.tum", "run/odometry.csv", "run/states.csv",
+    "run/labels.json",
     "run/omnicam/calibration.json", "run/omnicam/000000.png", "run/omnicam/000001.channels.exr",
     "run/omnicam/000000.channels.exr",
 )  # fmt: skip

@@ -39,7 +39,11 @@ IN_THE_CHILD = {
 def run(code):
     """Run code in a process of its own, which must end by itself."""
     done = subprocess.run(
-        [sys.executable, "-c", HEAD + code], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", HEAD + code],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
 

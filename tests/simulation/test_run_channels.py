@@ -126,7 +126,9 @@ def test_flow_alone_leaves_no_file_at_the_last_step(drive, tmp_path):
 def test_a_run_of_one_step_has_no_flows(whole):
     run = RunFolder.read(whole)
     run = dataclasses.replace(run, manifest=run.manifest.model_copy(update={"steps": 1}))
-    assert run.channels_at(0) == tuple(name for name in CHANNELS if not CHANNELS[name].other)
+    assert run.channels_at(0, run.camera()) == tuple(
+        name for name in CHANNELS if not CHANNELS[name].other
+    )
 
 
 def test_boxes_3d_of_a_run(drive, tmp_path):

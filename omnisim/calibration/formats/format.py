@@ -41,11 +41,13 @@ class ParsedCamera(Generic[LensT_co]):
         name: of the camera in the file.
         lens: looks along +z of the file's frame.
         poses: of the camera.
+        time_shift_s: from the camera's stamps to the times of the IMU.
     """
 
     name: str
     lens: LensT_co
     poses: tuple[NamedPose, ...] = ()
+    time_shift_s: float = 0.0
 
 
 class Format(ABC, Generic[LensT]):

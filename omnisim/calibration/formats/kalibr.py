@@ -10,7 +10,8 @@
 | eucm | alpha beta fu fv pu pv | none | eucm |
 
 Pixels count from the first one's centre, as ours. `T_cn_cnm1` takes the camera before to this one,
-`T_cam_imu` the IMU to it. Kalibr reads floats only, so that all numbers are written with a point.
+`T_cam_imu` the IMU to it; a camera's stamp plus `timeshift_cam_imu` is the IMU's time. Kalibr reads
+floats only, so that all numbers are written with a point.
 
 Source: Kalibr's wiki, "YAML formats" and "Supported models".
 """
@@ -70,6 +71,7 @@ class _Camera(ForeignTable):
     resolution: list[Size]
     T_cn_cnm1: Matrix | None = None
     T_cam_imu: Matrix | None = None
+    timeshift_cam_imu: Number = 0.0
 
 
 class Kalibr(Format[KalibrLens]):
@@ -108,7 +110,8 @@ class Kalibr(Format[KalibrLens]):
             place = f"{source}: {name}"
             fields = parse(part, _Camera, place)
             poses = tuple(_poses(fields, name, before, place))
-            cameras.append(ParsedCamera(name, _lens(fields, place), poses))
+            lens, shift_s = _lens(fields, place), fields.timeshift_cam_imu
+            cameras.append(ParsedCamera(name, lens, poses, shift_s))
             before = name
         return cameras
 

@@ -6,8 +6,8 @@
 
 The body is the IMU, or the vehicle's base where the run has none. `sensor.yaml` has Kalibr's
 models, which come from the same laboratory: `pinhole` with `radial-tangential` or `equidistant`,
-`omni`, `eucm`, `ds`. States are at the readings' times, with the motion's own velocities and the
-biases that are in the readings; of runs without an IMU at all recorded times, with biases of 0.
+`omni`, `eucm`, `ds`. States are at the stamps of all sensors, with the motion's own velocities and
+the biases that are in the last reading; without an IMU, or in a run that did not record them, of 0.
 
 Source: Burri et al., The EuRoC micro aerial vehicle datasets (2016), and its files.
 """
@@ -128,11 +128,13 @@ def _write_states(
     readings: ImuReadings | None,
     settings: ExportSettings,
 ) -> None:
-    """Write the states of the body: at the readings' times, or at all recorded ones."""
+    """Write the states of the body."""
     folder.mkdir()
-    times_s = recording.state_times_s if readings is None else readings.times_s
+    times_s, biases = recording.state_times_s, None
     states = recording.states(times_s).at_mount(base_from_body)
-    biases = None if readings is None else readings.biases
+    if readings is not None and readings.biases is not None:
+        last = np.searchsorted(readings.times_s, times_s, side="right") - 1
+        biases = readings.biases[np.maximum(last, 0)]
     stamps_ns = settings.stamps_ns(times_s, recording.run.path)
     lines = euroc.state_lines(stamps_ns, states.world_from_base, states.velocity_mps, biases)
     write_lines(folder / "data.csv", lines)

@@ -176,6 +176,7 @@ class ClusterCuller:
         barrier = context.SHADER_STORAGE_BARRIER_BIT
         self.bind(pass_index)
         if pass_index == 0:
+            context.memory_barrier(barrier)  # what is written now, the last frame's draws may read
             entries = max(views.count * views.objects, _MAX_PASSES * BANDS * self.ranges)
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)

@@ -54,7 +54,8 @@ class MeshDeformer:
         bounds, offsets = _tables(self._deformations, bases)
         corners = np.concatenate([_corners(one) for one in ranges if one.mesh.deformation])
         self._count, self._corner_count = len(bounds), len(corners)
-        _check_size(context, self._corner_count, max(bounds.nbytes, offsets.nbytes))
+        most = max(self._count, self._corner_count)
+        _check_size(context, most, max(bounds.nbytes, offsets.nbytes))
         matrices, weights = self._state(0.0)
         with gpu_allocation("meshes that deform", "make the scene smaller"):
             self._bound = [
@@ -83,18 +84,25 @@ class MeshDeformer:
             self._bound[3].write(weights)
             for binding, buffer in enumerate(self._bound, start=1):
                 buffer.bind_to_storage_buffer(binding)
+            # the draws before may still read the vertices
+            context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT)
             self._deform.run(-(-self._count // _GROUP_SIZE))
             context.memory_barrier(
-                context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT | context.SHADER_STORAGE_BARRIER_BIT
+                context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
+                | context.SHADER_STORAGE_BARRIER_BIT
+                | context.BUFFER_UPDATE_BARRIER_BIT  # a larger buffer gets a copy
             )
             self._time_s = time_s
         if table is None or self._copied == (table, time_s):
             return
         self._corners.bind_to_storage_buffer(1)
         table.corners.bind_to_image(0, read=True, write=True)
+        context.memory_barrier(context.SHADER_IMAGE_ACCESS_BARRIER_BIT)  # likewise the table
         self._copy.run(-(-self._corner_count // _GROUP_SIZE))
         context.memory_barrier(
-            context.TEXTURE_FETCH_BARRIER_BIT | context.SHADER_IMAGE_ACCESS_BARRIER_BIT
+            context.TEXTURE_FETCH_BARRIER_BIT
+            | context.SHADER_IMAGE_ACCESS_BARRIER_BIT
+            | context.TEXTURE_UPDATE_BARRIER_BIT  # an edit writes corners behind these
         )
         self._copied = table, time_s
 

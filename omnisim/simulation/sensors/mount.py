@@ -56,6 +56,10 @@ class SensorMount(Table):
         """Pose (4, 4) of the sensor in the base frame."""
         return poses.pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
 
+    def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
+        """Build the sensors of the table, most often one; see `sensor`."""
+        return (self.sensor(folder, source),)
+
     @abstractmethod
     def sensor(self, folder: Path, source: str) -> MountedSensor:
         """Build the sensor.

@@ -43,6 +43,7 @@ from omnisim.simulation.sensors.sensor import (
 )
 from omnisim.toml_file import find_beside
 from omnisim.trajectories import Trajectory
+from omnisim.world import WorldState
 
 PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
 DESCRIPTION_SUFFIX, BOXES_3D_SUFFIX = ".channels.json", f".{BOXES_3D}"
@@ -56,9 +57,11 @@ class MountedCamera(MountedSensor):
 
     Attributes:
         sensor: whose `base_from_rig` is the robot file's mount and the sensor file's, composed.
+        time_shift_s: from a picture's stamp to the time at which it was taken.
     """
 
     sensor: OmniCamera
+    time_shift_s: float = 0.0
     noun: ClassVar[str] = "camera"
     origin_noun: ClassVar[str] = "effective viewpoint"
     suffixes: ClassVar[tuple[str, ...]] = (
@@ -128,6 +131,7 @@ class MountedCamera(MountedSensor):
             optics = {"optics": model.parameters(), "casts_rays": not missing_packages("rays")}
         return {
             **optics,
+            **({"time_shift_s": self.time_shift_s} if self.time_shift_s else {}),
             "degradation": self.sensor.degradation.tables(),
             "quality": {
                 "supersampling": self.sensor.supersampling,
@@ -169,7 +173,7 @@ class MountedCamera(MountedSensor):
             seed=f"{settings.seed} {self.name}",
             vehicle=settings.vehicle,
         )
-        return CameraInstrument(renderer, settings)
+        return CameraInstrument(renderer, settings, self.time_shift_s)
 
 
 class OmniCameraMount(SensorMount):
@@ -199,15 +203,20 @@ class CameraInstrument(RendererInstrument[Renderer]):
     Args:
         renderer: closed with the instrument.
         settings: of the drive.
+        time_shift_s: from a moment to the time at which its picture is taken.
     """
 
-    def __init__(self, renderer: Renderer, settings: DriveSettings):
+    def __init__(self, renderer: Renderer, settings: DriveSettings, time_shift_s: float = 0.0):
         super().__init__(renderer)
-        self._settings = settings
+        self._settings, self._time_shift_s = settings, time_shift_s
 
     def measure(self, moment: Moment) -> CameraMeasurement:
         """Take the picture of a moment, of the file of the picture before if it is metered."""
-        motion, is_ideal = moment.motion, self._renderer.camera.degradation.is_ideal
+        is_ideal = self._renderer.camera.degradation.is_ideal
+
+        def motion(time_s: float) -> WorldState | NDArray[np.float64]:
+            return moment.motion(time_s + self._time_shift_s)
+
         frame = self._renderer.render(
             motion(moment.time_s),
             also=moment.channels,

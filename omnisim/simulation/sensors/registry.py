@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
 from omnisim.errors import RobotFileError, did_you_mean
 from omnisim.parameters import parse_table
 from omnisim.robot import Robot
+from omnisim.simulation.sensors.calibrated_cameras import SENSOR_FILE, CalibratedCamerasMount
 from omnisim.simulation.sensors.depth_camera import DepthCameraMount
 from omnisim.simulation.sensors.imu import ImuMount
 from omnisim.simulation.sensors.lidar import LidarMount
@@ -35,6 +40,10 @@ def parse_mounts(robot: Robot) -> tuple[SensorMount, ...]:
     for index, table in enumerate(robot.sensors):
         name, kind = table.get("name"), table.get("type")
         where = sensor_source(robot, name if isinstance(name, str) else index)
+        if _has_calibration(table):
+            typed = {"type": "omnicamera", **table}
+            mounts.append(parse_table(typed, CalibratedCamerasMount, RobotFileError, where))
+            continue
         if "type" not in table:
             raise RobotFileError(
                 f"{where}: type: missing; expected one of {', '.join(MOUNT_TYPES)}"
@@ -47,6 +56,13 @@ def parse_mounts(robot: Robot) -> tuple[SensorMount, ...]:
             raise RobotFileError(f"{where}: a second sensor of this name: expected each name once")
         mounts.append(mount)
     return tuple(mounts)
+
+
+def _has_calibration(table: Mapping[str, Any]) -> bool:
+    """The table is of the cameras of a calibration file."""
+    file = table.get("file")
+    is_calibration = isinstance(file, str) and Path(file).suffix.lower() not in ("", SENSOR_FILE)
+    return is_calibration and table.get("type", "omnicamera") == "omnicamera"
 
 
 def sensor_source(robot: Robot, sensor: str | int) -> str:

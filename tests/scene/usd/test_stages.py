@@ -52,7 +52,7 @@ def test_transforms_of_every_kind_are_usd_cores(tmp_path):
     np.testing.assert_allclose(scene.bounds_m(), world_bounds(stage), rtol=1e-6)
 
 
-def test_axes_and_unit_are_those_of_the_stage_unless_they_are_given(tmp_path):
+def test_axes_and_unit_are_those_of_the_stage_unless_they_are_given(tmp_path, own_process):
     stage = new_stage(tmp_path / "a.usdc", up="Y", meters_per_unit=0.01)
     UsdGeom.XformCommonAPI(define_box(stage, "/World/box")).SetTranslate((10.0, 20.0, 30.0))
     stage.Save()
@@ -280,7 +280,7 @@ def test_a_camera_is_where_a_picture_starts(tmp_path):
         ),
     ],
 )
-def test_faults_are_one_line(tmp_path, capfd, text, message):
+def test_faults_are_one_line(tmp_path, capfd, own_process, text, message):
     (tmp_path / "a.usda").write_text(text)
     with pytest.raises(SceneError) as error:
         load_scene(tmp_path / "a.usda")
