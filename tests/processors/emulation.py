@@ -1,4 +1,4 @@
-"""Other processors, emulated on this one: kernels of BLAS, NumPy's loops, the C library's functions."""
+"""Other processors, emulated on this one: BLAS, NumPy, the C library and llvmpipe."""
 
 import os
 import subprocess
@@ -14,21 +14,30 @@ def _numpy_features():
     return " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
 
 
-def emulated_environment():
-    """Environment of a process on an older x86-64 processor; elsewhere what of it applies."""
-    return {
+def emulated_environment(driver=True):
+    """Environment of a process on an older x86-64 processor; elsewhere what of it applies.
+
+    Args:
+        driver: llvmpipe is on it, too.
+    """
+    environment = {
         **os.environ,
         "OPENBLAS_CORETYPE": "Prescott",
         "NPY_DISABLE_CPU_FEATURES": _numpy_features(),
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F",
     }
+    if driver:
+        # instructions and vectors of 128 bits; LP_NATIVE_VECTOR_WIDTH=128 alone, on a processor
+        # with AVX, lets Mesa 22.3 write past its own memory
+        environment["GALLIUM_OVERRIDE_CPU_CAPS"] = "sse4.1"
+    return environment
 
 
-def run_emulated(code, *arguments):
+def run_emulated(code, *arguments, driver=True):
     """Output of Python code in a process on the emulated processor."""
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
-        env=emulated_environment(), capture_output=True, text=True, timeout=600,
+        env=emulated_environment(driver), capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return done.stdout
