@@ -67,7 +67,10 @@ def run(request: RenderRequest, path: Path) -> None:
     if not is_timed:
         _refuse_time(drive.vehicle, path)
     _note_poses_outside(drive.scene, truth, path)
-    record(drive.along(truth), request.output, request.force)
+    plan = drive.along(truth)
+    for note in plan.notes:
+        print_note(note)
+    record(plan, request.output, request.force)
 
 
 def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:

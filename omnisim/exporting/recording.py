@@ -125,6 +125,11 @@ class Recording:
         sensor's among them; in runs of older versions the steps."""
         return self.truth.times_s if self._states is None else self._states[0]
 
+    @property
+    def fine_truth(self) -> Trajectory:
+        """Poses of the base at all times at which states are recorded."""
+        return Trajectory(self.state_times_s, self.states(self.state_times_s).world_from_base)
+
     def states(self, times_s: NDArray[np.float64]) -> MotionStates:
         """True states of the base at times (n,): the recorded ones, and between them a spline's."""
         if self._states is None:

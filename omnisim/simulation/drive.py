@@ -374,7 +374,9 @@ class PlannedDrive:
         self.world.write_poses(run.path / OBJECTS)
         times_s = self.sensor_times_s
         if not run.has(STATES):
-            write_states(run.path / STATES, self.motion, (self.truth.times_s, *times_s.values()))
+            sensors = self.drive.vehicle.sensors
+            needed_s = (one.state_times_s(times_s[one.name]) for one in sensors)
+            write_states(run.path / STATES, self.motion, (self.truth.times_s, *needed_s))
         for sensor in self.drive.vehicle.sensors:
             own_s, folder = times_s[sensor.name], run.path / sensor.name
             sensor.write_readings(folder, self._settings, own_s)

@@ -28,12 +28,13 @@ def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.fl
     Args:
         path: the file.
         motion: of the base.
-        times_s: of the steps and of each sensor's measurements.
+        times_s: of the steps and of each sensor; those before the motion are left out.
 
     Raises:
         OutputError: the file cannot be written.
     """
     times = np.unique(np.concatenate([printed_s(one) for one in times_s]))
+    times = times[times >= printed_s(np.array([motion.start_s]))]
     write_table(path, COLUMNS, _blocks(motion, times))
 
 

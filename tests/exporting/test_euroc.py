@@ -49,7 +49,7 @@ def test_stamps_are_whole_nanoseconds_of_all_streams(euroc):
     readings = [int(row[0]) for row in _rows(euroc / "imu0" / "data.csv")]
     assert readings == [START_NS + 50_000_000 * number for number in range(31)]
     states = _rows(euroc / "state_groundtruth_estimate0" / "data.csv")
-    assert [int(row[0]) for row in states] == readings
+    assert {*readings, *map(int, stamps)} <= {int(row[0]) for row in states}
 
 
 @pytest.mark.parametrize(("index", "name"), [(0, "front"), (1, "fisheye"), (2, "mirror")])
@@ -102,9 +102,11 @@ def test_velocities_are_the_motions_and_agree_with_the_imu(euroc, run):
     """Central differences of the positions, and biases as the run has recorded them."""
     states = np.array(_rows(euroc / "state_groundtruth_estimate0" / "data.csv"), dtype=float)
     times_s, places, velocities = states[:, 0] * 1e-9, states[:, 1:4], states[:, 8:11]
-    moved = (places[2:] - places[:-2]) / (times_s[2:] - times_s[:-2])[:, None]
-    # the third derivative of this path times the square of 50 ms over 6
-    np.testing.assert_allclose(velocities[1:-1], moved, atol=2e-3)
+    moved = np.gradient(places, times_s - times_s[0], axis=0)
+    # the third derivative of this path times the square of up to 50 ms over 6
+    np.testing.assert_allclose(velocities[1:-1], moved[1:-1], atol=2e-3)
     biases = np.loadtxt(run / "imu" / "biases.csv", delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(states[:, 11:], biases[:, 1:])
+    readings = [int(row[0]) for row in _rows(euroc / "imu0" / "data.csv")]
+    stamps = [int(row[0]) for row in _rows(euroc / "state_groundtruth_estimate0" / "data.csv")]
+    np.testing.assert_array_equal(states[np.isin(stamps, readings), 11:], biases[:, 1:])
     assert biases[1:, 1:].all()

@@ -34,8 +34,8 @@ def test_stamps_pictures_and_poses_belong_together(run, tmp_path, check_pixels, 
     pictures = _list(tmp_path / "tum", "rgb")
     assert pictures[1] == ["1769860800.623456789", "rgb/1769860800.623456789.png"]
     truth = file_interface.read_tum_trajectory_file(tmp_path / "tum" / "groundtruth.txt")
-    # at the IMU's 20 Hz, and so at each picture's stamp
-    assert truth.num_poses == 31
+    # at all that is recorded, and so at each picture's stamp
+    assert truth.num_poses > 31
     stamps = truth.timestamps.tolist()
     poses = [truth.poses_se3[stamps.index(float(stamp))] for stamp, _ in pictures]
     focal, centre = 40.0, (31.5, 23.5)

@@ -31,6 +31,7 @@ from omnisim.simulation.sensors.sensor import (
     RendererInstrument,
 )
 
+STATES = 16  # true states in a revolution
 DEVICES = {"vlp16": SpinningLidar.vlp16, "hdl64e": SpinningLidar.hdl64e}
 
 
@@ -63,6 +64,11 @@ class MountedLidar(MountedSensor):
             f"{lidar.rings} rings × {lidar.firings} firings at {lidar.rate_hz:g} Hz "
             f"to {lidar.range_max_m:g} m"
         )
+
+    def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Times within all revolutions, close enough to take the skew out of a cloud."""
+        since_s = np.arange(STATES) / (STATES * self.lidar.rate_hz)
+        return (times_s[:, None] - since_s).ravel()
 
     def note(self, times_s: NDArray[np.float64]) -> str | None:
         """Note on revolutions between the steps, which have no cloud."""

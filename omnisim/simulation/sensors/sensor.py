@@ -206,6 +206,10 @@ class MountedSensor(ABC):
         start_s, end_s = step_times_s[[0, -1]].tolist()
         return self.rate.times_s(start_s, end_s, seed, self.name)
 
+    def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Times (m,) at which its measurements at times (n,) depend on the true states."""
+        return times_s
+
     @abstractmethod
     def open(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
         """Open the sensor on a stage, closed after it; None: it has no files of measurements.
