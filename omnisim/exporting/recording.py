@@ -228,7 +228,8 @@ class Recording:
         Raises:
             RunError: its calibration cannot be read.
         """
-        return RecordedCamera.read(self.run, name)
+        camera = RecordedCamera.read(self.run, name)
+        return dataclasses.replace(camera, indices=self.frames.get(name))
 
     def base_from_lidar(self, name: str) -> NDArray[np.float64]:
         """Pose (4, 4) of a lidar.

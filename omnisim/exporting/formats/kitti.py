@@ -80,7 +80,7 @@ class Kitti(ExportFormat):
             if base_from_lidar is not None:
                 cloud = recording.cloud(lidars[0], step)
                 points = np.zeros((len(cloud.points), 4), dtype="<f4")  # no reflectance
-                points[:, :3] = deskewed_points_m(cloud, recording.truth, base_from_lidar)
+                points[:, :3] = deskewed_points_m(cloud, recording.fine_truth, base_from_lidar)
                 (sequence / "velodyne" / f"{step:06d}.bin").write_bytes(points.tobytes())
             yield step + 1
 
