@@ -51,12 +51,13 @@ from omnisim.simulation.sensors import DriveSettings, Moment, MountedSensor
 from omnisim.simulation.sensors.omnicamera import CAMERA_POSES
 from omnisim.simulation.true_states import write_states
 from omnisim.simulation.vehicle import Vehicle
-from omnisim.trajectories import Trajectory, write_trajectory
+from omnisim.trajectories import Trajectory, read_trajectory, write_trajectory
 from omnisim.trajectories.body_motion import BodyMotion
 from omnisim.trajectories.spline_motion import SplineMotion
 from omnisim.version import __version__
 
 LARGEST_SEED = 2**63 - 1
+SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding lead further
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,6 +370,8 @@ class PlannedDrive:
         """Write the files that need no rendering."""
         if not run.has(GROUND_TRUTH):
             write_trajectory(run.path / GROUND_TRUTH, self.truth)
+        elif self.simulated is not None:
+            _check_motion(run, self.truth)
         if self.odometry is not None and not run.has(ODOMETRY):
             write_odometry(run.path / ODOMETRY, self.odometry)
         self.world.write_poses(run.path / OBJECTS)
@@ -393,6 +396,22 @@ class PlannedDrive:
                     run.path / camera.name / CAMERA_POSES,
                     Trajectory(own_s, poses @ camera.sensor.base_from_optical),
                 )
+
+
+def _check_motion(run: RunFolder, truth: Trajectory) -> None:
+    """Refuse a motion in physics that another processor's rounding has led elsewhere.
+
+    Raises:
+        RunError: the recorded poses are not those of the motion.
+    """
+    recorded = read_trajectory(run.path / GROUND_TRUTH)
+    run.check_steps(GROUND_TRUTH, len(recorded))
+    off_m = np.linalg.norm(recorded.positions_m - truth.positions_m, axis=1).max()
+    if off_m > SAME_MOTION_M:
+        raise RunError(
+            f"{run.path / GROUND_TRUTH}: physics leads {off_m:.2g} m elsewhere on this machine: "
+            "resume the run where it began, or record it anew with --force"
+        )
 
 
 def plan_together(

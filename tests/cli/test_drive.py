@@ -225,4 +225,4 @@ def test_contacts_are_noted_and_refused(omnisim, needs_opengl, tmp_path):
     assert [contact["object"] for contact in path["contacts"]] == ["goal_blue"]
     status, out, error = omnisim(*drive, "--ground", "0", "-o", "run")  # not off the carpet
     assert status == 1
-    assert "run/manifest.json: path.poses was " in error
+    assert "run/manifest.json: path.route was " in error

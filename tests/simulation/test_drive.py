@@ -138,7 +138,7 @@ def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole, tmp_path
     before = _bytes(folder)
     others = {
         "seed was 7, is 8": Drive(scene, vehicle, ROUTE, seed=8),
-        r"path\.poses was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
+        r"path\.route was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
         r"robot\.contents was": Drive(scene, vehicle.with_cameras(size_px=64), ROUTE, seed=7),
         r"sensors\.omnicam\.quality\.supersampling was 3, is 2": Drive(
             scene, vehicle.with_cameras(quality="fast"), ROUTE, seed=7

@@ -16,7 +16,7 @@ from omnisim.scene.object_motion import Rest, Shuttle
 from omnisim.simulation.drive import Drive, drive_together, plan_together
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
-from omnisim.trajectories import Trajectory, write_trajectory
+from omnisim.trajectories import Trajectory, read_trajectory, write_trajectory
 from tests.simulation.physics.worlds import ball, hall, robot, solid
 
 
@@ -277,3 +277,16 @@ def test_a_robot_alone_drives_as_beside_one_that_is_far_away():
     # it rests when it has arrived
     end = beside.simulated.base.positions_m[len(alone.simulated.base) :]
     assert np.abs(end - end[0]).max() < 1e-3
+
+
+def test_a_motion_that_leads_elsewhere_is_refused(tmp_path, needs_opengl):
+    scene = dataclasses.replace(hall(), objects=(ball((1.0, 0.0, 0.1)),))
+    wanted = dataclasses.replace(_drive(scene, SQUARE[:2]), vehicle=Vehicle.from_robot(_seeing()))
+    list(wanted.plan().record(tmp_path / "run"))
+    path = tmp_path / "run" / "ground_truth.tum"
+    recorded = read_trajectory(path)
+    poses = recorded.world_from_base.copy()
+    poses[-1, 0, 3] += 0.01
+    write_trajectory(path, Trajectory(recorded.times_s, poses))
+    with pytest.raises(RunError, match=r"ground_truth.tum: physics leads 0.01 m elsewhere"):
+        list(wanted.plan().record(tmp_path / "run"))
