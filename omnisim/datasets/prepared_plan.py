@@ -274,6 +274,7 @@ class PreparedPlan:
         digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
         scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
         objects = [fingerprint(one.scene) for one in self.objects]
+        _ = self.rigs  # a fault of theirs comes first
         with recorded_sources() as sources:
             for file in self.rig_files:
                 note_sources(file.sources)

@@ -406,10 +406,10 @@ def _check_motion(run: RunFolder, truth: Trajectory) -> None:
     """
     recorded = read_trajectory(run.path / GROUND_TRUTH)
     run.check_steps(GROUND_TRUTH, len(recorded))
-    off_m = np.linalg.norm(recorded.positions_m - truth.positions_m, axis=1).max()
-    if off_m > SAME_MOTION_M:
+    distance_m = np.linalg.norm(recorded.positions_m - truth.positions_m, axis=1).max()
+    if distance_m > SAME_MOTION_M:
         raise RunError(
-            f"{run.path / GROUND_TRUTH}: physics leads {off_m:.2g} m elsewhere on this machine: "
+            f"{run.path / GROUND_TRUTH}: physics leads {distance_m:.2g} m elsewhere on this machine: "
             "resume the run where it began, or record it anew with --force"
         )
 

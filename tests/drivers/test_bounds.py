@@ -1,4 +1,4 @@
-"""What two drivers may draw differently, and what they may not."""
+"""Bounds of what two drivers may draw differently."""
 
 import numpy as np
 import pytest

@@ -40,7 +40,7 @@ from omnisim.poses import pose
 from omnisim.resources import SCENES
 from omnisim.robot import read_odometry, simulate_odometry, write_odometry
 from omnisim.robot.usarsim import import_robot
-from omnisim.scene import load_scene
+from omnisim.scene import read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.usd import process
 from omnisim.sensors import LaserScanner, Scan, SpinningLidar
@@ -148,7 +148,7 @@ def _scene_file(folder: Path) -> None:
 def _baked_light(folder: Path) -> None:
     _box_obj(folder)
     (folder / "scene.toml").write_text('file = "box.obj"\n[light]\nbaked = "a"\n')
-    scene = load_scene(folder / "scene.toml", baked="none")
+    scene = read_scene(folder / "scene.toml", baked="none")
     write_baked(folder / "a", scene, np.abs, spacing_m=10.0)
 
 
@@ -264,7 +264,7 @@ def _vehicle() -> Vehicle:
 
 @cache
 def _soccer():
-    return load_scene("soccer")
+    return read_scene("soccer")
 
 
 CORNERS = "picture,x_m,y_m,u_px,v_px\n" + "".join(
@@ -345,7 +345,7 @@ def _run(folder: Path) -> None:
     """Run of two steps as a drive leaves it, its pictures by us: without OpenGL."""
     (folder / "path.csv").write_text("x_m,y_m\n0,0\n1,0\n")
     _scene_file(folder)
-    scene = load_scene(folder / "scene.toml")
+    scene = read_scene(folder / "scene.toml")
     route = Route(str(folder / "path.csv"), step_m=1.0)
     plan = Drive(scene, _vehicle(), route, channels=("instance",)).plan()
     with open_run(folder / "run", _manifest(plan)) as run:
@@ -410,7 +410,7 @@ def _export(folder: Path) -> None:
 
 
 def _read_scene(name: str, folder: Path) -> None:
-    scene = load_scene(folder / name)
+    scene = read_scene(folder / name)
     find_labels(scene).notices()
     scene.bounds_m()
     repr(scene)

@@ -1,4 +1,4 @@
-"""What one processor has begun goes on on another, which rounds otherwise; pictures are the same.
+"""Work that one processor began resumes on another, which rounds otherwise; images are the same.
 
 The other processor is emulated, see `tests.processors.emulation`.
 """

@@ -9,8 +9,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from omnisim.calibration import load_calibration
-from omnisim.calibration.rig import Rig
 from omnisim.errors import CalibrationError, RobotFileError
 from omnisim.poses import inverse, pose_from_rotation
 from omnisim.robot.sensor_names import Name, SensorName, folder_name
@@ -46,6 +44,10 @@ class CalibratedCamerasMount(SensorMount):
 
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
         """Read the calibration, and mount its cameras."""
+        # formats and their parsers are worth their time only to robots with a calibration
+        from omnisim.calibration import load_calibration
+        from omnisim.calibration.rig import Rig
+
         path = find_beside(folder, self.file, f"{source}: file", RobotFileError)
         try:
             rig = Rig.of(load_calibration(path), self.camera)
