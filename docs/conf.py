@@ -16,13 +16,7 @@ version = release = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "generated_pages"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
-exclude_patterns = [
-    "_build",
-    "_ext",
-    "reference/generated/*-keys.md",
-    "reference/generated/gltf-features.md",
-    "reference/generated/scene-conversions.md",
-]
+exclude_patterns = ["_build", "_ext"]
 nitpicky = False
 # Links from included READMEs lead to files of the checkout, which are no pages.
 suppress_warnings = [

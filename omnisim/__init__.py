@@ -22,9 +22,7 @@ documents a name, `omnisim --help` the command line. Tutorials, guides, referenc
 are in `docs/` of the source code.
 """
 
-from typing import TYPE_CHECKING
-
-from omnisim.version import __version__
+TYPE_CHECKING = False  # as typing's, whose import takes a while: Ctrl-C is not handled yet
 
 if TYPE_CHECKING:
     from omnisim.browser.notebook import live
@@ -42,6 +40,7 @@ if TYPE_CHECKING:
     from omnisim.sensors.degradations import Degradation
     from omnisim.sensors.motion import Twist
     from omnisim.simulation.vehicle import Vehicle
+    from omnisim.version import __version__
     from omnisim.world import Motion, WorldState
 
 # Modules of the names, imported at first use: `import omnisim` is fast, and `omnisim --help` needs
@@ -68,6 +67,7 @@ _MODULES = {
     "Vehicle": "omnisim.simulation.vehicle",
     "Motion": "omnisim.world",
     "WorldState": "omnisim.world",
+    "__version__": "omnisim.version",
     "live": "omnisim.browser.notebook",
 }
 __all__ = [

@@ -10,6 +10,8 @@ import typer.main
 
 from omnisim.cli.app import app
 
+_WIDTH = 80  # of the usage, whatever the terminal's
+
 _HEADER = """# Command line
 
 Every command ends with status 0, or with one line that says what was wrong and status 1; a wrong
@@ -23,7 +25,7 @@ def command_line_page() -> str:
 
 
 def _sections(command: typer.core.TyperCommand, name: str) -> Iterator[str]:
-    context = typer.Context(command, info_name=name)
+    context = typer.Context(command, info_name=name, terminal_width=_WIDTH)
     if isinstance(command, typer.core.TyperGroup):
         for child in command.list_commands(context):
             yield from _sections(command.commands[child], f"{name} {child}")

@@ -75,7 +75,7 @@ scene_app = typer.Typer(
 robot_app = typer.Typer(
     name="robot",
     cls=Group,
-    help="Robots: list, check, or import from USARSim or Gazebo.",
+    help="Robots: list, check, or import from USARSim, Gazebo, URDF or MuJoCo.",
     no_args_is_help=True,
 )
 landmarks_app = typer.Typer(
@@ -388,7 +388,7 @@ def dataset_check(request: DatasetCheckRequest) -> None:
 
 @command(dataset_app, DatasetConvertRequest, "convert")
 def dataset_convert(request: DatasetConvertRequest) -> None:
-    """Write the pictures and labels of a data set in another layout: COCO's."""
+    """Write a data set in another layout: COCO's, KITTI-360's, nerfstudio's or COLMAP's."""
     from omnisim.cli.dataset import convert
 
     convert(request)

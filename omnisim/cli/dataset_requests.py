@@ -125,7 +125,7 @@ class DatasetConvertRequest:
             "--to",
             metavar="FORMAT",
             autocompletion=one_of(*LAYOUTS),
-            help="Layout: coco, with boxes; kitti360, nerfstudio, colmap or colmap-binary, with "
+            help="Layout: coco, with boxes and masks; kitti360, nerfstudio, colmap or colmap-binary, with "
             "poses and calibrations.",
         ),
     ] = "coco"

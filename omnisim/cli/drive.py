@@ -19,6 +19,9 @@ from omnisim.simulation.robot_models.importers import SUFFIXES, load_robot_model
 from omnisim.simulation.route import Route
 from omnisim.simulation.vehicle import Vehicle
 
+NO_SENSORS = (
+    "has no sensors: nothing but its path and odometry is recorded: give its robot file [[sensors]]"
+)
 MOST_CONTACTS = 5  # notes; the manifest has all
 
 
@@ -106,6 +109,8 @@ def _route(request: DriveRequest, path: str) -> Route:
 
 def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
     """Print what a planned drive meets."""
+    if not plan.drive.vehicle.sensors:
+        print_note(f"{plan.drive.vehicle.name} {NO_SENSORS}")
     if no_contact:
         check_no_contact(plan.contacts, plan.drive.route.path)
     if plan.contacts is None:

@@ -23,7 +23,7 @@ from omnisim.datasets.generate import Generation, estimate
 from omnisim.datasets.prepared_plan import PreparedPlan
 from omnisim.datasets.sample_renderer import SampleRenderer
 from omnisim.datasets.workers import Made
-from omnisim.errors import OutputError, PlanError, did_you_mean
+from omnisim.errors import OmnisimError, OutputError, PlanError, did_you_mean
 from omnisim.extras import require_extra
 from omnisim.image_files import write_image
 from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
@@ -188,6 +188,9 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
             "same command goes on",
             markup=False,
         )
+        raise
+    except OmnisimError:
+        generation.give_up()
         raise
 
 

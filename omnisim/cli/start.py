@@ -1,25 +1,31 @@
-"""Entry point: catches Ctrl-C before anything slow is imported."""
+"""Entry point: catches Ctrl-C before anything slow is imported.
 
+What it imports, Python itself has imported before.
+"""
+
+import _signal as signal  # type: ignore[import-not-found]  # signal imports enum, re and others
 import os
-import signal
 import sys
 from io import TextIOWrapper
-from types import FrameType
 
 from omnisim.cli import INTERRUPTED
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from types import FrameType
+
 # imports swallow it, or abort; moderngl's C code calls Python and does not expect it
-_NOT_TO_INTERRUPT = {"importlib._bootstrap", "moderngl", "_moderngl"}
+_NOT_TO_INTERRUPT = {"_frozen_importlib", "importlib._bootstrap", "moderngl", "_moderngl"}
 
 
 def main() -> None:
     """Run the command line; Ctrl-C is one line and exit status 130 at any moment."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, as by nohup
-        signal.signal(signal.SIGINT, _interrupt)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # None where it was closed
-            stream.reconfigure(errors="backslashreplace")  # a console in ASCII has no ×
     try:
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, by nohup
+            signal.signal(signal.SIGINT, _interrupt)
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):  # None where it was closed
+                stream.reconfigure(errors="backslashreplace")  # a console in ASCII has no ×
         from omnisim.cli.app import main as run
 
         run()
@@ -29,7 +35,7 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done: no more to interrupt
 
 
-def _interrupt(signal_number: int, frame: FrameType | None) -> None:
+def _interrupt(signal_number: int, frame: "FrameType | None") -> None:
     """Raise KeyboardInterrupt, but end at once inside of what does not stand it."""
     signal.signal(signal.SIGINT, _end)  # whoever presses again does not want to wait
     while frame is not None:
@@ -39,7 +45,7 @@ def _interrupt(signal_number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _end(signal_number: int, frame: FrameType | None) -> None:
+def _end(signal_number: int, frame: "FrameType | None") -> None:
     """End the process at once, without the files that it was writing."""
     files = sys.modules.get("omnisim.atomic_file")
     remove_partials = getattr(files, "remove_partials", None)  # None while it is being imported

@@ -17,7 +17,7 @@ from omnisim.datasets.shard import ShardMaker, ShardSummary, find_shard
 from omnisim.datasets.workers import Job, Made, make_shards, scratch_folder, threads_shared
 from omnisim.errors import OutputError, PlanError
 
-PLAN = "plan.json"
+PLAN, SHARDS = "plan.json", "shard-*.tar"
 PROBED_SAMPLES = 12  # by each worker, for an estimate
 
 
@@ -134,6 +134,16 @@ class Generation:
             free_space.unlink(missing_ok=True)
         return manifest
 
+    def give_up(self) -> None:
+        """Give a folder without shards up after a fault: another plan may have it."""
+        folder = self.job.folder
+        if any(folder.glob(SHARDS)):
+            return
+        for path in (folder / PLAN, *folder.glob(PATTERN)):
+            path.unlink(missing_ok=True)
+        if self._is_new_folder and not any(folder.iterdir()):
+            folder.rmdir()
+
     def _found(self, number: int) -> ShardSummary | None:
         found = find_shard(self.job.folder, number)
         return found if found is not None and found.plan == self.prepared.fingerprint else None
@@ -143,6 +153,7 @@ class Generation:
         folder = self.job.folder
         content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
         text = json.dumps(content, indent=1) + "\n"
+        self._is_new_folder = not folder.exists()
         try:
             folder.mkdir(parents=True, exist_ok=True)
             there = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
@@ -153,7 +164,8 @@ class Generation:
             before = ""
         if before == text:
             return
-        if there:
+        is_abandoned = there == [PLAN] and before is not None and before.startswith(text[:10])
+        if there and not is_abandoned:  # a plan that made no shard has no claim
             what = "another plan, or of other scenes" if before else "no data set"
             raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
         write_text(folder / PLAN, text)

@@ -46,6 +46,22 @@ def test_a_drive_by_rays_opens_no_opengl(omnisim, tmp_path, monkeypatch):
     assert (status, error) == (1, "error: --device: expected --backend cube, got --backend rays\n")
 
 
+def test_a_robot_without_sensors_says_so(omnisim, needs_opengl, tmp_path):
+    (tmp_path / "way.csv").write_text("x_m,y_m\n0,0\n1,0\n")
+    (tmp_path / "bare.toml").write_text(
+        'name = "bare"\n[kinematics]\ntype = "differential"\nmax_speed_mps = 1.0\n'
+        "max_turn_rate_dps = 90.0\nmax_acceleration_mps2 = 0.5\nmax_turn_acceleration_dps2 = 90.0\n"
+    )
+    drive = ["drive", "compass", "--robot", "bare.toml", "--path", "way.csv", "-o", "run"]
+    status, out, error = omnisim(*drive)
+    assert status == 0
+    assert "there before" not in out
+    assert (
+        "note: bare has no sensors: nothing but its path and odometry is recorded: give its robot "
+        "file [[sensors]]\n"
+    ) in error
+
+
 @pytest.mark.slow
 def test_drive_plot_and_video(omnisim, run_folder, tmp_path):
     status, out, error = omnisim(*DRIVE, "-o", "run")

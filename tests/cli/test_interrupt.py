@@ -43,6 +43,34 @@ def test_at_the_start(tmp_path, delay_s):
     check_interrupt(tmp_path, delay_s)
 
 
+INTERRUPTS = """
+import importlib.abc, os, runpy, signal, sys
+
+class Interrupts(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == sys.argv[1]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupts())
+print('started', flush=True)
+runpy.run_module('omnisim', run_name='__main__', alter_sys=True)
+"""
+
+
+@pytest.mark.parametrize("module", ["omnisim.cli.app", "omnisim.errors", "typer"])
+def test_while_modules_are_imported(tmp_path, module):
+    assert_interrupted(start(tmp_path, INTERRUPTS, module), tmp_path)
+
+
+def test_nothing_is_imported_before_it_is_handled():
+    code = (
+        "import sys\nbefore = set(sys.modules)\n"
+        "import omnisim.cli.start\nprint(*sorted(set(sys.modules) - before))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["omnisim", "omnisim.cli", "omnisim.cli.start"]
+
+
 @pytest.mark.slow
 def test_at_any_moment(tmp_path):
     for step in range(60):

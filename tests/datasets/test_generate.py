@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 from omnisim.cli.app import app
 from omnisim.datasets.coco_folder import CocoSettings
 from omnisim.datasets.free_space import find_free_space
+from omnisim.datasets.generate import Generation
 from omnisim.datasets.prepared_plan import PreparedPlan
 from omnisim.datasets.samples import Shards
 from omnisim.datasets.shard import find_shard
@@ -170,7 +171,23 @@ def test_samples_that_see_nothing_are_drawn_again_or_refused(tmp_path):
     done = _omnisim("generate", plan, "-o", tmp_path / "out")
     assert "sample 0: rejected 3 times, last as " in str(done.exception)
     assert "of its pixels are nearer than 1000 m: most_near" in str(done.exception)
-    assert not list((tmp_path / "out").glob("shard-*"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_plan_without_a_shard_has_no_claim_to_its_folder(tmp_path):
+    out = tmp_path / "out"
+    Generation(write_plan(tmp_path), out)  # and is killed
+    again = Generation(write_plan(tmp_path, seed=9), out)
+    assert again.prepared.fingerprint in (out / "plan.json").read_text()
+    (out / "shard-000000.tar").touch()
+    again.give_up()
+    assert (out / "plan.json").is_file()
+    with pytest.raises(OmnisimError, match="is of another plan"):
+        Generation(write_plan(tmp_path, seed=8), out)
+    (out / "shard-000000.tar").unlink()
+    (out / "plan.json").write_text("{}")
+    with pytest.raises(OmnisimError, match="is of"):
+        Generation(write_plan(tmp_path, seed=8), out)
 
 
 def test_estimate_and_preview(made, tmp_path):

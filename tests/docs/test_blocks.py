@@ -14,10 +14,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = sorted(
-    {ROOT / "README.md", *(ROOT / "docs").rglob("*.md")}
-    - {*(ROOT / "docs").rglob("generated/*.md")}
-)
+PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
 MAIN = "import sys; sys.argv[0] = 'omnisim'; from omnisim.cli.app import main; sys.exit(main())"
@@ -27,9 +24,7 @@ def _text(page):
     """The text of a page, with that of the pages it includes."""
     text = page.read_text(encoding="utf-8")
     for name in INCLUDE.findall(text):
-        included = page.parent / name
-        if "generated" not in included.parts:
-            text += _text(included)
+        text += _text(page.parent / name)
     return text
 
 

@@ -68,3 +68,13 @@ def test_pages_have_a_row_for_each_key(monkeypatch):
     assert "| `read_noise_e` | number, ≥ 0 | `5.0` |" in pages["degradation-keys"]
     assert '## `[[sensors]]`, `type = "lms200"`' in pages["robot-file-keys"]
     assert "| `gate` | " in pages["filter-file-keys"]
+
+
+def test_pages_are_as_the_code_has_them(monkeypatch):
+    monkeypatch.syspath_prepend(str(EXTENSION))
+    stale = [
+        path.name
+        for path, text in importlib.import_module("reference_pages").reference_pages()
+        if path.read_text(encoding="utf-8") != text
+    ]
+    assert not stale, "run `python docs/_ext/reference_pages.py`"
