@@ -9,22 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.environment import Environment
-from omnisim.scene.parts import (
-    EVEN_LIGHTS,
-    MAX_LIGHTS,
-    Instance,
-    Light,
-    Lighting,
-    LightKind,
-    Mesh,
-)
+from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
 # A pale clear sky near the horizon, linear RGB.
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
 # With lights in the file, a white surface that none of them reaches still shows.
 FILL_AMBIENT = (0.25, 0.25, 0.25)
-# Without: bright overcast daylight from everywhere.
-DEFAULT_LIGHTING = Lighting((0.38, 0.39, 0.42), EVEN_LIGHTS)
+# Without: bright overcast daylight from everywhere, a sun from behind the left shoulder and a weak
+# one from the other side, so that no two walls of a corner have the same brightness.
+DEFAULT_LIGHTING = Lighting(
+    (0.38, 0.39, 0.42),
+    tuple(
+        Light(
+            LightKind.DIRECTIONAL,
+            color,
+            intensity,
+            direction=direction / np.linalg.norm(direction),
+            casts_shadow=False,
+        )
+        for direction, color, intensity in (
+            (np.array((0.45, -0.30, -0.85)), (1.0, 0.97, 0.90), 0.56),
+            (np.array((-0.60, 0.45, -0.30)), (0.85, 0.92, 1.0), 0.18),
+        )
+    ),
+)
 # Share of the lit surface that is no brighter than white; the rest is overexposed.
 WHITE_SHARE = 0.9
 SAMPLED_TRIANGLES = 20_000
