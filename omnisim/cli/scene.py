@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from omnisim.extras import require_extra
 from omnisim.gpu.scene.memory_estimate import gpu_bytes
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.scene.lighting import is_even, light_summary
 from omnisim.scene.model import LightKind
 from omnisim.scene.summary import (
     floors,
@@ -83,6 +85,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         ],
         "ambient": list(scene.lighting.ambient),
         "exposure": scene.lighting.exposure,
+        "light": light_summary(scene.lighting),
         "lights": [
             {
                 "kind": one.kind.value,
@@ -92,7 +95,7 @@ def describe(scene: Scene) -> dict[str, Any]:
                     one.direction if one.kind is LightKind.DIRECTIONAL else one.position_m
                 ).tolist(),
             }
-            for one in scene.lighting.lights
+            for one in (() if is_even(scene.lighting) else scene.lighting.lights)
         ],
         "background": list(scene.background),
         "classes": [
@@ -138,8 +141,7 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
 def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
     """Names and values of everything but the instances."""
     low, high = np.array(document["bounds_m"])
-    lights = [one["kind"] for one in document["lights"]]
-    kinds = [f"{lights.count(kind)} {kind}" for kind in dict.fromkeys(lights)]
+    digits = _decimals(float((high - low).max()))
     classes = [f"{one['name']} {one['instances']}" for one in document["classes"]]
     lines = [
         ("scene", document["scene"]),
@@ -151,20 +153,23 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
             f"{_megabytes(document['texture_bytes'])}; "
             f"on the GPU about {_megabytes(document['gpu_bytes'])}",
         ),
-        ("bounds", f"{_point(low)} to {_point(high)} m"),
+        ("bounds", f"{_point(low, digits)} to {_point(high, digits)} m"),
         ("floors", ", ".join(f"{one['height_m']:.2f} m" for one in document["floors"]) or "none"),
     ]
     for one in document["starts"]:
         floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:.2f} m"
         what = one["name"] or "of the camera"
         lines.append(
-            ("start", f"{what}: {_point(one['position_m'])} m, yaw {one['yaw_deg']:g}°, {floor}")
+            (
+                "start",
+                f"{what}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°, {floor}",
+            )
         )
     for one in document["paths"]:
         count = pluralize(one["waypoints"], "waypoint")
         lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))
     lines += [
-        ("lights", ", ".join(kinds) or "none"),
+        ("lights", document["light"]),
         ("classes", f"{', '.join(classes)} (by {document['classes_from']})"),
     ]
     names = (("landmarks", "landmarks"), ("moving", "dynamic_objects"))
@@ -196,8 +201,14 @@ def _textures(sizes_px: list[tuple[int, int]]) -> str:
     return f"{width}×{height}" + (f" +{len(sizes_px) - 1}" if len(sizes_px) > 1 else "")
 
 
-def _point(values: Any) -> str:
-    return "(" + ", ".join(f"{value:.2f}" for value in values) + ")"
+def _decimals(size_m: float) -> int:
+    """Decimals that show a hundredth of a size, at least two."""
+    return 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
+
+
+def _point(values: Any, decimals: int) -> str:
+    # + 0.0: no "-0.00"
+    return "(" + ", ".join(f"{round(value, decimals) + 0.0:.{decimals}f}" for value in values) + ")"
 
 
 def _megabytes(count: int) -> str:

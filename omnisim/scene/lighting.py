@@ -74,6 +74,28 @@ def expose(
     return Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
 
 
+def is_even(lighting: Lighting) -> bool:
+    """True for even light, which stands in for the lamps of a scene without any."""
+    return [_shine(one) for one in lighting.lights] == [
+        _shine(one) for one in DEFAULT_LIGHTING.lights
+    ]
+
+
+def _shine(light: Light) -> tuple[object, ...]:
+    """Light in plain values, whether or not it casts shadows."""
+    return light.kind, light.color, light.intensity, *light.direction.tolist()
+
+
+def light_summary(lighting: Lighting) -> str:
+    """Lamps by kind, or the light that is there without them."""
+    kinds = [light.kind.value for light in lighting.lights]
+    if kinds and not is_even(lighting):
+        return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    if lighting.environment is not None:
+        return "none: lit by its sky"
+    return "none: even light, without shadows" if kinds else "none: light from everywhere"
+
+
 def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:
     """Light from everywhere, in baked light without lamps, of a background.
 

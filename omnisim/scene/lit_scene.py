@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from omnisim.scene.light_tables import FogTable, LampTable, SunTable
-from omnisim.scene.lighting import DEFAULT_LIGHTING, FILL_AMBIENT, expose
+from omnisim.scene.lighting import FILL_AMBIENT, expose, is_even
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import Fog, Light, Lighting, LightKind
 from omnisim.scene.scene_file import SceneFile
@@ -29,9 +29,9 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
         lighting = _with_lamps(scene, tuple(lamps))
         if settings.extends is not None and scene.lighting.environment is not None:
             lighting = replace(lighting, exposure=scene.lighting.exposure)
-    elif settings.sun is not None and lighting.lights is DEFAULT_LIGHTING.lights:
+    elif settings.sun is not None and is_even(lighting):
         lighting = replace(lighting, lights=(), ambient=FILL_AMBIENT)  # it is night
-    if table.shadows is not None and lighting.lights is not DEFAULT_LIGHTING.lights:
+    if table.shadows is not None and not is_even(lighting):
         lighting = lighting.with_shadows(table.shadows)
     if table.ambient is not None:
         lighting = replace(lighting, ambient=table.ambient)
@@ -50,11 +50,11 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
 def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
     """Lighting of a scene with further lamps, which take the place of even light."""
     before = scene.lighting
-    is_even = before.lights is DEFAULT_LIGHTING.lights
-    own = () if is_even else before.lights
+    was_even = is_even(before)
+    own = () if was_even else before.lights
     lit = scene if scene.instances else scene.at_start()  # where all of it moves
     exposed = expose((*own, *lamps), lit.meshes, lit.instances)
-    ambient = exposed.ambient if is_even else before.ambient
+    ambient = exposed.ambient if was_even else before.ambient
     return replace(before, lights=exposed.lights, exposure=exposed.exposure, ambient=ambient)
 
 

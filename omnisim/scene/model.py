@@ -17,7 +17,7 @@ from omnisim.scene.file_axes import world_from_axes
 from omnisim.scene.given import Given
 from omnisim.scene.imported import ImportedScene, place
 from omnisim.scene.instance_boxes import instance_boxes
-from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose
+from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose, is_even
 from omnisim.scene.object_motion import ObjectMotion
 from omnisim.scene.parts import (
     LAMP_NEAR_M,
@@ -130,7 +130,7 @@ class Scene:
             repr(self.name),
             counted(len(self.instances), "instance"),
             counted(self.triangle_count, "triangle"),
-            counted(len(self.lighting.lights), "light"),
+            "even light" if is_even(self.lighting) else counted(len(self.lighting.lights), "light"),
             counted(len(self.landmarks), "landmark"),
             counted(len(self.starts), "start"),
             counted(len(self.paths), "path"),

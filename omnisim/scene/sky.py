@@ -14,7 +14,7 @@ from omnisim.image_files import read_radiance
 from omnisim.scene.clear_sky import clear_sky, sun_illuminance
 from omnisim.scene.environment import Environment
 from omnisim.scene.light_tables import LightTable, SkyTable, SunTable
-from omnisim.scene.lighting import DEFAULT_LIGHTING
+from omnisim.scene.lighting import is_even
 from omnisim.scene.model import Light, Lighting, LightKind, Scene
 from omnisim.scene.scene_file import SceneFile
 from omnisim.scene.sun import sun_illuminance_lx, sun_position
@@ -41,11 +41,11 @@ def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Sce
     table, before = settings.sky, scene.lighting
     if table is None:
         return scene
-    is_even = before.lights is DEFAULT_LIGHTING.lights
+    was_even = is_even(before)
     lighting = replace(
         before,
         ambient=settings.light.ambient or (0.0, 0.0, 0.0),
-        lights=() if is_even else before.lights,
+        lights=() if was_even else before.lights,
         baked=None,
     )
     if table.file is not None:

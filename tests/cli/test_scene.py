@@ -26,18 +26,34 @@ def test_the_document_agrees_with_the_scene(omnisim, name):
     np.testing.assert_allclose(corners[:, 1].max(axis=0), scene.bounds_m()[1])
     assert len(document["starts"]) == 1 + len(scene.starts)
     assert len(document["paths"]) == len(scene.paths)
-    assert len(document["lights"]) == len(scene.lighting.lights)
+    lamps = 0 if document["light"].startswith("none") else len(scene.lighting.lights)
+    assert len(document["lights"]) == lamps
     assert document["notices"] == list(scene.notices)
 
 
 def test_the_table_names_what_is_there(omnisim):
     status, out, error = omnisim("scene", "soccer")
     assert (status, error) == (0, "")
-    for words in ("237", "30,835 triangles", "kick_off", "lap: 6 waypoints", "2 directional"):
+    for words in ("237", "30,835 triangles", "kick_off", "lap: 6 waypoints", "none: even light"):
         assert words in out
     assert "beacon_left_blue" in out  # a landmark
     assert "and 217 smaller ones: --all" in out
     assert len(omnisim("scene", "soccer", "--all")[1].splitlines()) > 237
+
+
+def test_a_scene_without_lamps_has_none(omnisim):
+    document = json.loads(omnisim("scene", "soccer", "--json")[1])
+    assert document["light"] == "none: even light, without shadows"
+    assert document["lights"] == []
+    assert "even light" in repr(load_scene("soccer"))
+
+
+def test_bounds_of_a_small_scene_have_digits(omnisim, tmp_path):
+    import trimesh
+
+    trimesh.creation.box((0.02, 0.01, 0.001)).export(tmp_path / "small.stl")
+    out = omnisim("scene", tmp_path / "small.stl")[1]
+    assert "(-0.0100, -0.0050, -0.0005) to (0.0100, 0.0050, 0.0005) m" in out
 
 
 def test_floors_are_where_the_flat_surfaces_are(omnisim, tmp_path):

@@ -15,7 +15,7 @@ from omnisim.errors import OutputError
 from omnisim.scene.gltf.written_lights import written_lights
 from omnisim.scene.gltf.written_materials import WrittenMaterials, matte
 from omnisim.scene.gltf.written_meshes import NodeMesh, baked_mesh, node_meshes
-from omnisim.scene.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING, FILL_AMBIENT
+from omnisim.scene.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING, FILL_AMBIENT, is_even
 from omnisim.scene.model import Mesh, Scene
 from omnisim.version import __version__
 
@@ -75,7 +75,7 @@ class _Document:
         nodes, meshes = node_meshes(scene)
         lights = scene.lighting.lights
         # lights that stand in for a file's are not the file's
-        written = () if lights == DEFAULT_LIGHTING.lights else lights
+        written = () if is_even(scene.lighting) else lights
         light_entries, light_nodes = written_lights(written)
         root: Entry = {
             "asset": {"version": "2.0", "generator": f"omnisim {__version__}"},

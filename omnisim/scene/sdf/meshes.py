@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
 from omnisim.scene.asset_resolver import AssetResolver
@@ -31,11 +30,13 @@ class MeshFile(NamedTuple):
     Attributes:
         instances: `world_from_mesh` is still file_from_mesh, in metres, in the file's axes.
         meshes, materials: of the file.
+        data: content of a COLLADA file, from which Gazebo's names of its submeshes follow.
     """
 
     instances: tuple[Instance, ...]
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
+    data: bytes = b""
 
 
 class MeshLibrary:
@@ -93,11 +94,23 @@ class MeshLibrary:
             replace(one, world_from_mesh=metres_from_file @ one.world_from_mesh)
             for one in read.instances
         )
-        return MeshFile(instances, read.meshes, read.materials)
+        return MeshFile(instances, read.meshes, read.materials, data if suffix == ".dae" else b"")
 
 
 def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
-    """Instances of a submesh: those whose node or mesh has the name, or has it numbered."""
+    """Instances of a submesh: those whose node or mesh has the name, or has it numbered.
+
+    Of COLLADA the nodes count, as in Gazebo, and its geometries where no node has the name.
+    """
+    if file.data:
+        from omnisim.scene.sdf.collada_submeshes import submesh_names  # slow to import
+
+        names = submesh_names(file.data)
+        for kind in (0, 1):
+            chosen = (one for one in file.instances if names.get(one.name, ("", ""))[kind] == name)
+            if instances := tuple(chosen):
+                return instances
+        return ()
     named = [(one, (one.name, file.meshes[one.mesh].name)) for one in file.instances]
     exact = tuple(one for one, names in named if name in names)
     return exact or tuple(
@@ -110,12 +123,16 @@ def _is_numbered(own: str, name: str) -> bool:
     return own.startswith(name) and own[len(name) :].lstrip("._- ").isdigit()
 
 
-def centre(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:
-    """Middle (3,) of the bounding box of some instances."""
-    points = [
-        meshes[one.mesh].positions @ one.world_from_mesh[:3, :3].T + one.world_from_mesh[:3, 3]
-        for one in instances
-    ]
-    low = np.min([each.min(axis=0) for each in points], axis=0)
-    high = np.max([each.max(axis=0) for each in points], axis=0)
-    return np.asarray(0.5 * (low + high), dtype=np.float64)
+def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance, ...]:
+    """Instances moved to the origin, each by the middle of its own bounding box.
+
+    Source: gz-rendering, Ogre2MeshFactory: each part of a submesh is centered by itself.
+    """
+    return tuple(_centered(one, file.meshes[one.mesh]) for one in instances)
+
+
+def _centered(instance: Instance, mesh: Mesh) -> Instance:
+    file_from_mesh = instance.world_from_mesh.copy()
+    points = mesh.positions @ file_from_mesh[:3, :3].T
+    file_from_mesh[:3, 3] = -0.5 * (points.min(axis=0) + points.max(axis=0))
+    return replace(instance, world_from_mesh=file_from_mesh)

@@ -19,7 +19,7 @@ from omnisim.scene.sdf.frames import UnplacedError
 from omnisim.scene.sdf.heightmaps import read_levels, terrain
 from omnisim.scene.sdf.lights import read_light
 from omnisim.scene.sdf.materials import MaterialReader
-from omnisim.scene.sdf.meshes import MeshLibrary, centre, submesh
+from omnisim.scene.sdf.meshes import MeshLibrary, centered, submesh
 from omnisim.scene.sdf.models import (
     ENTITIES,
     UNPLACED,
@@ -232,7 +232,7 @@ class _Reader:
                 self._omissions.add(f"{path.name}: submesh {chosen!r} not found", "visual")
                 return
             if element.flag("submesh/center"):
-                visual_from_file = translate(visual_from_file, -centre(file.meshes, instances))
+                instances = centered(file, instances)
         own = None
         if self._materials.is_stated(visual):
             own = self._materials.read(visual, double_sided=True)
