@@ -409,8 +409,8 @@ def _check_motion(run: RunFolder, truth: Trajectory) -> None:
     distance_m = np.linalg.norm(recorded.positions_m - truth.positions_m, axis=1).max()
     if distance_m > SAME_MOTION_M:
         raise RunError(
-            f"{run.path / GROUND_TRUTH}: physics leads {distance_m:.2g} m elsewhere on this machine: "
-            "resume the run where it began, or record it anew with --force"
+            f"{run.path / GROUND_TRUTH}: physics leads {distance_m:.2g} m elsewhere on this "
+            "machine: resume the run where it began, or record it anew with --force"
         )
 
 
