@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]
 SIZE_PX = 96
 RENDER = f"""
 import sys
+from pathlib import Path
 import numpy as np
 from omnisim.scene import builtin_scenes, read_scene
 from omnisim.sensors import OmniCamera, Renderer
@@ -123,6 +125,7 @@ def test_shards_of_two_processors_are_one_data_set(omnisim, tmp_path):
 BAKE = """
 import sys
 from pathlib import Path
+from pathlib import Path
 from omnisim.baking import tiles
 from omnisim.baking.baked_files import bake_scene
 from omnisim.baking.settings import BakeSettings
@@ -151,3 +154,12 @@ def test_a_bake_resumes(tmp_path):
     assert 0 < int(done.stdout) <= int(whole) - 2
     baked = read_scene("soccer", baked=tmp_path / "crossed")
     assert baked.lighting.baked is not None
+
+
+def test_golden_images_hold():
+    """In a process of pytest's own, on the emulated processor with this one's driver."""
+    code = (
+        "import sys, pytest; sys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', sys.argv[1]]))"
+    )
+    golden = Path(__file__).parents[1] / "gpu" / "test_golden.py"
+    assert " passed" in run_emulated(code, golden, driver=False)
