@@ -17,8 +17,9 @@ from omnisim.poses import pose
 from omnisim.scene import Scene
 from omnisim.simulation.rig_trajectory import RigRoute
 from omnisim.simulation.rig_vehicle import rig_vehicle
-from omnisim.simulation.route import Route
+from omnisim.simulation.route import Route, route_digest
 from omnisim.simulation.vehicle import Vehicle
+from omnisim.sources import recorded_sources, source_digest
 from omnisim.trajectories import Trajectory
 from omnisim.trajectories.formats.parsed_trajectory import Axes
 
@@ -56,7 +57,11 @@ def run(request: RenderRequest, path: Path) -> None:
     refuse_options(request, SINGLE_PICTURE, "expected a single viewpoint, got --trajectory")
     if request.output.suffix.lower() in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
         raise OutputError(f"{request.output}: expected a folder with --trajectory, got a picture")
-    rig, vehicle = _rig(request, path)
+    with recorded_sources() as sources:
+        rig, vehicle = _rig(request, path)
+    if vehicle.given is None:
+        own = request.camera_name, request.mirrored
+        vehicle = vehicle.identified(source_digest(sources.digest(path.parent), own))
     world_from_file = pose(
         request.at or (0.0, 0.0, 0.0), request.roll_deg, request.pitch_deg, request.yaw_deg or 0.0
     )
@@ -67,7 +72,9 @@ def run(request: RenderRequest, path: Path) -> None:
     if not is_timed:
         _refuse_time(drive.vehicle, path)
     _note_poses_outside(drive.scene, truth, path)
-    plan = drive.along(truth)
+    placing = request.at, request.roll_deg, request.pitch_deg, request.yaw_deg
+    options = placing, request.trajectory_frame, axes, request.rate_hz
+    plan = drive.along(truth, source_digest(route_digest(drive.route), options)[:16])
     for note in plan.notes:
         print_note(note)
     record(plan, request.output, request.force)

@@ -142,15 +142,20 @@ class Drive:
             simulated=motion,
         )
 
-    def along(self, truth: Trajectory) -> PlannedDrive:
+    def along(self, truth: Trajectory, given: str | None = None) -> PlannedDrive:
         """Take the vehicle along poses as they are, without wheels: there is no odometry.
+
+        Args:
+            truth: poses of its base.
+            given: digest of what the poses follow from; None: known by themselves.
 
         Raises:
             RunError: an impossible seed, or an exposure longer than a step.
         """
         self._check_seed()
         self._check_sensors(truth)
-        return PlannedDrive(self, truth, SplineMotion(truth))
+        digest = given or fingerprint(truth.times_s, truth.world_from_base)
+        return PlannedDrive(self, truth, SplineMotion(truth), route_given=digest)
 
     def _check_seed(self) -> None:
         if not 0 <= self.seed <= LARGEST_SEED:
@@ -176,6 +181,7 @@ class PlannedDrive:
         name: of the vehicle in the world.
         others: other vehicles in the world, by name.
         simulated: motion of the robot and of the objects about it in physics, or None.
+        route_given: digest of what the poses follow from; None: of the drive's route.
     """
 
     drive: Drive
@@ -187,6 +193,7 @@ class PlannedDrive:
     name: str = BODY
     others: Mapping[str, MovingVehicle] = field(default_factory=dict)
     simulated: SimulatedMotion | None = None
+    route_given: str | None = None
 
     def __repr__(self) -> str:
         vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
@@ -323,7 +330,7 @@ class PlannedDrive:
             **self._physics_manifest(),
             "path": {
                 "name": Path(drive.route.path).name,
-                "route": route_digest(drive.route),
+                "route": self.route_given or route_digest(drive.route),
                 "length_m": round(self.truth.path_length_m, 6),
                 "duration_s": round(self.truth.duration_s, 6),
                 "follows_floor": self.follows_floor,

@@ -158,8 +158,7 @@ def test_a_bake_resumes(tmp_path):
 
 def test_golden_images_hold():
     """In a process of pytest's own, on the emulated processor with this one's driver."""
-    code = (
-        "import sys, pytest; sys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', sys.argv[1]]))"
-    )
+    code = "import sys, pytest; sys.exit(pytest.main(sys.argv[1:]))"
     golden = Path(__file__).parents[1] / "gpu" / "test_golden.py"
-    assert " passed" in run_emulated(code, golden, driver=False)
+    output = run_emulated(code, "-q", "-p", "no:cacheprovider", golden, driver=False)
+    assert " passed" in output
