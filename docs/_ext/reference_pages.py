@@ -16,7 +16,9 @@ from file_keys import key_pages
 from scene_formats import scene_format_pages
 
 REFERENCE = Path(__file__).resolve().parents[1] / "reference"
-_BLOCK = re.compile(r"(?<=<!-- from the code: )([\w-]+)( -->\n).*?(?=<!-- end of \1 -->)", re.DOTALL)
+_BLOCK = re.compile(
+    r"(?<=<!-- from the code: )([\w-]+)( -->\n).*?(?=<!-- end of \1 -->)", re.DOTALL
+)
 
 
 def reference_pages() -> Iterator[tuple[Path, str]]:

@@ -125,8 +125,8 @@ class DatasetConvertRequest:
             "--to",
             metavar="FORMAT",
             autocompletion=one_of(*LAYOUTS),
-            help="Layout: coco, with boxes and masks; kitti360, nerfstudio, colmap or colmap-binary, with "
-            "poses and calibrations.",
+            help="Layout: coco, with boxes and masks; kitti360, nerfstudio, colmap or "
+            "colmap-binary, with poses and calibrations.",
         ),
     ] = "coco"
     min_area_px: Annotated[
