@@ -18,8 +18,6 @@ from typing import Any, NamedTuple, get_args, get_origin
 import annotated_types
 from pydantic.fields import FieldInfo
 
-from omnisim.parameters import Table
-
 FAR = 1e9  # of limits that only keep numbers within a float32
 
 
@@ -33,18 +31,6 @@ class Limit(NamedTuple):
 
     value: float
     is_open: bool
-
-
-class InnerTable(NamedTuple):
-    """Table that a key holds.
-
-    Attributes:
-        model: its schema.
-        is_list: the key holds a list of them.
-    """
-
-    model: type[Table]
-    is_list: bool
 
 
 @cache
@@ -82,18 +68,6 @@ def limits(field: FieldInfo) -> tuple[Limit | None, Limit | None]:
     low = _tightest(rules, "gt", "ge", is_lower=True)
     high = _tightest(rules, "lt", "le", is_lower=False)
     return low, high
-
-
-def table_in(annotation: Any) -> InnerTable | None:
-    """The table that a key holds, or None."""
-    if isinstance(annotation, type) and issubclass(annotation, Table):
-        return InnerTable(annotation, False)
-    is_list = get_origin(annotation) in (tuple, list)
-    for part in get_args(annotation):
-        found = table_in(part)
-        if found is not None:
-            return InnerTable(found.model, is_list or found.is_list)
-    return None
 
 
 def _tightest(rules: list[Any], strict: str, loose: str, is_lower: bool) -> Limit | None:

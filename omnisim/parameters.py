@@ -22,18 +22,17 @@ Numbers are stored as floats and lists as tuples.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, TypeVar, get_type_hints
 
 import numpy as np
 import pydantic
 from pydantic import Field
-from pydantic_core import ErrorDetails
 
-from omnisim.errors import OmnisimError, OpticsError, did_you_mean
+from omnisim.errors import OmnisimError, OpticsError
+from omnisim.table_faults import SMALLEST, fault_line
 
-SMALLEST, LARGEST = 1e-9, 1e9  # products and quotients of a few stay within float32, as on the GPU
+LARGEST = 1e9  # products and quotients of a few stay within float32, as on the GPU
 
 Number = Annotated[float, Field(strict=True)]  # no "11", no true; whole numbers are fine
 IntOrFloat = pydantic.StrictInt | pydantic.StrictFloat  # a number as it was written
@@ -154,7 +153,7 @@ def parse_table(
     keys = [fault["loc"] for fault in faults]
     raise error(
         "\n".join(
-            (f"{source}: " if source else "") + _line(fault, model, at)
+            (f"{source}: " if source else "") + fault_line(fault, model, at)
             for fault in faults
             # faulty items of a list do not count as items
             if not (fault["type"] == "too_short" and _has_inner(keys, fault["loc"]))
@@ -164,78 +163,3 @@ def parse_table(
 
 def _has_inner(keys: list[tuple[int | str, ...]], outer: tuple[int | str, ...]) -> bool:
     return any(len(key) > len(outer) and key[: len(outer)] == outer for key in keys)
-
-
-_RELATIONS = {
-    "greater_than": ("a number >", "gt"),
-    "greater_than_equal": ("a number ≥", "ge"),
-    "less_than": ("a number <", "lt"),
-    "less_than_equal": ("a number ≤", "le"),
-}
-
-
-def _line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> str:
-    names = [str(part) for part in fault["loc"]]
-    key = ".".join([at, *names] if at else names) or "file"
-    if fault["type"] == "extra_forbidden":
-        table = _table_at(model, names[:-1])
-        known = list(table.model_fields) if table else []
-        synonyms = table.synonyms if table and issubclass(table, Table) else {}
-        name = synonyms.get(names[-1], names[-1])
-        return f"{key}: unknown key; {did_you_mean(name, known, 'known keys:')}"
-    if fault["type"] == "missing":
-        return f"{key}: missing"
-    expected = _expected(fault, model, names, key)
-    if expected:
-        return f"{key}: expected {expected}, got {fault['input']!r}"
-    return f"{key}: {fault['msg'].removeprefix('Value error, ')}"
-
-
-def _expected(
-    fault: ErrorDetails, model: type[pydantic.BaseModel], names: list[str], key: str
-) -> str:
-    """Expected value of a fault; empty: the message says all."""
-    kind, message = fault["type"], fault["msg"].removeprefix("Value error, ")
-    if kind in ("model_type", "dict_type"):
-        is_item = bool(names) and names[-1].isdecimal()
-        return f"a table, [[{key.rpartition('.')[0]}]]" if is_item else f"a table, [{key}]"
-    if kind == "tuple_type" and _holds_tables(model, names):
-        return f"tables, [[{key}]]"
-    if kind == "tuple_type":
-        return "a list of numbers, [x, y, z]"
-    if kind in _RELATIONS:
-        words, limit = _RELATIONS[kind]
-        return f"{words} {fault['ctx'][limit]:g}"
-    begin = r"^(expected|Input should be|(String|Tuple) should have) "
-    expected = re.sub(begin, "", message)
-    if expected == message or ", got " in message:
-        return ""
-    return re.sub(r" after validation, not \d+$", "", expected)
-
-
-def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydantic.BaseModel] | None:
-    """The table that `names` leads to; None where it cannot be followed."""
-    for name in names:
-        if name.isdecimal():  # an index into a list of tables
-            continue
-        field = model.model_fields.get(name)
-        inner = _table_in(field.annotation) if field else None
-        if inner is None:
-            return None
-        model = inner
-    return model
-
-
-def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
-    """Tell whether `names` leads to a list of tables, whose own keys may be open."""
-    field = model.model_fields.get(names[-1]) if len(names) == 1 else None
-    is_open = field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
-    return is_open or _table_at(model, names) is not None
-
-
-def _table_in(annotation: Any) -> type[pydantic.BaseModel] | None:
-    """The table that a key holds: one, one or none, or a list of them."""
-    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
-        return annotation
-    inner = (_table_in(part) for part in get_args(annotation))
-    return next((table for table in inner if table), None)

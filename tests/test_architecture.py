@@ -46,7 +46,8 @@ LAYERS = (
         "npz_file",
     },
     {"fingerprint", "parameters", "extras", "sources"},
-    {"errors", "short_repr", "version"},
+    {"table_faults"},
+    {"errors", "inner_tables", "short_repr", "version"},
 )
 GPU_LAYERS = (
     {"hit_batches"},

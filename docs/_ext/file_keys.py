@@ -12,6 +12,7 @@ import pydantic
 from pydantic_core import PydanticUndefined
 
 from omnisim import file_keys
+from omnisim.inner_tables import table_in
 from omnisim.parameters import table_of
 
 
@@ -28,7 +29,7 @@ def tables(
     docs, rows, inner = file_keys.attribute_docs(source or model), [], []
     for name, field in model.model_fields.items():
         key = field.alias or name
-        found = file_keys.table_in(field.annotation)
+        found = table_in(field.annotation)
         if found is not None:
             child, is_list = found
             below = f"{path}.{key}" if path else key

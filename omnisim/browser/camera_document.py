@@ -15,7 +15,7 @@ import pydantic
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.errors import SensorFileError
-from omnisim.file_keys import table_in
+from omnisim.inner_tables import table_in
 from omnisim.optics.system_file import OpticsFile
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import preset

@@ -15,7 +15,8 @@ from pydantic_core import PydanticUndefined
 
 from omnisim.browser.camera_document import SENSOR, SIZE, CameraDocument
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
-from omnisim.file_keys import Limit, attribute_docs, limits, summary, table_in
+from omnisim.file_keys import Limit, attribute_docs, limits, summary
+from omnisim.inner_tables import table_in
 from omnisim.optics.surface_tables import SurfaceTable, shape_schemas
 from omnisim.optics.system_file import CameraTable as OpticsCamera
 from omnisim.optics.system_file import ObstacleTable, OpticsFile

@@ -60,6 +60,11 @@ def import_robot(request: ImportRequest) -> None:
     if request.configuration.suffix.lower() in SUFFIXES:
         _import_model(request)
         return
+    if request.configuration.suffix.lower() != ".ini":
+        raise OutputError(
+            f"{request.configuration}: expected a configuration of USARSim (.ini) or a model "
+            f"({' '.join(SUFFIXES)})"
+        )
     if request.resources:
         raise OutputError("--resources: expected with a model of Gazebo's, URDF's or MuJoCo's only")
     imported = usarsim.import_robot(

@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal, Protocol, TypeVar
 
 import numpy as np
 import scipy  # its submodules load when first used
-from pydantic import PlainValidator
+from pydantic import AfterValidator, PlainValidator
 
 from omnisim.parameters import LARGEST
 
@@ -174,3 +174,16 @@ def _is_number(value: Any) -> bool:
 
 
 Distributed = Annotated[Distribution, PlainValidator(_parse)]
+
+
+def within(low: float, high: float) -> AfterValidator:
+    """Limits of what is drawn; of normal numbers those of the mean: others are drawn again."""
+
+    def check(value: Distribution) -> Distribution:
+        numbers = value.numbers[:1] if value.kind == "normal" else value.numbers
+        if min(numbers) < low or max(numbers) > high:
+            span = f"{low:g} to {high:g}" if high < LARGEST else f"numbers ≥ {low:g}"
+            raise ValueError(f"expected {span}, got {value}")
+        return value
+
+    return AfterValidator(check)

@@ -8,10 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from omnisim.datasets.distributions import LARGEST_SEED, Distributed, Distribution
+from omnisim.datasets.distributions import LARGEST_SEED, Distributed, Distribution, within
 from omnisim.errors import OmnisimError, PlanError
 from omnisim.ground_truth import check_channels
-from omnisim.parameters import Fraction, NotNegative, Positive, Table
+from omnisim.parameters import LARGEST, Fraction, NotNegative, Positive, Table
 from omnisim.toml_file import read_toml
 
 Name = Annotated[str, Field(min_length=1, strict=True)]
@@ -161,9 +161,9 @@ class RecolorTable(Table):
     """Names of the instances; `*` and `?` stand for any letters."""
     hue_deg: Distributed = Distribution("uniform", (0.0, 360.0))
     """Hue of the colour, degrees."""
-    saturation: Distributed = Distribution("uniform", (0.0, 0.9))
+    saturation: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.0, 0.9))
     """Saturation, 0 to 1."""
-    value: Distributed = Distribution("uniform", (0.2, 0.95))
+    value: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.2, 0.95))
     """Value, 0 to 1."""
     share: Fraction = 1.0
     """Share of the pictures that have it."""
@@ -202,18 +202,20 @@ class VarySkyTable(Table):
     """Environment maps, .hdr or .exr, relative to the plan: one for each setup."""
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
     """Turn of the map, or of north, in degrees, counter-clockwise seen from above."""
-    brightness: Distributed = _fixed(0.8)
+    brightness: Annotated[Distributed, within(0.0, LARGEST)] = _fixed(0.8)
     """Brightness of a level white surface under sky and sun; 1 is white."""
-    turbidity: Distributed = Distribution("uniform", (2.0, 6.0))
+    turbidity: Annotated[Distributed, within(2.0, 10.0)] = Distribution("uniform", (2.0, 6.0))
     """Haze of the clear sky: 2 very clear, 6 hazy."""
-    hour: Distributed | None = None
+    hour: Annotated[Distributed, within(0.0, 24.0)] | None = None
     """Solar time in hours, at which the sun is above the horizon; left out: the sun's height and
     direction are drawn."""
-    day: Distributed = _fixed(172.0)
+    day: Annotated[Distributed, within(1.0, 366.0)] = _fixed(172.0)
     """Day of the year, 1 to 365, of the hour."""
-    latitude_deg: Distributed = _fixed(50.0)
+    latitude_deg: Annotated[Distributed, within(-90.0, 90.0)] = _fixed(50.0)
     """Latitude of the hour, degrees."""
-    sun_elevation_deg: Distributed = Distribution("uniform", (15.0, 75.0))
+    sun_elevation_deg: Annotated[Distributed, within(0.0, 90.0)] = Distribution(
+        "uniform", (15.0, 75.0)
+    )
     """Height of the sun above the horizon, degrees; without hour."""
     sun_azimuth_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
     """Direction of the sun, degrees counter-clockwise from the world's x; without hour."""

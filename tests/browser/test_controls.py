@@ -5,7 +5,7 @@ import pytest
 from omnisim.browser.camera_document import CameraDocument
 from omnisim.browser.controls import control_groups
 from omnisim.browser.presets import preset_lists, with_preset
-from omnisim.file_keys import table_in
+from omnisim.inner_tables import table_in
 from omnisim.parameters import table_of
 from omnisim.sensors.degradations.degradation_file import EFFECTS
 from omnisim.sensors.sensor_file import CameraTable, MirrorTable, VirtualCamerasTable

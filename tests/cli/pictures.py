@@ -29,6 +29,7 @@ def write_pictures(folder):
     below[2, 3] = -1.0
     odd = {key: value for key, value in good["camera"].items() if key != "k"}
     write_image(folder / "a.png", grey, good)
+    (folder / "picture.ini").write_bytes((folder / "a.png").read_bytes())
     write_image(folder / "small.png", grey[:9, :9], good)
     write_image(folder / "odd.png", grey, good | {"camera": odd})
     write_image(folder / "lost.png", grey, good | {"world_from_base": [1, "x"]})

@@ -94,10 +94,11 @@ def test_import_keeps_existing_files(omnisim, tmp_path):
     assert omnisim("robot", "import", "a.ini", "-o", "r.toml")[0] == 1
     assert omnisim("robot", "import", "none.ini", "-o", "r.toml")[0] == 1
     assert (tmp_path / "r.toml").read_text() == "mine"
-    (tmp_path / "r.toml").write_text(f"[USARBot.P2AT]\nSensors={SCANNER}\n")
-    _, _, error = omnisim("robot", "import", "r.toml", "-o", "r.toml")
-    assert "expected another name than the configuration's, got r.toml" in error
-    assert "SICKLMS" in (tmp_path / "r.toml").read_text()
+    (tmp_path / "p.ini").write_text(f"[USARBot.P2AT]\nSensors={SCANNER}\n")
+    (tmp_path / "p.toml").symlink_to("p.ini")
+    _, _, error = omnisim("robot", "import", "p.ini", "-o", "p.toml")
+    assert "expected another name than the configuration's, got p.toml" in error
+    assert "SICKLMS" in (tmp_path / "p.ini").read_text()
 
 
 def test_wrong_usage_is_status_2(omnisim):

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.file_keys import attribute_docs, table_in
+from omnisim.file_keys import attribute_docs
+from omnisim.inner_tables import table_in
 from omnisim.localization.parameters import FilterParameters
 from omnisim.optics.surface_tables import shape_schemas
 from omnisim.optics.system_file import OpticsFile

@@ -129,7 +129,7 @@ def test_not_found(name, words, tmp_path, monkeypatch):
     ("text", "words"),
     [
         ("", "name: missing"),
-        ("name = 3", "name: expected a valid string.*, got 3"),
+        ("name = 3", "name: expected text.*, got 3"),
         ("name = ", "not TOML: "),
         ('name = "a"\nbdy = "b"', "bdy: unknown key; did you mean 'body'?"),
         (DRIVE.replace("1.0", "-1.0"), "kinematics.max_speed_mps: expected a number.*, got -1.0"),
@@ -139,7 +139,7 @@ def test_not_found(name, words, tmp_path, monkeypatch):
         ),
         (
             DRIVE.replace("90.0", '"fast"'),
-            "kinematics.max_turn_rate_dps: expected a valid.*, got 'fast'",
+            "kinematics.max_turn_rate_dps: expected a number, got 'fast'",
         ),
         (
             DRIVE.replace("diff", "def"),
@@ -192,11 +192,11 @@ def test_not_found(name, words, tmp_path, monkeypatch):
             "name: expected letters.* at most 60.*, got 'x*'",
         ),
         (SCANNER.replace('"scan"', '"vorne links_2-ü"'), None),
-        (SCANNER.replace('"scan"', "7"), r"sensors\.0: name: expected a valid string.*, got 7"),
+        (SCANNER.replace('"scan"', "7"), r"sensors\.0: name: expected text.*, got 7"),
         (SCANNER + "resolution_deg = 0.3", "resolution_deg: expected 1, 0.5 or 0.25, got 0.3"),
         (SCANNER + 'mode = "km"', "sensor 'scan': mode: expected 'mm' or 'cm'.*, got 'km'"),
         (SCANNER + "seed = -1", "sensor 'scan': seed: expected a number ≥ 0.*, got -1"),
-        (SCANNER + "noise = 1", "sensor 'scan': noise: expected a valid boolean.*, got 1"),
+        (SCANNER + "noise = 1", "sensor 'scan': noise: expected true or false.*, got 1"),
         (SCANNER + 'hide = ["a"]', "sensor 'scan': hide: unknown key; did you mean 'hides'?"),
         (CAMERA + "yaw_deg = inf", "sensor 'omni': yaw_deg: expected a finite number.*, got inf"),
         (USARSIM + "scan_fov_rad = 32768", "scan_fov_rad: expected a number ≤ 6.2.*, got 32768"),

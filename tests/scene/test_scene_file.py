@@ -71,7 +71,7 @@ def test_a_scene_without_starts_and_landmarks_has_none(folder):
     ("old", "new", "words"),
     [
         ('"door"', '"dock"', r"scene\.toml: starts: name = 'dock': expected each name once$"),
-        ('"door"', "7", r"starts\.1\.name: expected a valid string, got 7$"),
+        ('"door"', "7", r"starts\.1\.name: expected text, got 7$"),
         ('"door"', '""', r"starts\.1\.name: expected at least 1 character, got ''$"),
         ("yaw_deg", "yaw", r"starts\.0\.yaw: unknown key; did you mean 'yaw_deg'\?$"),
         ("red =", "rod =", r"pole: color = 'red': unknown; did you mean 'rod'"),
@@ -101,7 +101,7 @@ def test_faults_of_starts_and_landmarks_name_key_and_value(folder, old, new, wor
         ('file = "box.stl"\nup_axis = "w"', "up_axis: expected.*, got 'w'"),
         (
             'file = "box.stl"\nmeters_per_unit = "1"',
-            "meters_per_unit: expected a valid number.*, got '1'",
+            "meters_per_unit: expected a number.*, got '1'",
         ),
         (
             'file = "box.stl"\nmeters_per_unit = 0',
@@ -129,7 +129,7 @@ def test_bad_scene_files_name_file_key_and_value(folder, text, words):
         ("[[0, 0]]", r": expected at least 2 items, got \[\[0, 0\]\]$"),
         ("[[0, 0], [nan, 0]]", r"\.1\.0: expected a finite number, got nan$"),
         ("[[0, 0], [1, 0, 0]]", r"\.1: expected at most 2 items, got \[1, 0, 0\]$"),
-        ('[[0, 0], [1, "1"]]', r"\.1\.1: expected a valid number, got '1'$"),
+        ('[[0, 0], [1, "1"]]', r"\.1\.1: expected a number, got '1'$"),
     ],
 )
 def test_bad_waypoints_get_one_line(folder, waypoints, words):

@@ -186,9 +186,9 @@ def test_foreign_folders_are_left_alone(scene, vehicle, tmp_path, name, text, wo
     ("keys", "value", "words"),
     [
         (["scene"], "soccer", r"scene: expected a table.*, got 'soccer'"),
-        (["scene", "file"], None, "scene.file: expected a valid string, got None"),
+        (["scene", "file"], None, "scene.file: expected text, got None"),
         (["steps"], -1, "steps: expected a number ≥ 1, got -1"),
-        (["steps"], True, "steps: expected a valid integer, got True"),
+        (["steps"], True, "steps: expected a whole number, got True"),
         (["sensors"], {"..": {"type": "lms200"}}, r"sensors\..*: expected letters.*, got '..'"),
         (["sensors", "omnicam", "type"], "sonar", "sensors.omnicam.type: unknown sensor type;"),
         (["format"], 1, "format: expected 2, got 1"),

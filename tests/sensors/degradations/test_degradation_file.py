@@ -91,7 +91,7 @@ def test_fingerprint_and_size_depend_on_degradation():
             r"unknown preset; expected one of bad-day, dragonfly2, id",
         ),
         ("[degradation]\npreset = 'no.toml'", r"no\.toml: cannot be read: No such file"),
-        ("[degradation]\npreset = 3", r"degradation\.preset: expected a valid string.*, got 3"),
+        ("[degradation]\npreset = 3", r"degradation\.preset: expected text.*, got 3"),
         ("[degradation]\nnoise = 3", r"degradation\.noise: expected a table.*, got 3"),
         ("[degradation.nois]\n", r"degradation\.nois: unknown key; did you mean 'noise'"),
         (
@@ -115,14 +115,14 @@ def test_fingerprint_and_size_depend_on_degradation():
             "[degradation.noise]\ndark_current_e_per_s = 5",
             r"dark_current_e_per_s = 5: needs degradation\.shutter\.exposure_s",
         ),
-        ("[degradation.shutter]\nexposure_s = 0", "exposure_s: expected a number ≥ 1e-09, got 0"),
+        ("[degradation.shutter]\nexposure_s = 0", "exposure_s: expected a number > 0, got 0"),
         (
             "[degradation.shutter]\nexposure_s = -0.1",
-            r"exposure_s: expected a number ≥ 1e-09, got -0\.1",
+            r"exposure_s: expected a number > 0, got -0\.1",
         ),
         (
             "[degradation.shutter]\nexposure_s = '5 ms'",
-            "exposure_s: expected a valid number.*, got '5 ms'",
+            "exposure_s: expected a number.*, got '5 ms'",
         ),
         (
             "[degradation.shutter]\nexposure_ms = 5",

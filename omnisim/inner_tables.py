@@ -1,0 +1,44 @@
+"""Tables that the keys of a table hold, by the annotations of its schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple, get_args, get_origin
+
+import pydantic
+
+
+class InnerTable(NamedTuple):
+    """Table that a key holds.
+
+    Attributes:
+        model: its schema.
+        is_list: the key holds a list of them.
+    """
+
+    model: type[pydantic.BaseModel]
+    is_list: bool
+
+
+def table_in(annotation: Any) -> InnerTable | None:
+    """The table that a key holds, or None."""
+    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
+        return InnerTable(annotation, False)
+    is_list = get_origin(annotation) in (tuple, list)
+    for part in get_args(annotation):
+        found = table_in(part)
+        if found is not None:
+            return InnerTable(found.model, is_list or found.is_list)
+    return None
+
+
+def headers_with(model: type[pydantic.BaseModel], key: str, path: str = "") -> Iterator[str]:
+    """Headers of the tables below a table that have a key, such as `[light]` and `[[lamps]]`."""
+    for name, field in model.model_fields.items():
+        inner = table_in(field.annotation)
+        if inner is None:
+            continue
+        below = f"{path}.{name}" if path else name
+        if key in inner.model.model_fields:
+            yield f"[[{below}]]" if inner.is_list else f"[{below}]"
+        yield from headers_with(inner.model, key, below)
