@@ -35,6 +35,8 @@ EXTRAS = {
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},
     "ros": {"rosbags": "rosbags"},
+    "draco": {"DracoPy": "DracoPy"},
+    "meshopt": {"meshoptimizer": "meshoptimizer"},  # built by its installation
     "oracles": {
         "embreex": "embreex",
         "mcap-ros2-support": "mcap_ros2",

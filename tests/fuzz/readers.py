@@ -71,6 +71,7 @@ from tests.fuzz.data_sets import PLAN, read_data_set, read_plan, write_data_set
 from tests.fuzz.mutations import glb
 from tests.fuzz.usd_sample import write_sample
 from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
+from tests.scene.compressed_gltf import colored_draco_triangle, compressed_tetrahedron
 from tests.scene.gltf_builder import png, skinned_and_textured
 from tests.scene.mujoco.models import SHAPES
 from tests.vehicles import p2at_with_every_sensor
@@ -445,6 +446,8 @@ def _readers() -> list[Reader]:
         Reader("glb", lambda f: (f / "a.glb").write_bytes(glb(*skinned_and_textured())),
                partial(_read_scene, "a.glb")),
         Reader("gltf", _gltf_json, partial(_read_scene, "box.gltf")),
+        Reader("glb-meshopt", lambda f: compressed_tetrahedron().write(f / "a.glb"),
+               partial(_read_scene, "a.glb")),
         Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
         Reader("sdf", _gazebo_world, partial(_read_scene, "a.world"),
                ("a.world", "cup/cup.sdf", "cup/model.config", "cup/cup.material", "wood.png")),
@@ -460,6 +463,14 @@ def _readers() -> list[Reader]:
         ("stl-text", "a.stl", {"file_type": "stl_ascii"}), ("off", "a.off", {}),
         ("dae", "a.dae", {}),
     ]  # fmt: skip
+    if is_installed("DracoPy"):
+        scene.append(
+            Reader(
+                "glb-draco",
+                lambda f: colored_draco_triangle().write(f / "a.glb"),
+                partial(_read_scene, "a.glb"),
+            )
+        )
     for name in ("a.usda", "a.usdc") if is_installed("pxr") else ():
         build, read = partial(_usd_stage, name), partial(_read_usd_scene, name)
         scene.append(Reader(name[2:], build, read, (name,)))

@@ -11,6 +11,7 @@ from omnisim.errors import SceneError
 from omnisim.fingerprint import fingerprint
 from omnisim.resources import SCENES
 from omnisim.scene import load_scene
+from omnisim.scene.gltf import meshopt
 from omnisim.scene.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
 from omnisim.scene.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from tests.scene.gltf_builder import GltfBuilder
@@ -130,6 +131,18 @@ def _draco(plain):
     plain.require("KHR_draco_mesh_compression")
 
 
+def _meshopt(name):
+    """Corners that a stand-in for the decoder gives elsewhere."""
+
+    def change(plain):
+        view = plain.gltf.tree["bufferViews"][0]
+        values = {"mode": "ATTRIBUTES", "byteStride": 12, "count": 3}
+        plain.extend(view, name, **view, **values)
+        plain.require(name)
+
+    return change
+
+
 def _morph(plain):
     moved = plain.gltf.accessor(CORNERS + 1, "VEC3")
     plain.primitive["targets"] = [{"POSITION": moved}]
@@ -242,8 +255,8 @@ USES = {
     "KHR_texture_basisu": lambda p: p.require("KHR_texture_basisu"),
     "KHR_mesh_quantization": _quantized,
     "KHR_draco_mesh_compression": _draco,
-    "EXT_meshopt_compression": lambda p: p.require("EXT_meshopt_compression"),
-    "KHR_meshopt_compression": lambda p: p.require("KHR_meshopt_compression"),
+    "EXT_meshopt_compression": _meshopt("EXT_meshopt_compression"),
+    "KHR_meshopt_compression": _meshopt("KHR_meshopt_compression"),
     "EXT_mesh_gpu_instancing": _instances,
     "KHR_node_visibility": lambda p: p.extend(p.node, "KHR_node_visibility", visible=False),
     "KHR_lights_punctual": _light,
@@ -316,6 +329,15 @@ def draco(monkeypatch):
     monkeypatch.setitem(sys.modules, "DracoPy", SimpleNamespace(decode=lambda data: found))
 
 
+@pytest.fixture
+def decoded(monkeypatch):
+    """A stand-in for the decoder of meshopt that gives one corner elsewhere."""
+    monkeypatch.setattr(meshopt, "is_readable", lambda: True)
+    monkeypatch.setattr(
+        meshopt, "decode", lambda entry, data: memoryview((CORNERS * 2).astype("<f4").tobytes())
+    )
+
+
 def _load(folder, change):
     plain = Plain()
     change(plain)
@@ -331,7 +353,7 @@ def test_every_feature_has_a_file():
 
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.name)
-@pytest.mark.usefixtures("draco")
+@pytest.mark.usefixtures("decoded", "draco")
 def test_feature(feature, tmp_path):
     use = USES[feature.name]
     if feature.support is Support.REFUSED:

@@ -13,6 +13,7 @@ from omnisim.errors import SceneError
 from omnisim.resources import SCENES
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, LightKind, Wrap
+from tests.scene.compressed_gltf import DRACO_COLORS, draco_triangle
 from tests.scene.gltf_builder import GltfBuilder, png
 from tests.scenes import WAREHOUSE, needs_warehouse
 
@@ -381,8 +382,8 @@ def test_scene_without_triangles(gltf, tmp_path):
 
 def test_required_extension_that_is_not_supported(gltf, tmp_path):
     gltf.node(mesh=gltf.triangle())
-    gltf.tree["extensionsRequired"] = ["EXT_meshopt_compression"]
-    with pytest.raises(SceneError, match="requires the glTF extension EXT_meshopt_compression"):
+    gltf.tree["extensionsRequired"] = ["KHR_texture_basisu"]
+    with pytest.raises(SceneError, match="requires the glTF extension KHR_texture_basisu"):
         load_scene(gltf.write(tmp_path / "a.gltf"))
 
 
@@ -424,19 +425,6 @@ def test_glb_data_in_a_gltf_file(tmp_path):
     assert load_scene(tmp_path / "a.gltf").triangle_count == load_scene(SOCCER).triangle_count
 
 
-def _compressed(gltf, data, **ids):
-    """Compress the only mesh of a builder: attributes by their ids in Draco's `data`."""
-    primitive = gltf.tree["meshes"][0]["primitives"][0]
-    primitive["indices"] = gltf.accessor(np.arange(3, dtype="u1"), "SCALAR")
-    for accessor in gltf.tree["accessors"]:
-        del accessor["bufferView"]
-    gltf.tree["bufferViews"] = [{"buffer": 0, "byteLength": len(data), "byteOffset": 2}]
-    gltf.blob = b".." + data
-    gltf.tree["extensionsRequired"] = ["KHR_draco_mesh_compression"]
-    primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": ids}}
-    gltf.node(mesh=0)
-
-
 def test_draco(gltf, tmp_path, monkeypatch):
     """A stand-in for DracoPy: ids of its own choice, faces beside the attributes."""
     corners = np.array([[0, 0, 0], [0, 0, 2], [0, 3, 0]], "<f4")
@@ -447,22 +435,15 @@ def test_draco(gltf, tmp_path, monkeypatch):
         return SimpleNamespace(attributes=attributes, faces=np.array([[2, 1, 0]]))
 
     gltf.triangle()
-    _compressed(gltf, b"compressed", POSITION=7)
+    draco_triangle(gltf, b"compressed", POSITION=7)
     path = gltf.write(tmp_path / "a.gltf")
     monkeypatch.setitem(sys.modules, "DracoPy", None)
-    with pytest.raises(SceneError, match="is compressed with Draco: pip install DracoPy"):
+    with pytest.raises(SceneError, match=r"compressed with Draco, which needs pip .*\[draco\]"):
         load_scene(path)
     monkeypatch.setitem(sys.modules, "DracoPy", SimpleNamespace(decode=decode))
     scene = load_scene(path, up_axis="z")
     np.testing.assert_allclose(_world(scene), corners)
     assert scene.meshes[0].triangles.tolist() == [[2, 1, 0]]
-
-
-# Of DracoPy 2.2: a triangle with colours of 16 bits, which its decoder gives in 32.
-DRACO_COLORS = (
-    "RFJBQ08CAgEAAAABAwEAAQIBAgQEBAABAAkDAAIBAgABAQARA60qN1UVA69agQEA//8AAAEAAAAAAAD//wAAAAEBAA"
-    "MDrSpVFQOgeoGIAQAAAAD/PwAAAAAAAAAAAAAAAAAAAACAPw4="
-)
 
 
 @pytest.mark.parametrize("decoder", ["DracoPy", "a stand-in"])
@@ -478,7 +459,7 @@ def test_draco_with_vertex_colours(gltf, tmp_path, monkeypatch, decoder):
         found = SimpleNamespace(attributes=attributes, faces=np.array([[0, 1, 2]]))
         monkeypatch.setitem(sys.modules, "DracoPy", SimpleNamespace(decode=lambda data: found))
     gltf.triangle(COLOR_0=gltf.accessor(colors, "VEC4", normalized=True))
-    _compressed(gltf, base64.b64decode(DRACO_COLORS), COLOR_0=1, POSITION=2)
+    draco_triangle(gltf, base64.b64decode(DRACO_COLORS), COLOR_0=1, POSITION=2)
     mesh = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z").meshes[0]
     np.testing.assert_allclose(mesh.colors, [[1.0, 0.5, 0.0, 1.0]] * 3, atol=1e-4)
     assert sorted(map(tuple, mesh.positions)) == sorted(map(tuple, corners - [0.5, 0.5, 0.0]))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import SceneError, printable
 from omnisim.scene.asset_resolver import AssetResolver
+from omnisim.scene.gltf import meshopt
 from omnisim.scene.gltf.json_object import JsonObject
 
 _INDEX_TYPES: dict[int | str, str] = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
@@ -43,6 +44,7 @@ class Accessors:
         """Read all buffers; one without a URI is the GLB file's `chunk`."""
         self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
         self._decoded: dict[int, NDArray[Any]] = {}
+        self._decompressed: dict[int, memoryview] = {}
         self._buffers: list[memoryview] = []
         for index, buffer in enumerate(root.objects("buffers")):
             # the chunk is the first buffer's; others without a URI are empty
@@ -58,7 +60,22 @@ class Accessors:
 
     def view(self, owner: JsonObject) -> memoryview:
         """Bytes of the bufferView that an object refers to."""
-        view = self._views[owner.index("bufferView", self._views)]
+        index = owner.index("bufferView", self._views)
+        view = self._views[index]
+        compressed = meshopt.compression(view)
+        if compressed is None or (not meshopt.is_readable() and self._has_plain(view)):
+            return self._slice(view)
+        if index not in self._decompressed:
+            self._decompressed[index] = meshopt.decode(compressed, self._slice(compressed))
+        return self._decompressed[index]
+
+    def _has_plain(self, view: JsonObject) -> bool:
+        """True for a compressed view beside which the file has the plain data."""
+        end = view.integer("byteOffset", 0) + view.integer("byteLength")
+        return end <= len(self._buffers[view.index("buffer", self._buffers)])
+
+    def _slice(self, view: JsonObject) -> memoryview:
+        """Bytes of a part of a buffer."""
         buffer = self._buffers[view.index("buffer", self._buffers)]
         start = view.integer("byteOffset", 0)
         end = start + view.integer("byteLength")

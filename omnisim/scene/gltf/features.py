@@ -200,9 +200,9 @@ FEATURES = (
     Feature("EXT_texture_webp", _APPLIED, "WebP images"),
     Feature("KHR_texture_basisu", _REFUSED, "KTX 2 images; where not required, the plain image"),
     Feature("KHR_mesh_quantization", _APPLIED, "vertices of 8 and 16 bits"),
-    Feature("KHR_draco_mesh_compression", _APPLIED, "where DracoPy is installed, else refused"),
+    Feature("KHR_draco_mesh_compression", _APPLIED, "with the extra `draco`, else refused"),
     *(
-        Feature(name, _REFUSED, "where not required, the plain data are read")
+        Feature(name, _APPLIED, "with the extra `meshopt`; else refused without plain data")
         for name in ("EXT_meshopt_compression", "KHR_meshopt_compression")
     ),
     Feature(

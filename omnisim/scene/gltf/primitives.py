@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.errors import SceneError
+from omnisim.extras import install_hint
 from omnisim.scene.gltf.accessors import Accessors
 from omnisim.scene.gltf.json_object import JsonObject
 
@@ -95,7 +96,7 @@ class Primitive:
             import DracoPy
         except ImportError:
             raise SceneError(
-                "is compressed with Draco: pip install DracoPy, or export without it"
+                f"is compressed with Draco, which needs {install_hint('draco')}"
             ) from None
         try:
             mesh = DracoPy.decode(bytes(self._accessors.view(draco)))
