@@ -32,7 +32,7 @@ def p2at_with_every_sensor():
 
 
 CAMERA = OmniCamera(polygons=None, base_from_rig=pose((-0.1, 0.05, 0.6), 2.0, -3.0, 10.0)).resized(
-    180
+    90
 )
 SCANNER = dataclasses.replace(LaserScanner().without_errors(), range_min_m=0.0)
 BASE_FROM_SCANNER = pose((0.2, 0.0, 0.3))

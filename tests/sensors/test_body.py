@@ -52,14 +52,14 @@ def test_body_renders_as_the_same_static_geometry(offset_m):
         camera, scanner = Renderer(stage, CAMERA), _scanner(stage)
         for name, scene_from_base in POSES.items():
             base = world_from_scene @ scene_from_base
-            one = merged(scene, body(), base)
-            rgba = camera.render(base).rgba
+            rgba, scan = camera.render(base).rgba, scanner.scan(base)
+            with Stage(merged(scene, body(), base)) as one:
+                expected, expected_m = picture(one, base), ranges(one, base)
             # one rounding in float32, of a normal, is at most one step of 8 bits
-            difference = np.abs(rgba.astype(int) - picture(one, base))
+            difference = np.abs(rgba.astype(int) - expected)
             assert difference.max() <= 1, name
             assert np.count_nonzero(difference) < 1e-3 * difference.size, name
-            scan = scanner.scan(base)
-            np.testing.assert_array_equal(scan.ranges_m, ranges(one, base), err_msg=name)
+            np.testing.assert_array_equal(scan.ranges_m, expected_m, err_msg=name)
             assert scan.ranges_m.min() < 0.3, name  # it is the body
             if name == "tilted":
                 changed = np.any(rgba != empty, axis=-1)
@@ -95,14 +95,14 @@ def test_hidden_instances_are_hidden_from_one_sensor(hidden):
     rest = without(body(), *hidden)
     with Stage(scene, body()) as stage:
         one, other = Renderer(stage, CAMERA, hidden=hidden), Renderer(stage, CAMERA)
-        scanner = _scanner(stage, hidden=hidden)
-        np.testing.assert_array_equal(one.render(base).rgba, picture(scene, base, body=rest))
-        np.testing.assert_array_equal(other.render(base).rgba, picture(scene, base, body=body()))
-        assert np.any(one.render(base).rgba != other.render(base).rgba)
-        scan = scanner.scan(base)
-        np.testing.assert_array_equal(scan.ranges_m, ranges(scene, base, body=rest))
-        assert scan.metadata["hidden"] == sorted(hidden)
-        assert one.render(base).metadata["hidden"] == sorted(hidden)
+        frame, whole = one.render(base), other.render(base).rgba
+        scan = _scanner(stage, hidden=hidden).scan(base)
+    with Stage(scene, rest) as stage:
+        np.testing.assert_array_equal(frame.rgba, picture(stage, base))
+        np.testing.assert_array_equal(scan.ranges_m, ranges(stage, base))
+    np.testing.assert_array_equal(whole, picture(scene, base, body=body()))
+    assert np.any(frame.rgba != whole)
+    assert scan.metadata["hidden"] == frame.metadata["hidden"] == sorted(hidden)
 
 
 @pytest.mark.parametrize("is_body_nearer", [True, False])
