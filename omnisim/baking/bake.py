@@ -70,7 +70,7 @@ class Bake:
         hollow = hollow_triangles(scene)
         has_back = instances_of(scene, hollow)
         self.texel_m, self.atlas = (
-            automatic_atlas(scene, has_back)
+            automatic_atlas(scene, has_back, settings.texels)
             if settings.texel_m is None
             else (settings.texel_m, build_atlas(scene, settings.texel_m, has_back))
         )
@@ -108,6 +108,11 @@ class Bake:
             self.patches.albedo * (direct["lamps"] + found["light"]),
             found["is_valid"],
         )
+
+    def try_tile(self, tile: int) -> None:
+        """Compute the light of a tile without keeping it: for its time."""
+        self._direct(tile)
+        self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
 
     def light(self, found: BakedPatches) -> Floats:
         """Light (p, 3) of patches, whose noise is filtered."""
