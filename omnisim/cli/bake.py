@@ -22,11 +22,12 @@ def run(request: BakeRequest) -> None:
     from omnisim.baking.estimates import estimate
     from omnisim.baking.settings import BakeSettings
 
-    source = resolve_source(request.scene)
-    if request.output is None and not request.estimate:
+    output = request.output
+    if output is None and not request.estimate:
         raise OutputError("-o: expected the folder of the bake")
+    source = resolve_source(request.scene)
     check_distinct(
-        {"the baked light": request.output},
+        {"the baked light": output},
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
     scene = read_scene(
@@ -42,22 +43,22 @@ def run(request: BakeRequest) -> None:
         print_note("dynamic objects are left out: probes light them")
     settings = BakeSettings(request.texel_m, request.samples, request.bounces, request.seed)
     began_s = time.monotonic()
-    if request.estimate:
+    if output is None or request.estimate:
         out.print(
             f"{request.scene}: {estimate(bake_of(scene, settings), request.jobs)}", markup=False
         )
         return
     baked = bake_scene(
-        scene, request.output, settings, request.jobs, _progress, request.force,
+        scene, output, settings, request.jobs, _progress, request.force,
         lambda bake: print_note(estimate(bake, request.jobs)),
     )  # fmt: skip
     if baked is None:
-        out.print(f"{request.output}: is baked already: nothing to do", markup=False)
+        out.print(f"{output}: is baked already: nothing to do", markup=False)
         return
     width, height = baked.atlas_px
-    size_mb = sum(path.stat().st_size for path in request.output.iterdir()) / 1e6
+    size_mb = sum(path.stat().st_size for path in output.iterdir()) / 1e6
     out.print(
-        f"{request.output}: {width} × {height} texels of {baked.texel_m:g} m, "
+        f"{output}: {width} × {height} texels of {baked.texel_m:g} m, "
         f"{baked.probes} probes, {size_mb:.1f} MB, {time.monotonic() - began_s:.0f} s",
         markup=False,
     )
