@@ -123,11 +123,14 @@ class Bake:
         self, folder: TileFolder, found: BakedPatches, jobs: int | None, progress: Progress
     ) -> tuple[ProbeGrid, Arrays]:
         """Grid of probes, spherical harmonics (nx, ny, nz, 9, 3) and validity (nx, ny, nz)."""
-        seen = found.radiosity + self.patches.emission
-        baker = ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
+        baker = self.prober(found.radiosity + self.patches.emission)
         tiles = _joined(in_tiles(folder, "probes", baker.bake, baker.tiles, jobs, progress))
         shape = baker.grid.shape
         return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
+
+    def prober(self, seen: Floats) -> ProbeBaker:
+        """Bake of the probes, by the light (p, 3) of patches that they see."""
+        return ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
 
     def surfaces(self, is_valid: NDArray[np.bool_]) -> TexelSurfaces:
         """Surfaces at the patches, in the first sample of each."""
