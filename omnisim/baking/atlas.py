@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from omnisim.baking.packing import pack
 from omnisim.baking.texel_sizes import (
     MOST_GIVEN_TEXELS,
-    MOST_TEXELS,
-    TEXEL_BUDGET,
     areas_m2,
     first_texel_m,
+    most_texels,
     texel_sizes_m,
 )
 from omnisim.baking.unwrapping import Unwrapping, unwrap
@@ -67,23 +66,23 @@ class Atlas(NamedTuple):
         return found
 
 
-def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_]) -> tuple[float, Atlas]:
-    """Finest width of texels, of two digits, whose atlas keeps to `TEXEL_BUDGET`; the atlas."""
-    texel_m = first_texel_m(scene, has_back)
+def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> tuple[float, Atlas]:
+    """Finest width of texels, of two digits, whose atlas has at most so many; the atlas."""
+    texel_m = first_texel_m(scene, has_back, texels)
     while True:
         texel_m = float(f"{texel_m:.2g}")
-        atlas = build_atlas(scene, texel_m, has_back, MOST_TEXELS)
+        atlas = build_atlas(scene, texel_m, has_back, most_texels(texels))
         needed = atlas.size_px[0] * atlas.size_px[1]
-        if needed <= TEXEL_BUDGET:
+        if needed <= texels:
             return texel_m, atlas
-        texel_m *= max((needed / TEXEL_BUDGET) ** 0.5, 1.05)
+        texel_m *= max((needed / texels) ** 0.5, 1.05)
 
 
 def build_atlas(
     scene: Scene,
     texel_m: float,
     has_back: NDArray[np.bool_],
-    most_texels: int = MOST_GIVEN_TEXELS,
+    limit: int = MOST_GIVEN_TEXELS,
 ) -> Atlas:
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
 
@@ -91,12 +90,12 @@ def build_atlas(
         scene: to bake.
         texel_m: width of the finest texels.
         has_back: (n,) instances of which both sides are seen: they have two rectangles.
-        most_texels: of one instance, about; texels of a larger one are wider.
+        limit: texels of one instance, about; texels of a larger one are wider.
 
     Raises:
         SceneError: texels so small that the atlas has more than `MAX_SIDE_PX`.
     """
-    texels_m, areas = texel_sizes_m(scene, texel_m, has_back, most_texels), areas_m2(scene)
+    texels_m, areas = texel_sizes_m(scene, texel_m, has_back, limit), areas_m2(scene)
     scales = np.array(
         [_scale(instance.world_from_mesh) for instance in scene.instances]
     ) / np.maximum(texels_m, 1e-12)

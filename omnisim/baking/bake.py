@@ -70,7 +70,7 @@ class Bake:
         hollow = hollow_triangles(scene)
         has_back = instances_of(scene, hollow)
         self.texel_m, self.atlas = (
-            automatic_atlas(scene, has_back)
+            automatic_atlas(scene, has_back, settings.texels)
             if settings.texel_m is None
             else (settings.texel_m, build_atlas(scene, settings.texel_m, has_back))
         )
@@ -109,6 +109,11 @@ class Bake:
             found["is_valid"],
         )
 
+    def try_tile(self, tile: int) -> None:
+        """Compute the light of a tile without keeping it: for its time."""
+        self._direct(tile)
+        self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
+
     def light(self, found: BakedPatches) -> Floats:
         """Light (p, 3) of patches, whose noise is filtered."""
         surfaces = self.surfaces(found.is_valid)
@@ -118,11 +123,14 @@ class Bake:
         self, folder: TileFolder, found: BakedPatches, jobs: int | None, progress: Progress
     ) -> tuple[ProbeGrid, Arrays]:
         """Grid of probes, spherical harmonics (nx, ny, nz, 9, 3) and validity (nx, ny, nz)."""
-        seen = found.radiosity + self.patches.emission
-        baker = ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
+        baker = self.prober(found.radiosity + self.patches.emission)
         tiles = _joined(in_tiles(folder, "probes", baker.bake, baker.tiles, jobs, progress))
         shape = baker.grid.shape
         return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
+
+    def prober(self, seen: Floats) -> ProbeBaker:
+        """Bake of the probes, by the light (p, 3) of patches that they see."""
+        return ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
 
     def surfaces(self, is_valid: NDArray[np.bool_]) -> TexelSurfaces:
         """Surfaces at the patches, in the first sample of each."""

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import atomic_folder, check_new_folder
+from omnisim.atomic_file import atomic_folder
 from omnisim.baking.bake import Bake
 from omnisim.baking.even_light import without_even_light
 from omnisim.baking.lightmap import lightmap
 from omnisim.baking.rounding import rounded_halves
 from omnisim.baking.settings import BakeSettings
+from omnisim.baking.targets import clear, is_finished
 from omnisim.baking.tiles import Arrays, Progress, TileFolder, no_progress, write_arrays
 from omnisim.baking.unwrapping import Unwrapping
 from omnisim.extras import require_extra
@@ -47,8 +49,10 @@ def bake_scene(
     settings: BakeSettings,
     jobs: int | None = None,
     progress: Progress = no_progress,
-) -> Baked:
-    """Bake the light of a scene's static surfaces into a new folder.
+    force: bool = False,
+    start: Callable[[Bake], None] = lambda bake: None,
+) -> Baked | None:
+    """Bake the light of a scene's static surfaces into a folder; None: it is there already.
 
     Unfinished work stays in a folder beside it; the same bake resumes it, on any machine.
 
@@ -58,14 +62,18 @@ def bake_scene(
         settings: of the bake.
         jobs: threads; None: one for each core. The files do not depend on them.
         progress: of each stage.
+        force: replace the bake that is there.
+        start: called before the light is computed.
 
     Raises:
-        OmnisimError: a package is missing, texels are too small, or nothing can be written.
+        OmnisimError: another bake is there, a package is missing, texels are too small, or
+            nothing can be written.
     """
     require_extra("bake", "baking light")
-    check_new_folder(output)
     fingerprint = baked_fingerprint(scene)
-    bake = Bake(without_even_light(scene), settings)
+    if is_finished(output, fingerprint, settings, force):
+        return None
+    bake = bake_of(scene, settings)
     plan = {
         "omnisim": __version__,
         "fingerprint": fingerprint,
@@ -75,6 +83,7 @@ def bake_scene(
         "bounces": settings.bounces,
         "seed": settings.seed,
     }
+    start(bake)
     folder = TileFolder(output, plan)
     found = bake.run(folder, jobs, progress)
     grid, probes = bake.probes(folder, found, jobs, progress)
@@ -100,8 +109,18 @@ def bake_scene(
             write_arrays(file, _joined(bake.atlas.unwrappings), is_compressed=True)
         text = json.dumps(document, indent=1) + "\n"
         (partial / "baked.json").write_text(text, encoding="utf-8", newline="\n")
+        clear(output)
     folder.remove()
     return Baked(bake.atlas.size_px, bake.texel_m, int(probes["valid"].sum()))
+
+
+def bake_of(scene: Scene, settings: BakeSettings) -> Bake:
+    """Bake of a scene, before its light is computed.
+
+    Raises:
+        OmnisimError: a package is missing, or texels are too small.
+    """
+    return Bake(without_even_light(scene), settings)
 
 
 def _joined(unwrappings: dict[int, Unwrapping]) -> Arrays:

@@ -7,10 +7,8 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import Scene
 
-TEXEL_BUDGET = 3 << 19  # of the atlas: 9 MB of half floats, half of that in the file
 _NEAR_M = 4.0  # up to here texels are as fine as they are anywhere
-# Texels of one instance, by default, and where their size is given.
-MOST_TEXELS, MOST_GIVEN_TEXELS = TEXEL_BUDGET // 16, 1 << 21
+MOST_GIVEN_TEXELS = 1 << 21  # of one instance, where their size is given
 _FINEST_M = 0.01
 
 
@@ -40,29 +38,34 @@ def coarseness(scene: Scene) -> NDArray[np.float64]:
     return factors
 
 
-def first_texel_m(scene: Scene, has_back: NDArray[np.bool_]) -> float:
-    """Size with which charts cover an atlas of `TEXEL_BUDGET` texels, none lost between them."""
+def most_texels(texels: int) -> int:
+    """Texels of one instance at most in an atlas, where their size is not given."""
+    return texels // 16
+
+
+def first_texel_m(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> float:
+    """Size with which charts cover an atlas of so many texels, none lost between them."""
     areas, factors = areas_m2(scene) * (1 + has_back), coarseness(scene)
     texel_m = _FINEST_M
     for _ in range(20):  # the share of the largest depends on the size
-        needed = float((areas / _limited(areas, factors, texel_m, MOST_TEXELS) ** 2).sum())
-        if needed <= TEXEL_BUDGET:
+        needed = float((areas / _limited(areas, factors, texel_m, most_texels(texels)) ** 2).sum())
+        if needed <= texels:
             break
-        texel_m *= max(float(np.sqrt(needed / TEXEL_BUDGET)), 1.02)
+        texel_m *= max(float(np.sqrt(needed / texels)), 1.02)
     return texel_m
 
 
 def texel_sizes_m(
-    scene: Scene, texel_m: float, has_back: NDArray[np.bool_], most_texels: int
+    scene: Scene, texel_m: float, has_back: NDArray[np.bool_], limit: int
 ) -> NDArray[np.float64]:
     """Sizes (n,) of the instances' texels; those with a back have twice as many."""
-    return _limited(areas_m2(scene) * (1 + has_back), coarseness(scene), texel_m, most_texels)
+    return _limited(areas_m2(scene) * (1 + has_back), coarseness(scene), texel_m, limit)
 
 
 def _limited(
-    areas: NDArray[np.float64], factors: NDArray[np.float64], texel_m: float, most_texels: int
+    areas: NDArray[np.float64], factors: NDArray[np.float64], texel_m: float, limit: int
 ) -> NDArray[np.float64]:
-    sizes: NDArray[np.float64] = np.maximum(factors * texel_m, np.sqrt(areas / most_texels))
+    sizes: NDArray[np.float64] = np.maximum(factors * texel_m, np.sqrt(areas / limit))
     return sizes
 
 

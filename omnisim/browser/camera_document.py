@@ -19,7 +19,7 @@ from omnisim.inner_tables import table_in
 from omnisim.optics.system_file import OpticsFile
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations import preset
-from omnisim.sensors.sensor_file import SensorFile
+from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
 from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.toml_file import read_toml, toml_text
 
@@ -103,6 +103,16 @@ class CameraDocument:
     def text(self) -> str:
         """Text of the file."""
         return toml_text(self.sensor)
+
+    def checked_text(self) -> str:
+        """Text to save, read back as `--sensor` reads it; without any key the default file's.
+
+        Raises:
+            SensorFileError: naming key, value and what was expected.
+        """
+        text = self.text or DEFAULT_SENSOR_FILE.read_text(encoding="utf-8")
+        OmniCamera.from_table(tomllib.loads(text), FILE_NAME)
+        return text
 
     def value(self, path: str) -> Any:
         """Value at a path, such as `sensor.optics.surfaces.0.k`; None: not given."""

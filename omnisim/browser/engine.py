@@ -244,7 +244,7 @@ class Engine:
         draw = Draw(job.shown, True)
         if isinstance(job.message, Save):
             if job.message.what == "toml":
-                files = {FILE_NAME: job.shown.document.text.encode()}
+                files = {FILE_NAME: job.shown.document.checked_text().encode()}
             else:
                 files = source.files(draw)
             name, media_type, data = _bundle(files)

@@ -45,6 +45,7 @@ class LiveSettings:
         scene_words: scene, robot and their options, as a command line has them.
         camera_words: options of the camera as it is at the start; None: its file says all.
         device: number of the GPU.
+        unlit: show plain base colors, without lights.
     """
 
     scene: Scene
@@ -54,6 +55,7 @@ class LiveSettings:
     scene_words: tuple[str, ...] = ()
     camera_words: tuple[str, ...] | None = ()
     device: int | None = None
+    unlit: bool = False
 
 
 class LiveSource:
@@ -184,7 +186,9 @@ class LiveSource:
                 shorter_px = min(camera.model.width_px, camera.model.height_px)
                 if scale < 1.0:
                     camera = camera.resized(max(1, round(shorter_px * scale)))
-            self._renderers[scale] = Renderer(self.stage, camera, hidden=self._hidden)
+            self._renderers[scale] = Renderer(
+                self.stage, camera, hidden=self._hidden, unlit=self._settings.unlit
+            )
         return self._renderers[scale]
 
     @property

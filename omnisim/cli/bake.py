@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 
-from omnisim.atomic_file import check_distinct, check_new_folder
+from omnisim.atomic_file import check_distinct
 from omnisim.cli.bake_requests import BakeRequest
 from omnisim.cli.console import out, print_note, track
+from omnisim.errors import OutputError
 from omnisim.extras import require_extra
 from omnisim.scene import read_scene
 from omnisim.scene.load import NO_BAKED_LIGHT
@@ -17,13 +18,16 @@ from omnisim.scene.source import resolve_source
 def run(request: BakeRequest) -> None:
     """Bake a scene's light, and print its size."""
     require_extra("bake", "omnisim bake")
-    from omnisim.baking.baked_files import bake_scene
+    from omnisim.baking.baked_files import bake_of, bake_scene
+    from omnisim.baking.estimates import estimate
     from omnisim.baking.settings import BakeSettings
 
-    check_new_folder(request.output)
+    output = request.output
+    if output is None and not request.estimate:
+        raise OutputError("-o: expected the folder of the bake")
     source = resolve_source(request.scene)
     check_distinct(
-        {"the baked light": request.output},
+        {"the baked light": output},
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
     scene = read_scene(
@@ -39,11 +43,22 @@ def run(request: BakeRequest) -> None:
         print_note("dynamic objects are left out: probes light them")
     settings = BakeSettings(request.texel_m, request.samples, request.bounces, request.seed)
     began_s = time.monotonic()
-    baked = bake_scene(scene, request.output, settings, request.jobs, _progress)
+    if output is None or request.estimate:
+        out.print(
+            f"{request.scene}: {estimate(bake_of(scene, settings), request.jobs)}", markup=False
+        )
+        return
+    baked = bake_scene(
+        scene, output, settings, request.jobs, _progress, request.force,
+        lambda bake: print_note(estimate(bake, request.jobs)),
+    )  # fmt: skip
+    if baked is None:
+        out.print(f"{output}: is baked already: nothing to do", markup=False)
+        return
     width, height = baked.atlas_px
-    size_mb = sum(path.stat().st_size for path in request.output.iterdir()) / 1e6
+    size_mb = sum(path.stat().st_size for path in output.iterdir()) / 1e6
     out.print(
-        f"{request.output}: {width} × {height} texels of {baked.texel_m:g} m, "
+        f"{output}: {width} × {height} texels of {baked.texel_m:g} m, "
         f"{baked.probes} probes, {size_mb:.1f} MB, {time.monotonic() - began_s:.0f} s",
         markup=False,
     )

@@ -16,18 +16,18 @@ class BakeRequest:
 
     scene: SceneArgument
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "-o", "--output", metavar="DIR",
-            help="New folder; a bake that was stopped goes on where it was.",
+            help="New or empty folder; a bake that was stopped resumes where it was.",
         ),
-    ]  # fmt: skip
+    ] = None  # fmt: skip
     texel_m: Annotated[
         float | None,
         typer.Option(
             "--texel-m", metavar="M", min=1e-4, max=100.0,
             help="Width of a texel near the starts and paths; farther away they are coarser.",
-            show_default="by the scene's size",
+            show_default="by the scene's area, for minutes",
         ),
     ] = None  # fmt: skip
     samples: Annotated[
@@ -52,6 +52,11 @@ class BakeRequest:
             help="Threads; the files do not depend on them.", show_default="one for each core",
         ),
     ] = None  # fmt: skip
+    force: Annotated[bool, typer.Option("--force", help="Replace the bake that is there.")] = False
+    estimate: Annotated[
+        bool,
+        typer.Option("--estimate", help="Only say about how long it takes, and how large it is."),
+    ] = False
     up_axis: UpOption = None
     meters_per_unit: UnitOption = None
     resources: ResourcesOption = None

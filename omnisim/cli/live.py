@@ -24,9 +24,11 @@ SCENE, SIZE_PX = "soccer", 400
 RUN_REFUSES = {
     "--robot": "robot", "--sensor": "sensor", "--optics": "optics", "--camera": "camera",
     "--preset": "preset", "--size": "size_px", "--at": "at", "--yaw": "yaw_deg",
-    "--record": "record", "--baked": "baked",
+    "--pitch": "pitch_deg", "--quality": "quality", "--record": "record", "--unlit": "unlit",
+    "--sky": "sky", "--baked": "baked",
 }  # fmt: skip
 ROBOT_REFUSES = {"--sensor": "sensor", "--optics": "optics", "--camera": "camera"}
+DRIVEN_REFUSES = {"--pitch": "pitch_deg"}
 
 
 def run(request: LiveRequest) -> None:
@@ -42,6 +44,7 @@ def run(request: LiveRequest) -> None:
         request.up_axis,
         request.meters_per_unit,
         request.resources or (),
+        sky=request.sky,
         baked=request.baked,
     )
     for notice in scene.notices:
@@ -76,6 +79,7 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     vehicle = None
     if request.robot is not None:
         _refuse(request, ROBOT_REFUSES, "a robot has its own: expected none with --robot")
+        _refuse(request, DRIVEN_REFUSES, "a robot stands on the floor: expected none with --robot")
         vehicle = Vehicle.load(request.robot)
         document = CameraDocument.of_camera(vehicle.camera(request.camera_name).sensor)
         words: tuple[str, ...] | None = _robot_words(request, vehicle, document)
@@ -87,11 +91,19 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     size_px = request.size_px or SIZE_PX
     document = dataclasses.replace(document.with_value("size_px", size_px))
     words = None if words is None else (*words, "--size", str(size_px))
+    if request.quality is not None:
+        document = document.with_value("sensor.camera.quality", request.quality)
+        document.camera()  # or there is no such quality
+        words = None if words is None else (*words, "--quality", request.quality)
     scene_words: list[str] = [request.scene or SCENE]
     if request.up_axis is not None:
         scene_words += ["--up-axis", request.up_axis]
     if request.meters_per_unit is not None:
         scene_words += ["--meters-per-unit", repr(request.meters_per_unit)]
+    if request.sky is not None:
+        scene_words += ["--sky", request.sky]
+    if request.unlit:
+        scene_words += ["--unlit"]
     if request.baked is not None:
         scene_words += ["--baked", str(request.baked)]
     for folder in request.resources or ():
@@ -99,8 +111,9 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     if request.robot is not None:
         scene_words += ["--robot", request.robot]
     return LiveSettings(
-        scene, document, vehicle, request.camera_name, tuple(scene_words), words, request.device
-    )
+        scene, document, vehicle, request.camera_name, tuple(scene_words), words, request.device,
+        request.unlit,
+    )  # fmt: skip
 
 
 def _robot_words(
@@ -146,13 +159,14 @@ def _document(request: LiveRequest) -> tuple[CameraDocument, tuple[str, ...] | N
 
 
 def _place(request: LiveRequest, scene: Scene) -> Place | None:
-    if request.at is None and request.yaw_deg is None:
+    if request.at is None and request.yaw_deg is None and not request.pitch_deg:
         return None
     at = scene.start.position_m if request.at is None else request.at
-    return Place(at, scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg)
+    yaw_deg = scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg
+    return Place(at, yaw_deg, request.pitch_deg)
 
 
 def _refuse(request: LiveRequest, options: dict[str, str], reason: str) -> None:
     for option, name in options.items():
-        if getattr(request, name) is not None:
+        if getattr(request, name) != getattr(LiveRequest, name):  # its default
             raise OutputError(f"{option}: {reason}")

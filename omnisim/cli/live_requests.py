@@ -14,12 +14,16 @@ from omnisim.cli.arguments import (
     DeviceOption,
     MirroredOption,
     OpticsOption,
+    PitchOption,
     PresetOption,
+    QualityOption,
     ResourcesOption,
     SensorOption,
     SizeOption,
+    SkyOption,
     TimeOption,
     UnitOption,
+    UnlitOption,
     UpOption,
     YawOption,
 )
@@ -63,9 +67,13 @@ class LiveRequest:
     mirrored: MirroredOption = None
     preset: PresetOption = None
     size_px: SizeOption = None
+    quality: QualityOption = None
     at: AtOption = None
     yaw_deg: YawOption = None
+    pitch_deg: PitchOption = 0.0
     time_s: TimeOption = 0.0
+    unlit: UnlitOption = False
+    sky: SkyOption = None
     baked: BakedOption = None
     host: Annotated[
         str,

@@ -68,7 +68,7 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
     if not _is_of(contents.fingerprint, scene):
         raise SceneError(
             f"{folder}: the bake does not match {scene.name}: geometry or lights have changed "
-            f"since: {_advice(scene, folder)}"
+            f"since: {_advice(scene, folder, ' --force')}"
         )
     rectangles = _rectangles(contents.rects, "rects", scene, folder / CONTENTS)
     backs = _rectangles(contents.back_rects, "back_rects", scene, folder / CONTENTS)
@@ -94,8 +94,8 @@ def _is_of(fingerprint: str, scene: Scene) -> bool:
     return fingerprint == baked_fingerprint(scene) or fingerprint == content_fingerprint(scene)
 
 
-def _advice(scene: Scene, folder: Path) -> str:
-    return f"run `omnisim bake {scene.name} -o {folder}`"
+def _advice(scene: Scene, folder: Path, more: str = "") -> str:
+    return f"run `omnisim bake {scene.name} -o {folder}{more}`"
 
 
 def _read_contents(path: Path) -> _Contents:

@@ -113,8 +113,28 @@ def test_damaged_tile_is_named(tmp_path, monkeypatch):
 
 def test_output_that_is_there_stays(tmp_path):
     (tmp_path / "x").mkdir()
-    with pytest.raises(OmnisimError, match="is there already"):
-        bake_scene(room(), tmp_path / "x", SETTINGS)
+    (tmp_path / "x" / "mine").touch()
+    for force in (False, True):
+        with pytest.raises(OmnisimError, match="is no bake: expected a new or empty folder"):
+            bake_scene(room(), tmp_path / "x", SETTINGS, force=force)
+    assert (tmp_path / "x" / "mine").is_file()
+
+
+def test_a_bake_is_finished_or_replaced(tmp_path):
+    out, scene = tmp_path / "x", room()
+    out.mkdir()
+    assert bake_scene(scene, out, SETTINGS) is not None  # into an empty folder
+    before = contents(out)
+    assert bake_scene(scene, out, SETTINGS) is None
+    with pytest.raises(OmnisimError, match="is a bake with other settings: expected --force"):
+        bake_scene(scene, out, BakeSettings(texel_m=0.2, samples=9, bounces=3))
+    changed = scene.added("other", box("other", (0.5, 0.5, 0.5), (0.0, 0.6, -0.75)))
+    with pytest.raises(OmnisimError, match="or of this one before it changed: expected --force"):
+        bake_scene(changed, out, SETTINGS)
+    assert contents(out) == before
+    assert bake_scene(changed, out, SETTINGS, force=True) is not None
+    assert contents(out)["baked.json"] != before["baked.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["x"]
 
 
 @pytest.mark.slow

@@ -51,6 +51,16 @@ def test_a_value_is_set_read_and_taken_away():
     assert CameraDocument().value("sensor.mirror.k") is None
 
 
+def test_what_is_saved_can_be_read_back(tmp_path):
+    path = tmp_path / "camera.toml"
+    path.write_text(CameraDocument().checked_text(), encoding="utf-8")
+    assert "[mirror]" in path.read_text(encoding="utf-8")
+    assert OmniCamera.from_file(path).model.parameters() == OmniCamera().model.parameters()
+    refused = CameraDocument().with_value("sensor.mirror.k", 1.0)  # is not drawn yet
+    with pytest.raises(SensorFileError, match=r"camera\.toml: mirror\.k: expected a number ≥ 2"):
+        refused.checked_text()
+
+
 def test_a_value_in_a_list_of_tables_is_set():
     document = with_preset(CameraDocument(), "optics", "sphere")
     changed = document.with_value("sensor.optics.surfaces.0.radius_m", 0.05)

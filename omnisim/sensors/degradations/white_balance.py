@@ -11,10 +11,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.gpu.degradation.step import Step
-from omnisim.parameters import SMALLEST, IntOrFloat, Positive, described
+from omnisim.parameters import IntOrFloat, Positive, described
 from omnisim.sensors.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.sensors.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.sensors.degradations.reflectance import multiplied
+from omnisim.table_faults import SMALLEST
 
 Factor = Annotated[Positive, Field(le=100.0)]
 Gain = Annotated[IntOrFloat, Field(ge=SMALLEST, le=100.0)]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.baking.baked_files import bake_scene
-from omnisim.baking.settings import BakeSettings
+from omnisim.baking.settings import FINE_TEXELS, BakeSettings
 from omnisim.plots.style import gallery
 from omnisim.reports.measure import Measure
 from omnisim.reports.report import CaptionedFigure, Section
@@ -35,7 +35,7 @@ SIZE_PX, QUICK_SIZE_PX = 128, 96
 # Squares, as its sampler wants, by camera: a texel of the fisheye's is a sixteenth of a pixel.
 SAMPLES = {"mirror": 400, "fisheye": 16}
 QUICK_SAMPLES = {"mirror": 256, "fisheye": 16}
-SETTINGS = BakeSettings(samples=32)
+SETTINGS = BakeSettings(samples=32, texels=FINE_TEXELS)
 QUICK_SETTINGS = BakeSettings(texel_m=0.1, samples=32)
 BOUND_DB, BOUND_SSIM = 32.0, 0.95
 
