@@ -205,11 +205,7 @@ FEATURES = (
         Feature(name, _APPLIED, "with the extra `meshopt`; else refused without plain data")
         for name in ("EXT_meshopt_compression", "KHR_meshopt_compression")
     ),
-    Feature(
-        "EXT_mesh_gpu_instancing", _LEFT_OUT,
-        "EXT_mesh_gpu_instancing is not read: one of each is drawn", "nodes",
-        _has_extension("EXT_mesh_gpu_instancing"),
-    ),
+    Feature("EXT_mesh_gpu_instancing", _APPLIED, "each copy is an instance; copies do not deform"),
     Feature("KHR_node_visibility", _LEFT_OUT, "hidden nodes are drawn", "nodes", _is_hidden),
     Feature("KHR_lights_punctual", _APPLIED, "directional, point and spot"),
     Feature("KHR_materials_unlit", _APPLIED, "its other properties do not count"),
