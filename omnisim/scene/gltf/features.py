@@ -247,10 +247,11 @@ FEATURES = (
     *(Feature(name, _LEFT_OUT, effect) for name, effect in LEFT_OUT.items()),
     *(Feature(name, Support.IGNORED, effect) for name, effect in IGNORED.items()),
 )  # fmt: skip
-# That a file may require.
+# That a file may require: those that are applied, or without which it only looks otherwise.
 SUPPORTED_EXTENSIONS = frozenset(
     name
     for feature in FEATURES
-    if feature.support in (_APPLIED, Support.IGNORED)
     for name in feature.extensions
+    if feature.support in (_APPLIED, Support.IGNORED)
+    or (feature.support is _LEFT_OUT and re.match(r"[A-Z]+_(materials|lights)_", name))
 )
