@@ -92,6 +92,11 @@ def run(request: RenderRequest) -> None:
         seed=request.seed,
         backend=backend,
     ) as renderer:
+        if renderer.camera.near_m < camera.near_m:
+            print_note(
+                f"{request.scene}: is small: the near plane is at {renderer.camera.near_m:.3g} m "
+                f"instead of {camera.near_m:g} m (virtual_cameras.near_m of a sensor file)"
+            )
         states = {
             other: WorldState({renderer.vehicle: there}, time_s + SIGNS[other] * interval_s)
             for other, there in bases.items()

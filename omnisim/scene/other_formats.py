@@ -21,7 +21,7 @@ from omnisim.scene.conversions import conversion_hint
 from omnisim.scene.imported import ImportedScene
 from omnisim.scene.mesh_faults import early_end, mesh_fault
 from omnisim.scene.obj_text import MATERIAL_FILES, plain_mtl, plain_obj, undefined_materials
-from omnisim.scene.textures import NO_PICTURE, TextureStore
+from omnisim.scene.textures import TextureStore, unreadable_image
 from omnisim.scene.trimesh_import import import_trimesh
 
 # trimesh also reads paths without surfaces, voxels, and archives of files.
@@ -87,14 +87,16 @@ def _load_with_trimesh(
 
 def _check_picture(name: str, assets: AssetResolver) -> None:
     """Note a picture that cannot be opened: trimesh goes on without a word."""
+    data = b""
     try:
+        data = assets[name]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a large picture
-            Image.open(io.BytesIO(assets[name])).close()
+            Image.open(io.BytesIO(data)).close()
     except MemoryError:
         raise
     except Exception:  # Pillow's readers raise all kinds
-        assets.faults[name] = NO_PICTURE
+        assets.faults[name] = unreadable_image(data)
 
 
 def _material_files(names: list[str], assets: AssetResolver) -> bytes:

@@ -1,4 +1,7 @@
-"""Start pose of a scene that states none: near its middle, clear of surfaces and not inside one."""
+"""Start pose of a scene that states none: near its middle, clear of surfaces and not inside one.
+
+Scenes in which nothing could stand are objects, seen from outside.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,8 @@ from omnisim.scene.parts import Instance, Mesh, StartPose, bounds_m, instance_bo
 
 # Default height of the effective viewpoint above the floor: a small robot's.
 DEFAULT_HEIGHT_M = 1.0
+# Elevation above an object that is seen from outside: mirrors show what is below them.
+OUTSIDE_ELEVATION_DEG = 20.0
 SCALE_PER_DIAGONAL = 0.1  # of scenes too small for that height
 CLEARANCE_PER_SCALE = 0.25  # 0.25 m in a room
 CLEARANCE_PER_HEIGHT = 0.5  # of low scenes, whose default is near their floor
@@ -42,14 +47,28 @@ def default_start(bounds: NDArray[np.float64]) -> StartPose:
     return StartPose((float(x), float(y), float(z)))
 
 
+def outside_start(bounds: NDArray[np.float64]) -> StartPose:
+    """Pose in front of bounds (2, 3), and above, at a distance from their middle of the diagonal.
+
+    The front is that of glTF and of Blender: −y.
+    """
+    distance = float(np.linalg.norm(bounds[1] - bounds[0]))
+    elevation = np.radians(OUTSIDE_ELEVATION_DEG)
+    offset = distance * np.array((0.0, -np.cos(elevation), np.sin(elevation)))
+    return StartPose(_plain(bounds.mean(axis=0) + offset), 90.0)
+
+
 def find_start(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> StartPose:
     """Pose nearest to the middle that is clear of surfaces and not inside of an object.
 
     It is that of `default_start` where that is free. Others stand above a floor, if there is any,
     and at the same height, if that is possible. Where no pose is free, as in a closed box, whose
-    surface is seen from the back everywhere, it is one that is clear, or the middle.
+    surface is seen from the back everywhere, it is one that is clear, or the middle. A scene whose
+    sides are all shorter than `DEFAULT_HEIGHT_M` is seen from outside.
     """
     bounds = bounds_m(meshes, instances)
+    if 0.0 < (bounds[1] - bounds[0]).max() < DEFAULT_HEIGHT_M:
+        return outside_start(bounds)
     middle = np.array(default_start(bounds).position_m)
     scale = min(DEFAULT_HEIGHT_M, SCALE_PER_DIAGONAL * float(np.linalg.norm(bounds[1] - bounds[0])))
     clearance, height = CLEARANCE_PER_SCALE * scale, middle[2] - bounds[0, 2]

@@ -16,6 +16,16 @@ MAX_SIDE_PX = 32768
 NO_PICTURE = "is not a picture that can be read"  # of an image file
 
 
+# Formats that Pillow does not read, by their first bytes.
+_UNSUPPORTED = {b"\xabKTX 20": "KTX 2", b"\xabKTX 11": "KTX"}
+
+
+def unreadable_image(data: bytes | memoryview) -> str:
+    """Reason why an image file cannot be opened: its format is not supported, or it has none."""
+    name = _UNSUPPORTED.get(bytes(data[:7]))
+    return NO_PICTURE if name is None else f"is a {name} image, which is not supported"
+
+
 class TextureStore:
     """Textures of images, each decoded once, however many materials use it.
 

@@ -20,6 +20,7 @@ from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.sensors.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px, most_polygons
 from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.quality import (
+    DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
     MAX_DENSITY,
     MAX_PICTURE_PX,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 Polygons = int | Literal["auto", "default"] | None  # of a mirror's mesh; None: exact
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
+NEAR_PER_SIZE = 0.05  # of a scene's longest side
 
 
 def _paper_camera() -> HyperbolicCamera:
@@ -59,7 +61,8 @@ class OmniCamera:
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
         face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
-        near_m, far_m: clipping planes of the virtual cameras; far may be infinite.
+        near_m, far_m: clipping planes of the virtual cameras; far may be infinite. The default
+            near plane is nearer in small scenes, see `seeing`.
         samples: samples a texel of the virtual cameras, against jagged edges.
         supersampling: samples to a side of a pixel of the picture, averaged in linear light.
         texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels,
@@ -77,7 +80,7 @@ class OmniCamera:
     polygons: Polygons = "default"
     base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
-    near_m: float = 0.05
+    near_m: float = DEFAULT_NEAR_M
     far_m: float = np.inf
     samples: int = 1
     supersampling: int = QUALITIES[DEFAULT_QUALITY].supersampling
@@ -219,6 +222,18 @@ class OmniCamera:
         return dataclasses.replace(
             self, model=old.scaled(scale), degradation=self.degradation.scaled(scale)
         )
+
+    def seeing(self, size_m: float) -> OmniCamera:
+        """The same camera for a scene of a size, to which a near plane by default adapts.
+
+        Reversed float depth is as precise with any near plane; rays that start beside the effective
+        viewpoint need one that is farther than they do, so non-central optics keep theirs.
+        """
+        near_m = NEAR_PER_SIZE * size_m
+        is_kept = self.near_m != DEFAULT_NEAR_M or isinstance(self.model, NonCentralCamera)
+        if is_kept or not 0.0 < near_m < DEFAULT_NEAR_M:
+            return self
+        return dataclasses.replace(self, near_m=near_m)
 
     @cached_property
     def mesh_polygons(self) -> int | None:

@@ -35,6 +35,7 @@ QUALITIES: dict[str, CaptureQuality] = {
     "default": CaptureQuality(3, 2.9),
     "fine": CaptureQuality(4, 4.0),
 }
+DEFAULT_NEAR_M = 0.05  # of the virtual cameras
 DEFAULT_QUALITY: QualityName = "default"
 
 

@@ -82,6 +82,9 @@ class Renderer(BatchRenderer):
         self._last_poses: ScenePoses | None = None
 
         def make_passes(stage: Stage, hidden: frozenset[ObjectPart]) -> CameraBackend:
+            if stage.scene.instances:
+                low, high = stage.scene.bounds_m()
+                self.camera = self.camera.seeing(float((high - low).max()))
             return stage.backend.camera(
                 CameraSetup(self.camera, unlit, hidden, seed, tuple(stage.vehicles))
             )

@@ -30,6 +30,7 @@ from omnisim.sensors.auto_mesh import most_polygons
 from omnisim.sensors.degradations.degradation import Degradation
 from omnisim.sensors.degradations.degradation_file import parse_degradation
 from omnisim.sensors.quality import (
+    DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
     MAX_DENSITY,
     MAX_PICTURE_PX,
@@ -139,8 +140,8 @@ class VirtualCamerasTable(Table):
     """Texels across the 90°; "auto": as texels_per_pixel needs."""
     texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
     """Texels to a side of the picture's finest pixels; left out: as camera.quality says."""
-    near_m: Positive = 0.05
-    """Metres; nothing nearer is seen."""
+    near_m: Positive = DEFAULT_NEAR_M
+    """Metres; nothing nearer is seen. Left at 0.05, it is nearer in scenes of less than 1 m."""
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     """Metres; nothing farther is seen; may be inf."""
     samples: Literal[1, 2, 4, 8] = 1

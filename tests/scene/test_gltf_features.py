@@ -352,6 +352,22 @@ def test_every_feature_has_a_file():
     assert list(USES) == [feature.name for feature in FEATURES]
 
 
+def test_a_file_may_require_what_only_changes_its_look(tmp_path):
+    def use(plain):
+        USES["KHR_materials_transmission"](plain)
+        plain.require("KHR_materials_transmission")
+
+    assert _load(tmp_path, use).notices == (
+        "a.glb: transmission is not drawn: glass is opaque (1 material)",
+    )
+
+
+@pytest.mark.parametrize("name", ["KHR_node_visibility", "KHR_gaussian_splatting", "XX_materials"])
+def test_a_file_may_not_require_other_shapes(tmp_path, name):
+    with pytest.raises(SceneError, match=f"requires the glTF extension {name}, which"):
+        _load(tmp_path, lambda plain: plain.require(name))
+
+
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.name)
 @pytest.mark.usefixtures("decoded", "draco")
 def test_feature(feature, tmp_path):

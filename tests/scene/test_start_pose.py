@@ -145,3 +145,16 @@ def test_distances_of_triangles_are_those_of_trimesh():
     lines = [np.linspace(a, b, 20001) for a, b in corners[:20, :2]]
     shortest = [np.linalg.norm(line, axis=1).min() for line in lines]
     np.testing.assert_allclose(triangle_distances(corners)[:20], shortest, atol=1e-4)
+
+
+@pytest.mark.parametrize("size_m", [0.02, 0.9])
+def test_an_object_is_seen_from_outside_in_front_and_above(size_m, tmp_path):
+    part = _box((size_m, 0.5 * size_m, 0.5 * size_m), (5, 5, 5))
+    start = _load(tmp_path, part).start
+    diagonal = np.sqrt(1.5) * size_m
+    offset = np.array(start.position_m) - 5.0
+    assert np.linalg.norm(offset) == pytest.approx(diagonal, rel=1e-4)  # the file is float32
+    assert offset[1] < -0.9 * diagonal < 0.0 < offset[2]
+    assert start.yaw_deg == 90.0
+    heading = np.array((np.cos(np.pi / 2), np.sin(np.pi / 2), 0.0))
+    assert heading @ -offset > 0.9 * diagonal

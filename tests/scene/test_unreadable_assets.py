@@ -1,5 +1,6 @@
 """Files beside a scene that cannot be read: noted as missing ones are, or refused."""
 
+import base64
 import json
 import re
 from pathlib import Path
@@ -10,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from omnisim.errors import SceneError
-from omnisim.scene import load_scene
+from omnisim.scene import load_scene, read_scene
 from tests.scene.gltf_builder import GltfBuilder, png
 
 OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
@@ -96,6 +97,11 @@ def _damaged(path, content, monkeypatch):
     return "is not a picture that can be read|has no materials"
 
 
+def _ktx(path, content, monkeypatch):
+    path.write_bytes(b"\xabKTX 20\xbb\r\n\x1a\n" + bytes(64))
+    return "is a KTX 2 image, which is not supported|has no materials"
+
+
 def _forbidden(path, content, monkeypatch):
     """As root may read all files, a stand-in for the system's refusal."""
     path.write_bytes(content)
@@ -110,7 +116,7 @@ def _forbidden(path, content, monkeypatch):
     return "cannot be read: Permission denied"
 
 
-FAULTS = (_missing, _folder, _empty, _damaged, _forbidden)
+FAULTS = (_missing, _folder, _empty, _damaged, _ktx, _forbidden)
 
 
 @pytest.mark.parametrize("make", FORMATS, ids=lambda make: make.__name__)
@@ -132,7 +138,9 @@ def test_assets_that_cannot_be_read_are_noticed(make, fault, tmp_path, monkeypat
     assert re.fullmatch(rf"{path.name}: asset ({reason}): drawn without it", notice)
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
+@pytest.mark.parametrize(
+    "fault", [each for each in FAULTS if each is not _ktx], ids=lambda fault: fault.__name__
+)
 def test_buffers_that_cannot_be_read_are_refused(fault, tmp_path, monkeypatch):
     gltf = GltfBuilder()
     gltf.node(mesh=gltf.triangle())
@@ -176,3 +184,19 @@ def test_a_name_of_two_lines_is_told_in_one(tmp_path):
     with pytest.raises(SceneError, match=r"buffers\[0\].uri: a\\nb is not there") as caught:
         load_scene(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("extension", [None, "KHR_texture_basisu"])
+def test_ktx_2_inside_a_gltf_file_is_said_to_be_unsupported(extension, tmp_path):
+    path, _ = _gltf(tmp_path)
+    tree = json.loads(path.read_text())
+    data = base64.b64encode(b"\xabKTX 20\xbb\r\n\x1a\n").decode()
+    tree["images"] = [{"uri": f"data:image/ktx2;base64,{data}", "mimeType": "image/ktx2"}]
+    if extension:
+        tree["textures"] = [{"extensions": {extension: {"source": 0}}}]
+    path.write_text(json.dumps(tree))
+    notice = (
+        "a.gltf: texture of 'material 0' is a KTX 2 image, which is not supported: "
+        "its plain colour is drawn"
+    )
+    assert read_scene(path).notices == (notice,)

@@ -205,11 +205,7 @@ FEATURES = (
         Feature(name, _APPLIED, "with the extra `meshopt`; else refused without plain data")
         for name in ("EXT_meshopt_compression", "KHR_meshopt_compression")
     ),
-    Feature(
-        "EXT_mesh_gpu_instancing", _LEFT_OUT,
-        "EXT_mesh_gpu_instancing is not read: one of each is drawn", "nodes",
-        _has_extension("EXT_mesh_gpu_instancing"),
-    ),
+    Feature("EXT_mesh_gpu_instancing", _APPLIED, "each copy is an instance; copies do not deform"),
     Feature("KHR_node_visibility", _LEFT_OUT, "hidden nodes are drawn", "nodes", _is_hidden),
     Feature("KHR_lights_punctual", _APPLIED, "directional, point and spot"),
     Feature("KHR_materials_unlit", _APPLIED, "its other properties do not count"),
@@ -251,10 +247,11 @@ FEATURES = (
     *(Feature(name, _LEFT_OUT, effect) for name, effect in LEFT_OUT.items()),
     *(Feature(name, Support.IGNORED, effect) for name, effect in IGNORED.items()),
 )  # fmt: skip
-# That a file may require.
+# That a file may require: those that are applied, or without which it only looks otherwise.
 SUPPORTED_EXTENSIONS = frozenset(
     name
     for feature in FEATURES
-    if feature.support in (_APPLIED, Support.IGNORED)
     for name in feature.extensions
+    if feature.support in (_APPLIED, Support.IGNORED)
+    or (feature.support is _LEFT_OUT and re.match(r"[A-Z]+_(materials|lights)_", name))
 )

@@ -20,7 +20,7 @@ from omnisim.scene.gltf.primitives import Primitive
 from omnisim.scene.gltf.reflectance import with_reflectance
 from omnisim.scene.imported import LARGEST_COORDINATE
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
-from omnisim.scene.textures import NO_PICTURE, TextureStore
+from omnisim.scene.textures import NO_PICTURE, TextureStore, unreadable_image
 
 _REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's numbers
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
@@ -51,6 +51,7 @@ class Materials:
         self._store, self._assets = textures, assets
         self._textures, self._samplers = root.objects("textures"), root.objects("samplers")
         self._image_entries = root.objects("images")
+        self._reasons: dict[str, str] = {}
         self._images = [self._open(entry, accessors) for entry in self._image_entries]
 
     def uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
@@ -160,31 +161,35 @@ class Materials:
         return sampler.integer("wrapS", _REPEAT), sampler.integer("wrapT", _REPEAT)
 
     def _decode(self, info: JsonObject, material: str, is_linear: bool = False) -> Texture | None:
-        texture, image, uri = self._texture(info), None, ""
+        texture, image, uri, reason = self._texture(info), None, "", "has no image"
         source = texture.extension("EXT_texture_webp") or texture
+        if not source.has("source"):  # the plain image is left out where KTX 2 is required
+            source = texture.extension("KHR_texture_basisu") or texture
         if source.has("source"):
             index = source.index("source", self._images)
             image, uri = self._images[index], self._image_entries[index].text("uri", "")
+            reason = self._reasons.get(self._image_entries[index].place, NO_PICTURE)
         if image is not None:
             u, v = self._wraps(info)
             mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
             return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored, is_linear)
         if uri not in self._assets.faults:
-            self.notices.append(
-                f"texture of {material!r} cannot be decoded: its plain colour is drawn"
-            )
+            self.notices.append(f"texture of {material!r} {reason}: its plain colour is drawn")
         return None
 
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
         """Image, not yet decoded; None where it is missing or of an unknown format."""
-        uri = entry.text("uri", "")
+        uri, data = entry.text("uri", ""), b""
         with suppress(Exception):  # Pillow's readers raise all kinds
             if entry.has("bufferView"):
-                return Image.open(io.BytesIO(accessors.view(entry)))
-            if uri:
-                return Image.open(io.BytesIO(read_uri(uri, self._assets)))
+                data = bytes(accessors.view(entry))
+            elif uri:
+                data = read_uri(uri, self._assets)
+            return Image.open(io.BytesIO(data))
         if uri in self._assets.read:
-            self._assets.faults[uri] = NO_PICTURE
+            self._assets.faults[uri] = unreadable_image(data)
+        elif data:
+            self._reasons[entry.place] = unreadable_image(data)
         return None
 
 

@@ -23,6 +23,7 @@ from omnisim.scene.gltf.animations import (
 from omnisim.scene.gltf.container import read_container
 from omnisim.scene.gltf.deforming_meshes import DeformingMeshes, PlayedNodes
 from omnisim.scene.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
+from omnisim.scene.gltf.instancing import read_copies
 from omnisim.scene.gltf.json_object import JsonObject
 from omnisim.scene.gltf.lights import read_lights
 from omnisim.scene.gltf.materials import Materials, is_unlit
@@ -139,6 +140,10 @@ class _Meshes:
             node = nodes[index]
             if not node.has("mesh"):
                 continue
+            copies = read_copies(node, self._accessors)
+            if copies is not None:
+                yield from self._copy(node, index, pose, copies)
+                continue
             name = node.text("name", f"node {index}")
             for part in self._parts[node.index("mesh", self._parts)]:
                 made = deforming.make(index, part.primitive, self.meshes[part.mesh])
@@ -151,6 +156,17 @@ class _Meshes:
                     yield None, Instance(name, number, made.file_from_mesh)
                 else:
                     yield made.owner, Instance(name, number, made.file_from_mesh, pose)
+
+    def _copy(
+        self, node: JsonObject, index: int, pose: NDArray[np.float64], copies: NDArray[np.float64]
+    ) -> Iterator[tuple[int | None, Instance]]:
+        """Instances of a node's copies, numbered, which neither bend nor morph."""
+        name = node.text("name", f"node {index}")
+        parts = self._parts[node.index("mesh", self._parts)]
+        for number, file_from_copy in enumerate(pose @ copies):
+            for part in parts:
+                placed = translate(file_from_copy, part.center)
+                yield index, Instance(f"{name}_{number}", part.mesh, placed, file_from_copy)
 
     def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
         entries = self._materials.entries

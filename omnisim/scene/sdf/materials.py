@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from omnisim.scene.resources import ResourcePath
 from omnisim.scene.sdf.element import Omissions, SdfElement
 from omnisim.scene.sdf.heightmaps import Layer, blend
 from omnisim.scene.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
-from omnisim.scene.textures import NO_PICTURE, TextureStore, alpha_mode_of
+from omnisim.scene.textures import NO_PICTURE, TextureStore, alpha_mode_of, unreadable_image
 from omnisim.sources import read_source
 
 _DEFAULT = (0.7, 0.7, 0.7)  # of a visual without a material; Gazebo's
@@ -195,7 +196,10 @@ class MaterialReader:
             return None
         image = self.image(path)
         if image is None:
-            self._omissions.add(f"image {name} {NO_PICTURE}: drawn without it", "material")
+            reason = NO_PICTURE
+            with suppress(OSError):
+                reason = unreadable_image(read_source(path))
+            self._omissions.add(f"image {name} {reason}: drawn without it", "material")
         return image
 
     def find_image(self, element: SdfElement, name: str) -> Path | None:

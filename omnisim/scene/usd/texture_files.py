@@ -13,7 +13,7 @@ from pxr import Ar
 
 from omnisim.scene.asset_resolver import AssetResolver
 from omnisim.scene.parts import Texture, Wrap
-from omnisim.scene.textures import NO_PICTURE, TextureStore
+from omnisim.scene.textures import TextureStore, unreadable_image
 from omnisim.scene.usd.notices import Notices
 from omnisim.scene.usd.shading import TextureSource
 from omnisim.sources import note_file, read_source
@@ -127,7 +127,7 @@ class TextureFiles:
         try:
             return Image.open(io.BytesIO(data))
         except Exception:  # Pillow's readers raise all kinds
-            self._assets.faults[source.path] = NO_PICTURE
+            self._assets.faults[source.path] = unreadable_image(data)
             return None
 
 
