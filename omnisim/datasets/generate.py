@@ -93,20 +93,30 @@ class Generation:
         """
         if not self.missing:
             return
+        self._keep_folder()
         if self._workers > 1:
             for number in range(len(self.prepared.plan.scenes)):
                 self.prepared.find_free_space(number)  # once for all workers
             with threads_shared(self._workers):
-                yield from make_shards(self.job, self.missing, self._workers)
+                for made in make_shards(self.job, self.missing, self._workers):
+                    self._keep_folder()
+                    yield made
             return
         maker = ShardMaker(self.prepared, self.job.folder, self.job.device)
         try:
             for number in self.missing:
                 for _ in maker.steps(number):
                     yield Made(number, False)
+                self._keep_folder()
                 yield Made(number, True)
         finally:
             maker.close()
+
+    def _keep_folder(self) -> None:
+        """Take the folder again, where another process has given it up."""
+        if not (self.job.folder / PLAN).is_file():
+            self.job.folder.mkdir(exist_ok=True)
+            write_text(self.job.folder / PLAN, self._claim)
 
     def finish(self) -> Manifest | None:
         """Write manifest and card, once all shards of the plan are there; None: some are not.
@@ -135,9 +145,12 @@ class Generation:
         return manifest
 
     def give_up(self) -> None:
-        """Give a folder without shards up after a fault: another plan may have it."""
+        """Give a folder up that this process has taken, after a fault before any shard is in it.
+
+        Another process of the same plan that is at work in it takes it again.
+        """
         folder = self.job.folder
-        if any(folder.glob(SHARDS)):
+        if not self._has_taken_folder or any(folder.glob(SHARDS)):
             return
         for path in (folder / PLAN, *folder.glob(PATTERN)):
             path.unlink(missing_ok=True)
@@ -152,8 +165,8 @@ class Generation:
         """Make the folder this plan's, or refuse it."""
         folder = self.job.folder
         content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
-        text = json.dumps(content, indent=1) + "\n"
-        self._is_new_folder = not folder.exists()
+        text = self._claim = json.dumps(content, indent=1) + "\n"
+        self._is_new_folder, self._has_taken_folder = not folder.exists(), False
         try:
             folder.mkdir(parents=True, exist_ok=True)
             there = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
@@ -169,6 +182,7 @@ class Generation:
             what = "another plan, or of other scenes" if before else "no data set"
             raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
         write_text(folder / PLAN, text)
+        self._has_taken_folder = True
 
 
 def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimate:

@@ -449,3 +449,16 @@ def test_free_floors_are_found_once_for_all_processes(tmp_path, monkeypatch):
     assert len(found) == 4
     assert _omnisim("generate", plan, "-o", out).exit_code == 0
     assert not list(out.glob(".*"))
+
+
+def test_a_process_at_work_keeps_a_folder_that_another_gives_up(tmp_path, needs_opengl):
+    path, folder = write_plan(tmp_path, pictures_per_shard=1), tmp_path / "set"
+    first = Generation(path, folder, range(0, 1))
+    second = Generation(path, folder, range(1, 2))
+    second.give_up()  # which has not taken it
+    assert (folder / "plan.json").is_file()
+    first.give_up()
+    assert not (folder / "plan.json").exists()
+    list(second.run())
+    list(Generation(path, folder).run())
+    assert Generation(path, folder).finish() is not None
