@@ -423,6 +423,20 @@ def test_a_required_extension_is_refused_unless_it_is_applied(tmp_path):
                 _load(tmp_path, _requiring(name))
 
 
+def test_the_default_variant_is_drawn_where_variants_are_required(tmp_path):
+    def vary(plain):
+        plain.extend(plain.gltf.tree, "KHR_materials_variants", variants=[{"name": "red"}])
+        mappings = [{"material": 1, "variants": [0]}]
+        plain.gltf.tree["materials"].append({"pbrMetallicRoughness": {"metallicFactor": 0.0}})
+        plain.extend(plain.primitive, "KHR_materials_variants", mappings=mappings)
+        plain.require("KHR_materials_variants")
+
+    scene = _load(tmp_path, vary)
+    assert {mesh.material for mesh in scene.meshes} == {0}
+    (notice,) = scene.notices
+    assert notice.endswith("variants of materials are not used: the default is (1 primitive)")
+
+
 def test_an_extension_without_an_effect_may_be_required(tmp_path):
     for names in IGNORED:
         for name in names.split(", "):
