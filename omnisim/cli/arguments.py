@@ -60,6 +60,16 @@ PictureOption = Annotated[
         help="Picture: .png .jpg .tif (sRGB) or .exr (linear).",
     ),
 ]
+AtCameraOption = Annotated[
+    str | None,
+    typer.Option(
+        "--at-camera",
+        metavar="NAME",
+        help="Viewpoint and attitude of a camera of the scene's file, as `omnisim scene` lists "
+        "them.",
+        rich_help_panel=VIEWPOINT,
+    ),
+]
 AtOption = Annotated[
     tuple[float, float, float] | None,
     typer.Option(

@@ -13,7 +13,7 @@ from omnisim.cli.arguments import Backend
 from omnisim.cli.console import print_note
 from omnisim.cli.picture_requests import RenderRequest, ScanRequest
 from omnisim.cli.run_requests import DriveRequest
-from omnisim.errors import CalibrationError, OpticsError, OutputError
+from omnisim.errors import CalibrationError, OpticsError, OutputError, did_you_mean
 from omnisim.extras import require_extra
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.poses import pose
@@ -40,7 +40,13 @@ class Viewpoint:
 
     @classmethod
     def in_scene(cls, scene: Scene, request: RenderRequest | ScanRequest) -> Viewpoint:
-        """Take --at, --yaw, --pitch and --roll, by default level at the scene's start."""
+        """Take --at, --yaw, --pitch and --roll, by default level at the scene's start.
+
+        Raises:
+            OutputError: --at-camera beside one of these, or one that the scene does not have.
+        """
+        if isinstance(request, RenderRequest) and request.at_camera is not None:
+            return cls._at_camera(scene, request.at_camera, request)
         start, at, yaw_deg = scene.start, request.at, request.yaw_deg
         return cls(
             position_m=start.position_m if at is None else at,
@@ -48,6 +54,17 @@ class Viewpoint:
             pitch_deg=request.pitch_deg,
             roll_deg=request.roll_deg,
         )
+
+    @classmethod
+    def _at_camera(cls, scene: Scene, name: str, request: RenderRequest) -> Viewpoint:
+        others = {"--at": "at", "--yaw": "yaw_deg", "--pitch": "pitch_deg", "--roll": "roll_deg"}
+        refuse_options(request, others, "--at-camera has a pose of its own")
+        cameras = {one.name: one for one in scene.cameras}
+        if name not in cameras:
+            hint = did_you_mean(name, cameras) if cameras else "the scene's file has no cameras"
+            raise OutputError(f"--at-camera {name!r}: {hint}")
+        one = cameras[name]
+        return cls(one.position_m, one.yaw_deg, one.pitch_deg, one.roll_deg)
 
     def __str__(self) -> str:
         x, y, z = self.position_m

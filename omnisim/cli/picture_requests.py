@@ -11,6 +11,7 @@ from omnisim.cli.arguments import (
     CAMERA,
     GROUND_TRUTH,
     AlsoOption,
+    AtCameraOption,
     AtOption,
     AxesOption,
     Backend,
@@ -80,6 +81,7 @@ class RenderRequest:
     rate_hz: TrajectoryRateOption = None
     force: ForceOption = False
     at: AtOption = None
+    at_camera: AtCameraOption = None
     yaw_deg: YawOption = None
     pitch_deg: PitchOption = 0.0
     roll_deg: RollOption = 0.0

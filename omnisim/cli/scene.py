@@ -75,6 +75,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "gpu_bytes": gpu_bytes(scene),
         "floors": [dataclasses.asdict(one) for one in floors(scene)],
         "starts": [dataclasses.asdict(one) for one in start_places(scene)],
+        "cameras": [dataclasses.asdict(one) for one in scene.cameras],
         "paths": [
             {
                 "name": name,
@@ -165,6 +166,9 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
                 f"{what}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°, {floor}",
             )
         )
+    for one in document["cameras"]:
+        place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°"
+        lines.append(("camera", f"{place}, pitch {one['pitch_deg']:g}°"))
     for one in document["paths"]:
         count = pluralize(one["waypoints"], "waypoint")
         lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))

@@ -32,6 +32,7 @@ OWN_CAMERA = {
     "--mirrored": "mirrored",
 }
 SINGLE_PICTURE = {
+    "--at-camera": "at_camera",
     "--faces": "faces",
     "--next": "next_at",
     "--next-yaw": "next_yaw_deg",

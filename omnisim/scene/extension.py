@@ -62,7 +62,7 @@ def apart(scene: Scene, objects: Sequence[ImportedObject]) -> Scene:
             dataclasses.replace(
                 _part(scene, one.instances, inverse(one.motion.pose_at(0.0))),
                 name=one.name,
-                notices=(), starts=(), paths=(), landmarks=(),
+                notices=(), starts=(), paths=(), landmarks=(), cameras=(),
             ),
             one.motion,
         )

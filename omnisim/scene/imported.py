@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.errors import SceneError
 from omnisim.scene.object_motion import ObjectMotion
 from omnisim.scene.parts import (
+    CameraPose,
     Instance,
     LabelRule,
     Light,
@@ -57,6 +58,7 @@ class ImportedScene(NamedTuple):
         environment: luminance (rows, 2 rows, 3) of the dome by direction, in axes of the world;
             None: it is the same from everywhere.
         start: of the file's camera.
+        cameras: in the world frame.
         labels: classes that the file states.
         objects: instances that move by the world's time.
     """
@@ -71,6 +73,7 @@ class ImportedScene(NamedTuple):
     dome: tuple[float, float, float] | None = None
     environment: NDArray[np.float32] | None = None
     start: StartPose | None = None
+    cameras: tuple[CameraPose, ...] = ()
     labels: tuple[LabelRule, ...] = ()
     objects: tuple[ImportedObject, ...] = ()
 

@@ -336,6 +336,7 @@ def _scene(
         paths=_paths(settings),
         landmarks=_landmarks(settings),
         labels=label_rules(settings.labels) or read.labels,
+        cameras=read.cameras,
     )
 
 

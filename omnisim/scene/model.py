@@ -24,6 +24,7 @@ from omnisim.scene.parts import (
     MAX_LIGHTS,
     SLIM_M,
     AlphaMode,
+    CameraPose,
     ColorBand,
     Fog,
     Instance,
@@ -49,6 +50,7 @@ __all__ = [
     "MAX_LIGHTS",
     "SLIM_M",
     "AlphaMode",
+    "CameraPose",
     "ColorBand",
     "Fog",
     "Instance",
@@ -101,6 +103,7 @@ class Scene:
         background: linear RGB where nothing is hit.
         start: default pose of the camera.
         notices: one line for each feature of the file that is not drawn.
+        cameras: poses of the file's cameras; names are distinct.
         starts: start poses of vehicles; names are distinct.
         paths: routes of vehicles; names are distinct.
         landmarks: names are distinct.
@@ -122,6 +125,7 @@ class Scene:
     landmarks: tuple[Landmark, ...] = ()
     labels: tuple[LabelRule, ...] = ()
     objects: tuple[DynamicObject, ...] = ()
+    cameras: tuple[CameraPose, ...] = ()
     given: Given | None = field(default=None, init=False)
 
     def __repr__(self) -> str:

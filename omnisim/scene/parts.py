@@ -346,6 +346,17 @@ class StartPose:
 
 
 @dataclass(frozen=True)
+class CameraPose:
+    """Pose of a camera in a scene's file: its viewpoint, world, and its attitude, x ahead."""
+
+    name: str
+    position_m: tuple[float, float, float]
+    yaw_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+
+
+@dataclass(frozen=True)
 class NamedStart:
     """Start pose of a vehicle: its base in the world, z up."""
 

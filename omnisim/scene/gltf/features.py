@@ -174,10 +174,7 @@ FEATURES = (
         "channels",
         lambda channel: channel.object("target").text("path", "") == "pointer",
     ),
-    Feature(
-        "camera", _LEFT_OUT, "cameras are not used as viewpoints", "nodes",
-        lambda node: node.has("camera"),
-    ),
+    Feature("camera", _APPLIED, "its pose is a viewpoint: `--at-camera`"),
     Feature("baseColorFactor", _APPLIED, "linear"),
     Feature("baseColorTexture", _APPLIED, "with any set of texture coordinates"),
     Feature("wrapS, wrapT", _APPLIED, "repeated, mirrored or clamped"),

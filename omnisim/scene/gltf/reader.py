@@ -20,6 +20,7 @@ from omnisim.scene.gltf.animations import (
     read_animation,
     transforms_at_start,
 )
+from omnisim.scene.gltf.cameras import read_cameras
 from omnisim.scene.gltf.container import read_container
 from omnisim.scene.gltf.deforming_meshes import DeformingMeshes, PlayedNodes
 from omnisim.scene.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
@@ -70,13 +71,15 @@ def read_gltf(
         _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]),
         **unplayed_parts(nodes, animation, moved),
     )
+    in_world = {index: world_from_file @ pose for index, pose in poses.items()}
     extensions = [str(name) for name in root.array("extensionsUsed")]
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
         tuple(instance for _, instance in placed),
         [*materials.notices, *deforming.notices, *feature_notices(drawn, extensions)],
-        read_lights(root, nodes, {index: world_from_file @ pose for index, pose in poses.items()}),
+        read_lights(root, nodes, in_world),
+        cameras=read_cameras(root, nodes, in_world),
         objects=moving_objects(nodes, [owner for owner, _ in placed], moved, world_from_file),
     )
 
