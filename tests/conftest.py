@@ -12,6 +12,7 @@ import pytest
 
 from omnisim.errors import GraphicsError
 from omnisim.gpu.context import open_context, release_context
+from omnisim.gpu.shadows import shadow_plan
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -35,6 +36,12 @@ def needs_opengl():
     """For tests that open their own context."""
     if reason := _no_opengl():
         pytest.skip(reason)
+
+
+@pytest.fixture
+def coarse_shadows(monkeypatch):
+    """Shadow maps of a sixteenth of the texels, for tests whose images all have the same maps."""
+    monkeypatch.setattr(shadow_plan, "_MAX_TEXELS", shadow_plan._MAX_TEXELS // 16)
 
 
 def open_context_or_skip():

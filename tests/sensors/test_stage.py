@@ -22,7 +22,7 @@ from tests.vehicles import (
     surroundings,
 )
 
-pytestmark = pytest.mark.usefixtures("needs_opengl")
+pytestmark = pytest.mark.usefixtures("needs_opengl", "coarse_shadows")
 
 
 def test_shared_stage_renders_as_separate_ones():
