@@ -44,7 +44,7 @@ def _request(scene, **options):
 def test_a_viewpoint_is_that_of_a_camera(scene):
     viewpoint = Viewpoint.in_scene(scene, _request(scene, at_camera="lens"))
     assert (viewpoint.position_m, abs(viewpoint.yaw_deg)) == ((0.0, 0.0, 0.0), 180.0)
-    with pytest.raises(OutputError, match="--at-camera 'lend': did you mean 'lens' or 'lens_1'"):
+    with pytest.raises(OutputError, match="--at-camera 'lend': did you mean 'lens'"):
         Viewpoint.in_scene(scene, _request(scene, at_camera="lend"))
     with pytest.raises(OutputError, match="--yaw: --at-camera has a pose of its own"):
         Viewpoint.in_scene(scene, _request(scene, at_camera="lens", yaw_deg=3.0))
