@@ -43,6 +43,11 @@ def check_format(path: Path) -> None:
         check_format(path)
 
 
+def is_mjcf(path: Path) -> bool:
+    """True for a model of MuJoCo."""
+    return path.suffix.lower() in _MJCF and not _is_urdf(path)
+
+
 def _is_urdf(path: Path) -> bool:
     """True for a robot's file, which may be named like a MuJoCo model."""
     if path.suffix.lower() in _MJCF:

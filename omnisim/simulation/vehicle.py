@@ -18,6 +18,7 @@ from omnisim.robot.odometry import OdometryErrors
 from omnisim.robot.robot_file import Footprint, Robot, load_robot
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.enclosure import enclosing_nodes
+from omnisim.scene.readers import is_mjcf
 from omnisim.scene.start_pose import default_start
 from omnisim.sensors.degradations import Degradation
 from omnisim.sensors.omnicamera import Polygons
@@ -205,7 +206,12 @@ def _load_body(robot: Robot) -> Scene | None:
     path = find_beside(robot.folder, robot.body, f"{robot.source}: body", RobotFileError)
     try:
         folders = [robot.folder / name for name in robot.resources]
-        body = _moved(read_scene(path, resources=folders, animation="none"), robot.body_offset_m)
+        read = read_scene(path, resources=folders, animation="none")
+        if is_mjcf(path):
+            from omnisim.scene.mujoco.robot_body import without_world  # of an extra
+
+            read = without_world(read, path)
+        body = _moved(read, robot.body_offset_m)
         # pictures and fingerprints name the body: not by where this machine has it; it is no scene
         # to look around in, and has its middle for a start
         start = default_start(body.bounds_m())

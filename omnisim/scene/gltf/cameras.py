@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from omnisim.poses import roll_pitch_yaw_from_rotation
 from omnisim.scene.gltf.json_object import JsonObject
+from omnisim.scene.imported import LARGEST_COORDINATE
 from omnisim.scene.parts import CameraPose
 
 
@@ -40,7 +41,9 @@ def read_cameras(
 
 
 def _camera_pose(name: str, world_from_node: NDArray[np.float64]) -> CameraPose | None:
-    """Pose of a camera's node, or None where its axes are flat."""
+    """Pose of a camera's node, or None where its axes are flat, or its numbers too large."""
+    if not np.abs(world_from_node).max() < LARGEST_COORDINATE:  # false for NaN, too
+        return None
     ahead, up = -world_from_node[:3, 2], world_from_node[:3, 1]
     left = np.cross(up, ahead)
     lengths = np.linalg.norm(ahead), np.linalg.norm(left)

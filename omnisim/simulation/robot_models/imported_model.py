@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnisim.errors import SceneError
 from omnisim.poses import roll_pitch_yaw_from_rotation
 from omnisim.robot.sensor_names import folder_name
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.enclosure import enclosing_nodes
 from omnisim.toml_file import toml_text
 
@@ -124,7 +124,7 @@ def _table(
 def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -> Scene | None:
     """Model as it is drawn; None, with a notice, where it cannot be."""
     try:
-        return load_scene(path, resources=resources, animation="none")
+        return read_scene(path, resources=resources, animation="none")
     except SceneError as reason:
         notices.append(f"body: left out: {reason}")
         return None

@@ -15,6 +15,7 @@ from omnisim.mujoco.mount import Mount
 from omnisim.robot.sensor_names import folder_name
 from omnisim.scene.mujoco.names import body_name, geom_names
 from omnisim.scene.mujoco.reader import VISIBLE_GROUPS, load_model
+from omnisim.scene.mujoco.robot_body import without_world
 from omnisim.scene.sdf.models import unique_name
 from omnisim.sensors import OmniCamera
 from omnisim.simulation.robot_models.imported_model import (
@@ -32,7 +33,7 @@ _OBJECTS = mujoco.mjtObj
 
 
 def import_mjcf(path: Path, output: Path, resources: Sequence[str | Path] = ()) -> ImportedModel:
-    """Import a robot, which is all that its model has.
+    """Import a robot, the only body in the world of its model.
 
     Args:
         path: of the model.
@@ -40,7 +41,7 @@ def import_mjcf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
         resources: of no use to MuJoCo.
 
     Raises:
-        RobotFileError: MuJoCo cannot read it, or it has more than a robot.
+        RobotFileError: MuJoCo cannot read it, or it has several robots, or none.
     """
     notices: list[str] = []
     try:
@@ -55,13 +56,15 @@ def import_mjcf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
             f"{path}: expected names in UTF-8, got {bytes(reason.object)!r:.40}"
         ) from None
     body = load_body(path, resources, notices)
+    if body is not None:
+        body = without_world(body, path)
     return robot_file(found, path, output, body, (), notices)
 
 
 def _mechanics(
     model: mujoco.MjModel, data: mujoco.MjData, path: Path, notices: list[str]
 ) -> Mechanics:
-    root = _root(model, path)
+    root = _root(model, path, notices)
     if not (np.isfinite(data.xpos).all() and np.isfinite(data.subtree_com).all()):
         raise RobotFileError(f"{path}: expected bodies at finite positions")
     wheels = list(_wheels(model, data, root))
@@ -70,21 +73,24 @@ def _mechanics(
     return Mechanics(body_name(model, root), wheels, mass_kg, centre_m, sensors, {})
 
 
-def _root(model: mujoco.MjModel, path: Path) -> int:
-    """Body of the robot: the only one in the world, which shows nothing itself."""
+def _root(model: mujoco.MjModel, path: Path, notices: list[str]) -> int:
+    """Body of the robot: the only one in the world; what the world shows itself is left out."""
     roots = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
     others = [
         name
         for geom, name in enumerate(geom_names(model))
         if model.geom_bodyid[geom] == 0 and int(model.geom_group[geom]) in VISIBLE_GROUPS
     ]
-    if len(roots) != 1 or others:
-        found = [*(body_name(model, body) for body in roots), *others]
-        shown = ", ".join(found[:_SHOWN]) + (", …" if len(found) > _SHOWN else "")
-        raise RobotFileError(
-            f"{path}: expected the model of one robot, without a world, got {shown or 'no body'}"
-        )
+    if len(roots) != 1:
+        shown = _listed([body_name(model, body) for body in roots])
+        raise RobotFileError(f"{path}: expected the model of one robot, got {shown or 'no body'}")
+    if others:
+        notices.append(f"left out, as it is the world's: {_listed(others)}")
     return roots[0]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
 
 
 def _wheels(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Iterator[Wheel]:

@@ -81,11 +81,18 @@ def test_cameras_and_imus_are_sensors_where_mujoco_has_them(tmp_path):
     assert chip.base_from_imu[:3, 3] == pytest.approx((0.05, 0.0, 0.2))
 
 
-def test_a_model_with_a_world_is_refused(tmp_path):
-    (tmp_path / "cart.xml").write_text(
-        model(PAIR, world='<geom name="floor" type="plane" size="1 1 1"/>')
-    )
-    with pytest.raises(RobotFileError, match=r"of one robot, without a world, got cart, floor$"):
+def test_the_floor_of_a_model_is_left_out(tmp_path):
+    floor = '<geom name="floor" type="plane" size="9 9 1"/>'
+    alone, table = load(tmp_path, model(PAIR))
+    vehicle, with_floor = load(tmp_path, model(PAIR, world=floor))
+    assert "left out, as it is the world's: floor" in (tmp_path / "robot.toml").read_text()
+    assert with_floor == table  # footprint, mass and wheels
+    assert vehicle.body.instance_names == alone.body.instance_names
+
+
+def test_a_model_of_several_robots_or_none_is_refused(tmp_path):
+    (tmp_path / "cart.xml").write_text(model(PAIR, world='<body name="box"/>'))
+    with pytest.raises(RobotFileError, match=r"expected the model of one robot, got box, cart$"):
         import_model(tmp_path / "cart.xml", tmp_path / "robot.toml")
     (tmp_path / "cart.xml").write_text("<mujoco><worldbody/></mujoco>")
     with pytest.raises(RobotFileError, match="got no body"):
