@@ -11,13 +11,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
-from omnisim.errors import OmnisimError
+from omnisim.errors import NoticeWarning, OmnisimError
 from tests.fuzz.mutations import mutate
 from tests.fuzz.readers import READERS
 
 LONGEST_LINE = 700
 LARGEST_BYTES = 512 << 20  # that reading a sample of some kilobytes may add
-SILENT = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
+SILENT = (
+    DeprecationWarning,
+    PendingDeprecationWarning,
+    ImportWarning,
+    ResourceWarning,
+    NoticeWarning,  # notices of a file that is read
+)
 
 
 @dataclass(frozen=True)

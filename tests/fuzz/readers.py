@@ -134,6 +134,15 @@ def _mesh(name: str, folder: Path, **options: object) -> None:
     (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
 
 
+def _collada_submesh(folder: Path) -> None:
+    """World of Gazebo with a submesh by its node's name."""
+    _mesh("a.dae", folder)
+    mesh = "<mesh><uri>a.dae</uri><submesh><name>node0</name><center>1</center></submesh></mesh>"
+    visual = f'<visual name="v"><geometry>{mesh}</geometry></visual>'
+    model = f'<model name="m"><link name="l">{visual}</link></model>'
+    (folder / "a.world").write_text(f'<sdf version="1.9"><world name="w">{model}</world></sdf>')
+
+
 def _scene_file(folder: Path) -> None:
     """Tables of the soccer scene, a mesh of ours."""
     _box_obj(folder)
@@ -451,6 +460,7 @@ def _readers() -> list[Reader]:
         Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
         Reader("sdf", _gazebo_world, partial(_read_scene, "a.world"),
                ("a.world", "cup/cup.sdf", "cup/model.config", "cup/cup.material", "wood.png")),
+        Reader("sdf-dae", _collada_submesh, partial(_read_scene, "a.world"), ("a.dae",)),
         Reader("urdf", _urdf, partial(_read_scene, "a.urdf"), ("a.urdf",)),
         Reader("mujoco", _mujoco_model, partial(_read_scene, "a.xml"), ("a.xml",)),
         Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),

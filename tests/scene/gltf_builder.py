@@ -119,6 +119,8 @@ def skinned_and_textured():
     gltf.node(mesh=mesh, skin=0)
     gltf.node(rotation=[0.0, 0.6, 0.0, 0.8], scale=[1.0, 2.0, -1.0], translation=[1.0, 2.0, 3.0])
     gltf.node(mesh=mesh, extensions={"KHR_lights_punctual": {"light": 0}})
+    gltf.tree["cameras"] = [{"name": "eye", "type": "perspective", "perspective": {"yfov": 1.0}}]
+    gltf.node(camera=0, rotation=[0.0, 0.6, 0.0, 0.8])
     times = gltf.accessor(np.array([0.0, 1.0], "<f4"), "SCALAR")
     turns = gltf.accessor(np.repeat(np.eye(4, dtype="<f4")[1:3], 3, axis=0), "VEC4")
     offsets = gltf.accessor(np.eye(3, dtype="<f4"), "VEC3")

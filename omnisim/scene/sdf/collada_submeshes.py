@@ -16,6 +16,14 @@ from typing import Any
 import collada  # type: ignore[import-untyped]
 from trimesh.util import unique_name
 
+# Faults past which trimesh reads on, and so does this.
+_TOLERATED = [
+    collada.common.DaeError,
+    collada.common.DaeIncompleteError,
+    collada.common.DaeMalformedError,
+    collada.common.DaeBrokenRefError,
+    collada.common.DaeUnsupportedError,
+]
 _SURFACES = (collada.polylist.Polylist, collada.triangleset.TriangleSet)
 
 
@@ -28,7 +36,7 @@ def submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
     names: dict[str, tuple[str, str]] = {}
     counts: dict[str | None, int] = {}
     unnamed = (f"unnamed_submesh_{number}" for number in itertools.count())
-    for root in collada.Collada(io.BytesIO(data)).scene.nodes:
+    for root in collada.Collada(io.BytesIO(data), ignore=_TOLERATED).scene.nodes:
         for geometry, owner in _instances(root, "", unnamed):
             for primitive in geometry.primitives:
                 if isinstance(primitive, _SURFACES) and primitive.vertex is not None:
