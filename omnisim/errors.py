@@ -95,7 +95,8 @@ def did_you_mean(word: str, known: Iterable[str], otherwise: str = "expected one
     # another number of the same name, as cam7 of cam1, is no misspelling
     spelled = [known for known in words if re.sub(r"\d", "", known) != re.sub(r"\d", "", word)]
     near = difflib.get_close_matches(word, spelled, n=1, cutoff=0.65)
-    near = [known for known in words if word and known.startswith(word)] or near
+    parts = [known for known in words if word and known.startswith(word)]
+    near = parts or [known for known in words if known.endswith(f"/{word}")] or near
     if near:
         return f"did you mean {' or '.join(map(repr, near))}?"
     return f"{otherwise} {', '.join(words) or 'none'}"

@@ -150,7 +150,7 @@ def test_a_changed_scene_is_refused(folder):
     scene = surroundings()
     brighter = dataclasses.replace(scene, lighting=dataclasses.replace(scene.lighting, exposure=2))
     for changed in (brighter, scene.removed("object 1"), scene.recolored("object 1", (1, 0, 0))):
-        with pytest.raises(SceneError, match=r"run `omnisim bake test -o .*test\.baked`$"):
+        with pytest.raises(SceneError, match=r"run `omnisim bake test -o .*test\.baked --force`$"):
             with_baked_light(changed, folder)
 
 

@@ -124,7 +124,7 @@ def test_frames_of_several_cameras_are_those_of_the_one_taken(tmp_path):
 @pytest.mark.parametrize(
     ("name", "settings", "words"),
     [
-        ("tum", {"frame": "cam7"}, "--trajectory-frame 'cam7': did you mean"),
+        ("tum", {"frame": "cam7"}, "--trajectory-frame 'cam7': expected one of body, camera, cam0"),
         ("tum", {"frame": "odom"}, "--trajectory-frame 'odom': expected one of body, camera, cam0"),
         ("tum", {"rate_hz": 10.0}, "has times of its own: expected no --rate"),
         ("kitti", {"rate_hz": -1.0}, "--rate: expected a finite number above 0, got -1"),
