@@ -91,6 +91,8 @@ def light_summary(lighting: Lighting) -> str:
     kinds = [light.kind.value for light in lighting.lights]
     if kinds and not is_even(lighting):
         return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    if lighting.baked is not None:
+        return "none: baked light of what shines"
     if lighting.environment is not None:
         return "none: lit by its sky"
     return "none: even light, without shadows" if kinds else "none: light from everywhere"

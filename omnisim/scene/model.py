@@ -134,12 +134,18 @@ class Scene:
             repr(self.name),
             counted(len(self.instances), "instance"),
             counted(self.triangle_count, "triangle"),
-            "even light" if is_even(self.lighting) else counted(len(self.lighting.lights), "light"),
+            self._short_light,
             counted(len(self.landmarks), "landmark"),
             counted(len(self.starts), "start"),
             counted(len(self.paths), "path"),
             counted(len(self.objects), "dynamic object") if self.objects else "",
         )
+
+    @property
+    def _short_light(self) -> str:
+        if not is_even(self.lighting):
+            return counted(len(self.lighting.lights), "light")
+        return "even light" if self.lighting.baked is None else "baked light"
 
     @property
     def triangle_count(self) -> int:

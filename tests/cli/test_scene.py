@@ -34,7 +34,7 @@ def test_the_document_agrees_with_the_scene(omnisim, name):
 def test_the_table_names_what_is_there(omnisim):
     status, out, error = omnisim("scene", "soccer")
     assert (status, error) == (0, "")
-    for words in ("237", "30,835 triangles", "kick_off", "lap: 6 waypoints", "none: even light"):
+    for words in ("237", "30,835 triangles", "kick_off", "lap: 6 waypoints", "none: baked"):
         assert words in out
     assert "beacon_left_blue" in out  # a landmark
     assert "and 217 smaller ones: --all" in out
@@ -43,9 +43,9 @@ def test_the_table_names_what_is_there(omnisim):
 
 def test_a_scene_without_lamps_has_none(omnisim):
     document = json.loads(omnisim("scene", "soccer", "--json")[1])
-    assert document["light"] == "none: even light, without shadows"
+    assert document["light"] == "none: baked light of what shines"
     assert document["lights"] == []
-    assert "even light" in repr(load_scene("soccer"))
+    assert "even light" in repr(load_scene("soccer", baked="none"))
 
 
 def test_bounds_of_a_small_scene_have_digits(omnisim, tmp_path):
