@@ -102,7 +102,8 @@ def test_representations_are_short():
 
 def test_a_scene_shows_its_name_and_counts():
     assert repr(omnisim.load_scene("soccer")) == (
-        "Scene('soccer', 237 instances, 30,835 triangles, baked light, 6 landmarks, 7 starts, 2 paths)"
+        "Scene('soccer', 237 instances, 30,835 triangles, baked light, 6 landmarks, 7 starts, "
+        "2 paths)"
     )
 
 
