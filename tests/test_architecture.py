@@ -60,6 +60,7 @@ GPU_LAYERS = (
     {"atlas"},
     {"context", "layer_targets", "shader_files", "uniforms", "memory"},
     {"gl_state"},
+    {"fences"},
     {"gl_functions"},
 )
 HOMES = {

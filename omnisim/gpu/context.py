@@ -17,6 +17,7 @@ import moderngl
 from moderngl import Context as Context  # for those who only hand it on
 
 from omnisim.errors import GraphicsError
+from omnisim.gpu.fences import Fences
 from omnisim.gpu.gl_functions import clip_depth_from_zero_to_one, delete_texture
 from omnisim.gpu.gl_state import set_constants
 
@@ -44,12 +45,14 @@ class _Opened(NamedTuple):
         dropped_textures: to delete, not moderngl's.
         lasting_target: moderngl binds the target that it used last again and again: this one is
             never deleted.
+        fences: of passes, where the driver is llvmpipe.
     """
 
     device: int | None
     handle: int | None
     dropped_textures: list[int]
     lasting_target: moderngl.Framebuffer
+    fences: Fences | None
 
 
 class GraphicsInfo(NamedTuple):
@@ -216,7 +219,8 @@ def _open(device: int | None) -> moderngl.Context:
     set_constants()
     lasting_target = context.framebuffer([context.renderbuffer((1, 1))])
     lasting_target.use()
-    context.extra = _Opened(device, _current_handle(), [], lasting_target)
+    fences = Fences() if "llvmpipe" in context.info["GL_RENDERER"] else None
+    context.extra = _Opened(device, _current_handle(), [], lasting_target, fences)
     context.gc_mode = "context_gc"  # `collect_garbage` frees unreferenced objects
     return context
 

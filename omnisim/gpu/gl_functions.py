@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache, partial
+from typing import Any
 
 import moderngl
 
@@ -21,11 +22,11 @@ COMMAND_BYTES = 20  # of an indirect draw
 
 
 @cache
-def gl_function(name: str, *parameters: type) -> Callable[..., None]:
-    """Function of OpenGL that returns nothing, by its name and the types of its parameters."""
+def gl_function(name: str, *parameters: type, returns: type | None = None) -> Callable[..., Any]:
+    """Function of OpenGL, by its name and the types of its parameters and of what it returns."""
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetProcAddress.restype = ctypes.c_void_p
-    return ctypes.CFUNCTYPE(None, *parameters)(egl.eglGetProcAddress(name.encode()))
+    return ctypes.CFUNCTYPE(returns, *parameters)(egl.eglGetProcAddress(name.encode()))
 
 
 def clip_depth_from_zero_to_one() -> None:

@@ -16,6 +16,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.fences import end_pass
 from omnisim.gpu.gl_functions import gl_function
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
@@ -73,6 +74,7 @@ class GlState:
         """
         if has_depth:
             self._set_depth_mask(True)
+        end_pass(target.ctx)
         self._bind(_FRAMEBUFFER, target.glo)
         self._viewport(0, 0, *target.size)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from omnisim.gpu.batch_pipeline import MAX_SLICE_BYTES
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass, bind_details, hits_target, read_hits
 from omnisim.gpu.ground_truth.visibility_layers import VisibilityLayers
 from omnisim.gpu.memory import gpu_allocation
@@ -96,7 +97,7 @@ class HitBatches:
         passes, variant = self._passes, self._reserve(count, details)
         layers, buffers = variant.layers, passes.visibility.buffers
         layers.draw(poses)
-        variant.target.use()
+        use_target(variant.target)
         optical = passes.pixels.camera.rig_from_optical
         passes.tables.update_batch(
             layers.ids,

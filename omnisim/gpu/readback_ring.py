@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.gpu.fences import end_pass
 from omnisim.gpu.gl_functions import flush
 from omnisim.gpu.memory import gpu_allocation
 
@@ -44,6 +45,7 @@ class ReadbackRing:
         buffer = self._buffer(out.nbytes)
         components = out.shape[-1]
         rows = out.size // (target.width * components)
+        end_pass(self._context)
         target.read_into(buffer, (0, 0, target.width, rows), components=components)
         flush()
         self._reads.append(_Read(buffer, out))

@@ -14,6 +14,7 @@ from omnisim.gpu.capture.depth_pyramid import DepthPyramid
 from omnisim.gpu.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.gpu.capture.picture_pass import picture_array
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
@@ -87,7 +88,7 @@ class ParallaxPass:
         self._target = context.framebuffer([self._colors, left])
         # once: nothing is ever drawn where there is no ray
         self._surfaces_target.clear(0.0, 0.0, 0.0, -1.0)
-        self._target.use()
+        use_target(self._target)
         self._target.clear()
         clear_integers(_LEFT)
         self._valid_bits = rays.valid_bits()
@@ -158,14 +159,14 @@ class ParallaxPass:
         self._rays.use()
         atlas.use(_ATLAS)
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        self._surfaces_target.use()
+        use_target(self._surfaces_target)
         self._surfaces_array.render()
         self._surfaces.use(_SURFACES)
-        self._target.use()
+        use_target(self._target)
         self._pixels_array.render()
         self._add_samples_left(cast)
         self._colors.use(_ATLAS)
-        target.use()
+        use_target(target)
         self._picture_array.render()
 
     def _add_samples_left(self, cast: CastSamples | None) -> None:
@@ -214,7 +215,7 @@ class ParallaxPass:
         viewport = (0, 0, _SAMPLE_ROW, rows)
         self._samples.write(texels, viewport=viewport)
         self._samples.use(_SAMPLES)
-        self._samples_target.use()
+        use_target(self._samples_target)
         self._samples_target.viewport = viewport
         self._samples_array.render()
         light = np.empty((rows * _SAMPLE_ROW, 4), dtype=np.float32)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import StorageBindings
 from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.memory import gpu_allocation
@@ -77,7 +78,7 @@ class RemapPass:
             [context.renderbuffer(samples.size_px, parts, dtype="f4") for parts in (2, 1)]
         )
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        target.use()
+        use_target(target)
         target.clear(-1.0, -1.0)
         samples.vertex_array(Emit.UV, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
@@ -155,11 +156,11 @@ class SamplePass:
         atlas.use(0)
         if self._lookup_rays is not None:
             self._lookup_rays.use(RAYS_UNIT)
-        self._target.use()
+        use_target(self._target)
         self._target.clear()
         self._samples_array.render()
         self._colors.use(0)
-        target.use()
+        use_target(target)
         self._array.render()
 
 

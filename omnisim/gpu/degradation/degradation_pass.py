@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.degradation.step import Step, UniformValue
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 
@@ -152,7 +153,7 @@ class _FullScreenPass:
         for name, value in (uniforms or {}).items():
             if name in self._program:
                 self._program[name] = value
-        target.use()
+        use_target(target)
         picture.use(0)
         for unit, texture in enumerate(self._textures, start=1):
             texture.use(unit)
@@ -177,7 +178,7 @@ class _Shutter:
         self._row_weights.write(np.ascontiguousarray(row_weights, dtype="<f4"))
         before, after = self._sums
         if is_first:
-            before.framebuffer.use()
+            use_target(before.framebuffer)
             before.framebuffer.clear()
         textures = {"u_sum": before.texture, "u_row_weights": self._row_weights}
         self._accumulate.draw(after.framebuffer, picture, textures=textures)

@@ -12,6 +12,7 @@ import numpy as np
 from omnisim.cameras import CylindricalCamera
 from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.gpu.atlas.tile_plan import plan_tiles
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
 from omnisim.gpu.memory import gpu_allocation
@@ -149,7 +150,7 @@ class _Sector:
         start, end = self._transforms(one.start), self._transforms(one.end)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._path_m.write(one.path_m.astype("<f4"))
-        target.use()
+        use_target(target)
         target.viewport = (0, 0, *target.size)
         target.scissor = (one.first, 0, one.last - one.first, target.size[1])
         self._tables.update(start, end.viewpoint_from_mesh[:, :3])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import clear_integers, flush
 from omnisim.gpu.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.gpu.memory import gpu_allocation
@@ -42,7 +43,7 @@ class OcclusionPass:
             occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
             self._target = context.framebuffer([occluded])
         # once: nothing is ever drawn where there is no ray
-        self._target.use()
+        use_target(self._target)
         clear_integers(0)
 
     def render(
@@ -65,7 +66,7 @@ class OcclusionPass:
         )
         visibility.render(world_from_rig, world_from_objects)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
-        self._target.use()
+        use_target(self._target)
         self._hits.tables.update(transforms, next_from_current)
         self._hits.bind()
         self._hits.points.use(_POINTS_UNIT)

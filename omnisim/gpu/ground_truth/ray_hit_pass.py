@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
@@ -103,7 +104,7 @@ class RayHitPass:
         variant = self._variants[details]
         viewpoint_from_optical = world_from_rig[:3, :3] @ self.pixels.camera.rig_from_optical
         variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
-        variant.target.use()
+        use_target(variant.target)
         self.tables.update(transforms, transforms.normal_from_mesh)
         self.bind()
         bind_details(visibility.detail_atlases, details)
@@ -176,7 +177,7 @@ def hits_target(
     attachments = [context.renderbuffer(size, 4, dtype="f4")] if details.normals else []
     attachments += [context.renderbuffer(size, 4, dtype="f2") for _ in atlas_formats(details)]
     target = context.framebuffer([*points_and_primitives, *attachments])
-    target.use()
+    use_target(target)
     target.clear(0.0, 0.0, 0.0, np.inf)
     clear_integers(_PRIMITIVES)
     return target

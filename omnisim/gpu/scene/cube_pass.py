@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
-from omnisim.gpu.gl_functions import generate_mipmaps
+from omnisim.gpu.fences import draw_mipmaps, end_pass
 from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
@@ -143,7 +143,7 @@ class CubePass:
         """Draw all tiles from a pose (4, 4), dynamic objects at theirs, and return the atlas."""
         self._draw(world_from_rig, world_from_objects)
         if self.plan.max_level:
-            generate_mipmaps(self.atlas.glo)
+            draw_mipmaps(self.atlas, self.plan.max_level)
         return self.atlas
 
     def render_layers(
@@ -161,7 +161,7 @@ class CubePass:
         else:
             layers.draw(poses)
         if self.plan.max_level:
-            generate_mipmaps(atlases.glo)
+            draw_mipmaps(atlases, self.plan.max_level)
 
     @property
     def bytes_of_layer(self) -> int:
@@ -227,6 +227,7 @@ class CubePass:
                 with self._state.blending():
                     self._draw_blended(world_from_rig, world_from_objects)
         if self._is_multisampled:
+            end_pass(context)
             context.copy_framebuffer(self._resolved, target)
 
     def read_depth(self) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import moderngl
 
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import limit_levels
 from omnisim.gpu.layer_targets import DEPTH, attach_texture
 from omnisim.gpu.scene.reversed_depth import DEPTH_FUNCTION, depth_texture
@@ -60,7 +61,7 @@ class DepthLevels:
         self._sampler.use(0)
         for level, target in enumerate(self._coarser, start=1):
             limit_levels(texture.glo, level - 1, level - 1)
-            target.use()
+            use_target(target)
             for rectangle_px in rectangles_px:
                 target.viewport = _halved(rectangle_px, level)
                 self._triangle.render(moderngl.TRIANGLES, vertices=3)

@@ -1,0 +1,60 @@
+"""Fences of llvmpipe's last passes, kept until no thread uses them.
+
+Mesa's llvmpipe draws on threads of its own. It frees the fence of a pass when it sees that the pass
+is done, and does so without the fence's lock: the thread that has just signaled it may not have
+unlocked it yet, and then writes into memory that is free. This happens where that thread is
+interrupted, on a busy machine, and the next pass is short. So a sync object holds the fence of each
+pass, and lives until many more passes are drawn.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections import deque
+
+import moderngl
+
+from omnisim.gpu.gl_functions import generate_mipmaps, gl_function, limit_levels
+
+_GPU_COMMANDS_COMPLETE = 0x9117
+_MAX_FENCES = 32  # llvmpipe has no more than 5 passes under way
+
+
+class Fences:
+    """Sync objects of the current context, the newest last."""
+
+    def __init__(self) -> None:
+        create = gl_function("glFenceSync", ctypes.c_uint, ctypes.c_uint, returns=ctypes.c_void_p)
+        self._create = lambda: create(_GPU_COMMANDS_COMPLETE, 0)
+        self._delete = gl_function("glDeleteSync", ctypes.c_void_p)
+        self._names: deque[int] = deque()
+
+    def keep(self) -> None:
+        """Keep the fence of all commands so far."""
+        self._names.append(self._create())
+        if len(self._names) > _MAX_FENCES:
+            self._delete(self._names.popleft())
+
+
+def end_pass(context: moderngl.Context) -> None:
+    """End what was drawn so far, before another target is drawn into."""
+    if context.extra.fences is not None:
+        context.extra.fences.keep()
+
+
+def use_target(target: moderngl.Framebuffer) -> None:
+    """Draw into a target, with moderngl's state of it."""
+    end_pass(target.ctx)
+    target.use()
+
+
+def draw_mipmaps(texture: moderngl.Texture | moderngl.TextureArray, max_level: int) -> None:
+    """Draw the mip levels of a texture, up to one, each from the level before."""
+    if texture.ctx.extra.fences is None:
+        generate_mipmaps(texture.glo)
+        return
+    for level in range(max_level):  # each is a pass
+        end_pass(texture.ctx)
+        limit_levels(texture.glo, level, level + 1)
+        generate_mipmaps(texture.glo)
+    limit_levels(texture.glo, 0, max_level)
