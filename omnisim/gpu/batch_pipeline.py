@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.capture.picture_pass import RemapPass
+from omnisim.gpu.fences import clear_target
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.readback_ring import ReadbackRing
+from omnisim.gpu.scene.atlas_levels import AtlasLevels
 from omnisim.gpu.scene.cube_pass import CubePass
 from omnisim.rendering import ScenePoses
 
@@ -86,7 +88,7 @@ class BatchPipeline:
         for first in range(0, len(poses), length):
             some = slice(first, min(first + length, len(poses)))
             atlases, target = self._reserve(length)
-            self._cube.render_layers(poses[some], atlases)
+            self._cube.render_layers(poses[some], atlases, self._levels)
             self._picture_pass.draw_batch(atlases, target, some.stop - some.start)
             yield some, target
 
@@ -101,12 +103,11 @@ class BatchPipeline:
             with gpu_allocation(f"a batch of {count} pictures", "render fewer at once"):
                 size = (plan.width_px, plan.height_px, count)
                 self._atlases = self.context.texture_array(size, 4, dtype="f2")
-                if plan.max_level:
-                    self._atlases.build_mipmaps(0, plan.max_level)  # allocates the levels
+                self._levels = AtlasLevels(self._atlases, plan.max_level)
                 pictures = self.context.renderbuffer((width, count * height), 4)
                 self._target = self.context.framebuffer([pictures])
             self._atlases.repeat_x = self._atlases.repeat_y = False
             self._atlases.filter = self._cube.atlas.filter
             # once: nothing is ever drawn where nothing is valid
-            self._target.clear()
+            clear_target(self._target)
         return self._atlases, self._target

@@ -14,7 +14,7 @@ from collections import deque
 
 import moderngl
 
-from omnisim.gpu.gl_functions import generate_mipmaps, gl_function, limit_levels
+from omnisim.gpu.gl_functions import gl_function
 
 _GPU_COMMANDS_COMPLETE = 0x9117
 _MAX_FENCES = 32  # llvmpipe has no more than 5 passes under way
@@ -48,13 +48,12 @@ def use_target(target: moderngl.Framebuffer) -> None:
     target.use()
 
 
-def draw_mipmaps(texture: moderngl.Texture | moderngl.TextureArray, max_level: int) -> None:
-    """Draw the mip levels of a texture, up to one, each from the level before."""
-    if texture.ctx.extra.fences is None:
-        generate_mipmaps(texture.glo)
-        return
-    for level in range(max_level):  # each is a pass
-        end_pass(texture.ctx)
-        limit_levels(texture.glo, level, level + 1)
-        generate_mipmaps(texture.glo)
-    limit_levels(texture.glo, 0, max_level)
+def clear_target(
+    target: moderngl.Framebuffer,
+    color: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+    depth: float = 1.0,
+    viewport: tuple[int, ...] | None = None,
+) -> None:
+    """Clear a target, or a viewport of it."""
+    end_pass(target.ctx)
+    target.clear(*color, depth=depth, viewport=viewport)

@@ -13,6 +13,7 @@ from omnisim.errors import GraphicsError
 from omnisim.gpu.capture.picture_pass import picture_pass
 from omnisim.gpu.capture.pixel_map import PixelMap
 from omnisim.gpu.degradation.degradation_pass import DegradationPass
+from omnisim.gpu.fences import clear_target
 from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.cube_pass import CubePass
@@ -61,7 +62,7 @@ class Pipeline:
             self._linear_target = context.framebuffer([self.linear])
             self._both_targets = context.framebuffer([encoded, self.linear])
         # once: nothing is ever drawn where nothing is valid
-        self._both_targets.clear()
+        clear_target(self._both_targets)
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
         self.picture_pass = picture_pass(samples, self._cube.plan, supersampling)

@@ -230,11 +230,11 @@ def test_an_interrupted_batch_leaves_later_ones_alone(renderer, monkeypatch):
     monkeypatch.setattr(passes.batches, "slice_length", 1)
     draw, drawn = passes.cube.render_layers, []
 
-    def interrupted(some, atlases):
+    def interrupted(some, *targets):
         if drawn:
             raise KeyboardInterrupt
         drawn.append(some)
-        draw(some, atlases)
+        draw(some, *targets)
 
     with monkeypatch.context() as patch:
         patch.setattr(passes.cube, "render_layers", interrupted)

@@ -14,7 +14,7 @@ from omnisim.gpu.capture.depth_pyramid import DepthPyramid
 from omnisim.gpu.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.gpu.capture.picture_pass import picture_array
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
-from omnisim.gpu.fences import use_target
+from omnisim.gpu.fences import clear_target, use_target
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
@@ -87,9 +87,9 @@ class ParallaxPass:
         self._surfaces_target = context.framebuffer([self._surfaces])
         self._target = context.framebuffer([self._colors, left])
         # once: nothing is ever drawn where there is no ray
-        self._surfaces_target.clear(0.0, 0.0, 0.0, -1.0)
+        clear_target(self._surfaces_target, (0.0, 0.0, 0.0, -1.0))
         use_target(self._target)
-        self._target.clear()
+        clear_target(self._target)
         clear_integers(_LEFT)
         self._valid_bits = rays.valid_bits()
         self._samples, self._samples_target = self._allocate_samples(1)

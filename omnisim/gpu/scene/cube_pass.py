@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from omnisim.errors import GraphicsError
 from omnisim.gpu.atlas.tile_plan import Tile, TilePlan
 from omnisim.gpu.atlas.tile_views import TileView
-from omnisim.gpu.fences import draw_mipmaps, end_pass
+from omnisim.gpu.fences import end_pass
 from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.layer_targets import attach_layer, attach_texture
 from omnisim.gpu.memory import gpu_allocation
+from omnisim.gpu.scene.atlas_levels import AtlasLevels
 from omnisim.gpu.scene.blended_drawer import BlendedDrawer, arrays_of, fits
 from omnisim.gpu.scene.cluster_drawer import BucketProgram
 from omnisim.gpu.scene.clustered_geometry import Bucket
@@ -87,8 +88,7 @@ class CubePass:
             depth = self._depth or float_depth(context, size, samples)
             self._target = context.framebuffer([color], depth)
         self.atlas.repeat_x = self.atlas.repeat_y = False
-        if plan.max_level:
-            self.atlas.build_mipmaps(0, plan.max_level)  # allocates the levels
+        self._levels = AtlasLevels(self.atlas, plan.max_level)
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
         self.atlas.filter = (mipmapped, moderngl.LINEAR)
         self._is_multisampled = samples > 1
@@ -142,14 +142,14 @@ class CubePass:
     ) -> moderngl.Texture:
         """Draw all tiles from a pose (4, 4), dynamic objects at theirs, and return the atlas."""
         self._draw(world_from_rig, world_from_objects)
-        if self.plan.max_level:
-            draw_mipmaps(self.atlas, self.plan.max_level)
+        self._levels.draw()
         return self.atlas
 
     def render_layers(
         self,
         poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
         atlases: moderngl.TextureArray,
+        levels: AtlasLevels,
     ) -> None:
         """Draw all tiles from poses, as for `render`, each into a layer of a texture array.
 
@@ -160,8 +160,7 @@ class CubePass:
             self._draw_each(poses, atlases)
         else:
             layers.draw(poses)
-        if self.plan.max_level:
-            draw_mipmaps(atlases, self.plan.max_level)
+        levels.draw(len(poses))
 
     @property
     def bytes_of_layer(self) -> int:
