@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from collections import deque
+from functools import partial
 
 import moderngl
 
@@ -25,7 +26,7 @@ class Fences:
 
     def __init__(self) -> None:
         create = gl_function("glFenceSync", ctypes.c_uint, ctypes.c_uint, returns=ctypes.c_void_p)
-        self._create = lambda: create(_GPU_COMMANDS_COMPLETE, 0)
+        self._create = partial(create, _GPU_COMMANDS_COMPLETE, 0)
         self._delete = gl_function("glDeleteSync", ctypes.c_void_p)
         self._names: deque[int] = deque()
 
@@ -50,10 +51,11 @@ def use_target(target: moderngl.Framebuffer) -> None:
 
 def clear_target(
     target: moderngl.Framebuffer,
-    color: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+    color: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     depth: float = 1.0,
-    viewport: tuple[int, ...] | None = None,
+    viewport: tuple[int, int, int, int] | None = None,
 ) -> None:
-    """Clear a target, or a viewport of it."""
+    """Clear a target, or a viewport of it, in a pass of its own."""
     end_pass(target.ctx)
     target.clear(*color, depth=depth, viewport=viewport)
+    end_pass(target.ctx)

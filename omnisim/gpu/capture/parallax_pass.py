@@ -89,7 +89,7 @@ class ParallaxPass:
         # once: nothing is ever drawn where there is no ray
         clear_target(self._surfaces_target, (0.0, 0.0, 0.0, -1.0))
         use_target(self._target)
-        clear_target(self._target)
+        self._target.clear()
         clear_integers(_LEFT)
         self._valid_bits = rays.valid_bits()
         self._samples, self._samples_target = self._allocate_samples(1)

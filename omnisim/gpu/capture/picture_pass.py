@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
-from omnisim.gpu.fences import clear_target, use_target
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import StorageBindings
 from omnisim.gpu.gl_state import GlState
 from omnisim.gpu.memory import gpu_allocation
@@ -79,7 +79,7 @@ class RemapPass:
         )
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_target(target)
-        clear_target(target, (-1.0, -1.0))
+        target.clear(-1.0, -1.0)
         samples.vertex_array(Emit.UV, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
         tables = [context.buffer(uvs)]
@@ -157,7 +157,7 @@ class SamplePass:
         if self._lookup_rays is not None:
             self._lookup_rays.use(RAYS_UNIT)
         use_target(self._target)
-        clear_target(self._target)
+        self._target.clear()
         self._samples_array.render()
         self._colors.use(0)
         use_target(target)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.gpu.atlas.tile_plan import TilePlan
 from omnisim.gpu.capture.tile_uniforms import bind_tiles
-from omnisim.gpu.fences import clear_target, use_target
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.shader_files import build_program, included_files
 from omnisim.gpu.uniforms import uniform
 from omnisim.mirrors import tessellate
@@ -63,7 +63,7 @@ class PixelMap:
         target = self.context.framebuffer([rays])
         self.context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_target(target)
-        clear_target(target)
+        target.clear()
         self._model_array(Emit.RAY).render()
         return rays
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.gpu.degradation.step import Step, UniformValue
-from omnisim.gpu.fences import clear_target, use_target
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.shader_files import build_program
 
@@ -179,7 +179,7 @@ class _Shutter:
         before, after = self._sums
         if is_first:
             use_target(before.framebuffer)
-            clear_target(before.framebuffer)
+            before.framebuffer.clear()
         textures = {"u_sum": before.texture, "u_row_weights": self._row_weights}
         self._accumulate.draw(after.framebuffer, picture, textures=textures)
         self._sums.reverse()

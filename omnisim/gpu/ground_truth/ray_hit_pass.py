@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.gpu.capture.pixel_map import RAYS_UNIT, PixelMap
 from omnisim.gpu.capture.valid_pixels import valid_pixels_array
-from omnisim.gpu.fences import clear_target, use_target
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import clear_integers
 from omnisim.gpu.ground_truth.hit_tables import HitTables
 from omnisim.gpu.ground_truth.visibility_pass import VisibilityPass
@@ -178,7 +178,7 @@ def hits_target(
     attachments += [context.renderbuffer(size, 4, dtype="f2") for _ in atlas_formats(details)]
     target = context.framebuffer([*points_and_primitives, *attachments])
     use_target(target)
-    clear_target(target, (0.0, 0.0, 0.0, np.inf))
+    target.clear(0.0, 0.0, 0.0, np.inf)
     clear_integers(_PRIMITIVES)
     return target
 

@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.gpu.fences import clear_target
+from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import copy_regions
 from omnisim.gpu.memory import gpu_allocation
 from omnisim.gpu.scene.reversed_depth import CLEAR_DEPTH
@@ -125,8 +125,9 @@ class ShadowMaps:
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         target = self._maps[0].target
+        use_target(target)
         for rectangle_px in self._rectangles_px[stale].astype(int).tolist():
-            clear_target(target, depth=CLEAR_DEPTH, viewport=tuple(rectangle_px))
+            target.clear(depth=CLEAR_DEPTH, viewport=tuple(rectangle_px))
         self._drawer.draw(target, clips, stale, world_from_objects, dynamic=False)
         if len(self._maps) == 1:
             self._maps[0].coarsen(self._rectangles_px[stale].astype(int).tolist())
