@@ -13,6 +13,7 @@ _COLOR = 0x1800  # GL_COLOR
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _RENDERBUFFER, _DEPTH_COMPONENT32F, _DEPTH_COMPONENT = 0x8D41, 0x8CAC, 0x1902
 _TEXTURE_2D, _TEXTURE_2D_ARRAY, _RGBA = 0x0DE1, 0x8C1A, 0x1908
+_RGBA16F = 0x881A
 _UNSIGNED_BYTE, _UNSIGNED_INT, _FLOAT, _TRIANGLES = 0x1401, 0x1405, 0x1406, 4
 _DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80EE, 0x90D2
 _BASE_LEVEL, _MAX_LEVEL = 0x813C, 0x813D
@@ -74,6 +75,18 @@ def limit_levels(texture: int, first: int, last: int) -> None:
     limit = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
     limit(texture, _BASE_LEVEL, first)
     limit(texture, _MAX_LEVEL, last)
+
+
+def allocate_half_floats(size: tuple[int, ...], levels: int) -> None:
+    """Give the texture that is bound, or the array, storage of RGBA in half floats.
+
+    Args:
+        size: width, height and, of an array, layers.
+        levels: mip levels.
+    """
+    kind = _TEXTURE_2D if len(size) == 2 else _TEXTURE_2D_ARRAY
+    allocate = gl_function(f"glTexStorage{len(size)}D", _ENUM, _INT, _ENUM, *(_INT for _ in size))
+    allocate(kind, levels, _RGBA16F, *size)
 
 
 def allocate_texture_array(internal_format: int, levels: int, size: tuple[int, int, int]) -> None:

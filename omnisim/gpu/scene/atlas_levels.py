@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 
 from omnisim.gpu.fences import use_target
-from omnisim.gpu.gl_functions import generate_mipmaps, limit_levels
+from omnisim.gpu.gl_functions import allocate_half_floats, generate_mipmaps, limit_levels
 from omnisim.gpu.layer_targets import attach_texture
 from omnisim.gpu.shader_files import build_program
 from omnisim.gpu.uniforms import uniform
@@ -26,13 +26,16 @@ class AtlasLevels:
         self._texture, self._max_level = texture, max_level
         if not max_level:
             return
-        texture.build_mipmaps(0, max_level)  # allocates the levels
         context = texture.ctx
         is_array = isinstance(texture, moderngl.TextureArray)
         can_draw = not is_array or "GL_ARB_shader_viewport_layer_array" in context.extensions
         self._targets: list[moderngl.Framebuffer] = []
         if context.extra.fences is None or not can_draw:
+            texture.build_mipmaps(0, max_level)  # allocates the levels
             return
+        texture.use()
+        allocate_half_floats(texture.size, max_level + 1)
+        limit_levels(texture.glo, 0, max_level)
         defines = ("LAYERED",) if is_array else ()
         program = build_program(context, "scene/mip_level.vert", "scene/mip_level.frag", defines)
         uniform(program, "u_finer").value = 0
