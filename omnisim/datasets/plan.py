@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 from omnisim.datasets.distributions import LARGEST_SEED, Distributed, Distribution, within
 from omnisim.errors import OmnisimError, PlanError
 from omnisim.ground_truth import check_channels
+from omnisim.ground_truth.coco import BoxLimits
 from omnisim.parameters import LARGEST, Fraction, NotNegative, Positive, Table
 from omnisim.toml_file import read_toml
 
@@ -328,6 +329,12 @@ class Plan(Table):
     reject: RejectTable = RejectTable()
     channels: Annotated[tuple[Name, ...], AfterValidator(_channels)] = ()
     """Channels of ground truth beside the pictures."""
+    min_area_px: Annotated[int, Field(strict=True, ge=1)] = 1
+    """Visible pixels of an object from which on it is annotated; with the channel instance."""
+    min_visible: Fraction | None = None
+    """Share of the pixels that an object would cover alone, from which on it is annotated; with the
+    channel instance and the extra `rays`. Annotations then have their `visible_share`, also with 0;
+    left out: shares are not found."""
     pictures_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 100
     """Samples of a shard."""
     shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1
@@ -358,6 +365,18 @@ class Plan(Table):
                     f"{files[scene.title]!r} and {scene.file!r}"
                 )
         return self
+
+    @model_validator(mode="after")
+    def _annotated(self) -> Plan:
+        for key in ("min_area_px", "min_visible"):
+            if key in self.model_fields_set and "instance" not in self.channels:
+                raise ValueError(f"{key}: expected the channel instance, whose objects it is about")
+        return self
+
+    @property
+    def box_limits(self) -> BoxLimits:
+        """Limits of the objects that are annotated."""
+        return BoxLimits(self.min_area_px, self.min_visible)
 
     @property
     def pictures(self) -> int:
