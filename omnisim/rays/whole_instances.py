@@ -49,9 +49,10 @@ def whole_areas_px(
         pairs.append(np.arange(len(shown)) * count + shown)
         return np.bincount(np.unique(np.concatenate(pairs)) % count, minlength=count)
 
-    areas = np.sum(scene.in_threads(of_band, range(len(pixels.bands))), axis=0, dtype=np.int64)
+    of_bands = scene.in_threads(of_band, range(len(pixels.bands)))
+    areas: NDArray[np.int64] = np.stack(of_bands).sum(axis=0)
     areas[0] = 0
-    return np.asarray(areas)
+    return areas
 
 
 def _surfaces_along(
