@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from omnisim.scene import Scene
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # a sensor file is read without scenes
+    from omnisim.scene import Scene
 
 NEAR_PER_SIZE = 0.05  # of a scene's longest side
 
