@@ -29,7 +29,7 @@ def test_render_writes_the_picture_and_a_summary(omnisim, tmp_path):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_surface_before_the_near_plane_is_noted(omnisim):
-    """Of the courtyard's pavement, in whose compass the camera stands."""
+    """The camera stands in the compass of the courtyard's pavement."""
     words = "render", "courtyard", "-o", "a.png", "--size", 16, "--at", 0, 0, 0.03
     status, _, error = omnisim(*words)
     assert (status, error) == (
