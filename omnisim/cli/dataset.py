@@ -19,6 +19,7 @@ from omnisim.datasets.manifest import MANIFEST, check_hashes, read_manifest
 from omnisim.datasets.recordings import write_recordings
 from omnisim.datasets.samples import Shards
 from omnisim.errors import OutputError, did_you_mean
+from omnisim.ground_truth.coco import BoxLimits
 from omnisim.image_files import write_image
 from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 from omnisim.robot.sensor_names import FOLDER_NAME
@@ -79,13 +80,19 @@ def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
         OutputError: options of COCO with another layout, or shares that are not all of a data set.
     """
     for option, value in (
-        ("--min-area", request.min_area_px),
+        ("--min-area-px", request.min_area_px),
+        ("--min-visible", request.min_visible),
         ("--polygons", request.polygons or None),
         ("--split", request.split),
     ):
         if value is not None and request.to != "coco":
             raise OutputError(f"{option}: expected with --to coco, got --to {request.to}")
-    return CocoSettings(request.min_area_px or 1, request.polygons, _splits(request.split))
+    if request.min_visible is not None and not 0.0 <= request.min_visible <= 1.0:  # NaN, too
+        raise OutputError(
+            f"--min-visible: expected a share from 0 to 1, got {request.min_visible:g}"
+        )
+    limits = BoxLimits(request.min_area_px or 1, request.min_visible)
+    return CocoSettings(limits, request.polygons, _splits(request.split))
 
 
 def _splits(text: str | None) -> dict[str, float]:

@@ -132,11 +132,22 @@ class DatasetConvertRequest:
     min_area_px: Annotated[
         int | None,
         typer.Option(
-            "--min-area",
+            "--min-area-px",
             metavar="PX",
             min=1,
             help="Visible pixels of an object from which on it is annotated.",
             show_default="1",
+            rich_help_panel=OF_COCO,
+        ),
+    ] = None
+    min_visible: Annotated[
+        float | None,
+        typer.Option(
+            "--min-visible",
+            metavar="SHARE",
+            help="Share of the pixels that an object would cover alone, 0 to 1, from which on it "
+            "is annotated; of a data set whose plan has min_visible.",
+            show_default="any",
             rich_help_panel=OF_COCO,
         ),
     ] = None

@@ -40,6 +40,7 @@ from omnisim.ground_truth.files import (
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.image_files import is_float_format, write_image
 from omnisim.sensors import OmniCamera, Renderer
+from omnisim.sensors.missed_surfaces import near_plane_note
 from omnisim.sensors.motion import MAX_MPS, MAX_RADPS, Twist
 from omnisim.world import WorldState
 
@@ -97,6 +98,8 @@ def run(request: RenderRequest) -> None:
                 f"{request.scene}: is small: the near plane is at {renderer.camera.near_m:.3g} m "
                 f"instead of {camera.near_m:g} m (virtual_cameras.near_m of a sensor file)"
             )
+        if note := near_plane_note(scene, camera, base):
+            print_note(f"{request.scene}: {note}")
         states = {
             other: WorldState({renderer.vehicle: there}, time_s + SIGNS[other] * interval_s)
             for other, there in bases.items()

@@ -15,6 +15,7 @@ from typing import Any
 from omnisim.atomic_file import atomic_folder, check_new_folder, write_text
 from omnisim.datasets.samples import Shards
 from omnisim.errors import PlanError
+from omnisim.ground_truth.coco import VISIBLE_SHARE, BoxLimits
 from omnisim.ground_truth.polygons import mask_from_runs, polygons_of_mask
 
 IMAGES, ANNOTATIONS = "images", "annotations.json"
@@ -26,12 +27,12 @@ class CocoSettings:
     """Settings of a COCO folder.
 
     Attributes:
-        min_area_px: of an object that is annotated, visible pixels.
+        limits: of the objects that are annotated.
         with_polygons: masks as polygons in place of run lengths.
         splits: share of the samples by name; empty: one file for all of them.
     """
 
-    min_area_px: int = 1
+    limits: BoxLimits = field(default_factory=BoxLimits)
     with_polygons: bool = False
     splits: Mapping[str, float] = field(default_factory=dict)
 
@@ -60,7 +61,8 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
     """Write the pictures and boxes of a data set, whole or not at all; yield after each sample.
 
     Raises:
-        PlanError: a data set without the channel instance, or a damaged shard.
+        PlanError: a data set without the channel instance, or without the visible shares that
+            the limits need; or a damaged shard.
         OutputError: the folder cannot be written.
     """
     settings = settings or CocoSettings()
@@ -78,12 +80,23 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
                     split = splits[settings.split_of(int(picture.name.partition(".")[0]))]
                     picture.rename(target / IMAGES / picture.name)
                     boxes = json.loads((files / f"{picture.stem}.coco.json").read_text("utf-8"))
+                    _check_shares(boxes, settings.limits)
                     _add(split, boxes, count, classes, settings)
                     count += 1
             yield row
         for name, split in splits.items():
             text = json.dumps(_content(shards, split, classes)) + "\n"
             write_text(target / (f"annotations_{name}.json" if name else ANNOTATIONS), text)
+
+
+def _check_shares(boxes: dict[str, Any], limits: BoxLimits) -> None:
+    if limits.min_visible is not None and not all(
+        VISIBLE_SHARE in one for one in boxes["annotations"]
+    ):
+        raise PlanError(
+            "--min-visible: expected a data set with the visible shares of its objects, which "
+            "`omnisim generate` records where the plan has min_visible: 0 leaves none out"
+        )
 
 
 def _add(
@@ -99,7 +112,7 @@ def _add(
     names = {one["id"]: one["name"] for one in boxes["categories"]}
     for one in boxes["annotations"]:
         number = classes.setdefault(names[one["category_id"]], len(classes) + 1)
-        if one["area"] < settings.min_area_px:
+        if not settings.limits.keeps(one):
             continue
         own: dict[str, Any] = {
             "id": len(split.annotations) + 1,

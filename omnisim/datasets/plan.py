@@ -8,17 +8,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from omnisim.datasets.distributions import LARGEST_SEED, Distributed, Distribution, within
+from omnisim.datasets.distributions import LARGEST_SEED, Distributed, Distribution
+from omnisim.datasets.plan_vary import MAX_PICTURES, Name, VaryTable, fixed
 from omnisim.errors import OmnisimError, PlanError
 from omnisim.ground_truth import check_channels
-from omnisim.parameters import LARGEST, Fraction, NotNegative, Positive, Table
+from omnisim.ground_truth.coco import BoxLimits
+from omnisim.parameters import Fraction, NotNegative, Positive, Table
 from omnisim.toml_file import read_toml
 
-Name = Annotated[str, Field(min_length=1, strict=True)]
 Weight = Annotated[float, Field(strict=True, gt=0.0, le=1e9)]
 Where = Literal["free", "path", "around", "poses"]
-MAX_PICTURES, MAX_SHARDS = 100_000, 1_000_000  # a shard, and a data set
-COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colours are known
+MAX_SHARDS = 1_000_000  # of a data set
 
 
 def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -29,10 +29,6 @@ def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
         return check_channels(names)
     except OmnisimError as reason:
         raise ValueError(str(reason)) from None
-
-
-def _fixed(value: float) -> Distribution:
-    return Distribution("constant", (value,))
 
 
 class PlanSceneTable(Table):
@@ -86,9 +82,9 @@ class PlanCameraTable(Table):
     the file; to each number of a list another."""
     degradation: dict[Name, dict[Name, Distributed]] = Field(default_factory=dict)
     """Parameters of degradations that are drawn, as in the sensor file's [degradation]."""
-    mount_shift_m: Distributed = _fixed(0.0)
+    mount_shift_m: Distributed = fixed(0.0)
     """Shift of each camera on its rig along each axis, metres: extrinsics that are not exact."""
-    mount_turn_deg: Distributed = _fixed(0.0)
+    mount_turn_deg: Distributed = fixed(0.0)
     """Turn of each camera on its rig about each axis, degrees."""
     weight: Weight = 1.0
     """Share of the pictures, relative to the other cameras'."""
@@ -123,7 +119,7 @@ class StandTable(Table):
     where: Where = "free"
     """`free`: on the free floor; `path`: along paths of the scene; `around`: around objects;
     `poses`: those of a file."""
-    height_m: Distributed = _fixed(1.0)
+    height_m: Distributed = fixed(1.0)
     """Height of the viewpoint above the floor, metres."""
     radius_m: Positive = 0.25
     """Radius around the viewpoint, down to the floor, that is clear of surfaces."""
@@ -133,7 +129,7 @@ class StandTable(Table):
     """`start`: the free floor that hangs together with the scene's start; `all`: all of it."""
     paths: tuple[Name, ...] = ()
     """Names of the scene's paths; none: all of them."""
-    beside_m: Distributed = _fixed(0.0)
+    beside_m: Distributed = fixed(0.0)
     """Distance to the left of a path, metres."""
     nodes: tuple[Name, ...] = ()
     """Names of the objects to stand around; `*` and `?` stand for any letters."""
@@ -152,116 +148,6 @@ class StandTable(Table):
         if self.height_m.low <= 0.0 and self.where != "poses":
             raise ValueError(f"height_m: expected heights above 0, got {self.height_m.low:g}")
         return self
-
-
-class RecolorTable(Table):
-    """Instances of a colour of their own in each picture."""
-
-    nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
-    """Names of the instances; `*` and `?` stand for any letters."""
-    hue_deg: Distributed = Distribution("uniform", (0.0, 360.0))
-    """Hue of the colour, degrees."""
-    saturation: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.0, 0.9))
-    """Saturation, 0 to 1."""
-    value: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.2, 0.95))
-    """Value, 0 to 1."""
-    share: Fraction = 1.0
-    """Share of the pictures that have it."""
-
-
-class VaryLightTable(Table):
-    """Lamps of the scenes, from setup to setup; but for the sun of [vary.sky]."""
-
-    lamp_factor: Distributed = _fixed(1.0)
-    """Factor of each lamp's intensity, at least 0: another for each lamp."""
-    lamp_temperature_k: Distributed | None = None
-    """Colour temperature of each lamp, kelvin; left out: the lamps' own colours."""
-    ambient_factor: Distributed = _fixed(1.0)
-    """Factor of the light from everywhere, at least 0."""
-
-    @model_validator(mode="after")
-    def _is_light(self) -> VaryLightTable:
-        for key in ("lamp_factor", "ambient_factor"):
-            if (low := getattr(self, key).low) < 0.0:
-                raise ValueError(f"{key}: expected factors of at least 0, got {low:g}")
-        kelvin = self.lamp_temperature_k
-        if kelvin is not None and not (kelvin.low >= COLDEST_K and kelvin.high <= HOTTEST_K):
-            raise ValueError(
-                f"lamp_temperature_k: expected {COLDEST_K:g} to {HOTTEST_K:g}, got {kelvin}"
-            )
-        return self
-
-
-class VarySkyTable(Table):
-    """Sky of the scenes, from setup to setup, instead of their own sky and directional lamps.
-
-    Environment maps where there are files; else a clear sky with its sun.
-    """
-
-    files: tuple[Name, ...] = ()
-    """Environment maps, .hdr or .exr, relative to the plan: one for each setup."""
-    yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Turn of the map, or of north, in degrees, counter-clockwise seen from above."""
-    brightness: Annotated[Distributed, within(0.0, LARGEST)] = _fixed(0.8)
-    """Brightness of a level white surface under sky and sun; 1 is white."""
-    turbidity: Annotated[Distributed, within(2.0, 10.0)] = Distribution("uniform", (2.0, 6.0))
-    """Haze of the clear sky: 2 very clear, 6 hazy."""
-    hour: Annotated[Distributed, within(0.0, 24.0)] | None = None
-    """Solar time in hours, at which the sun is above the horizon; left out: the sun's height and
-    direction are drawn."""
-    day: Annotated[Distributed, within(1.0, 366.0)] = _fixed(172.0)
-    """Day of the year, 1 to 365, of the hour."""
-    latitude_deg: Annotated[Distributed, within(-90.0, 90.0)] = _fixed(50.0)
-    """Latitude of the hour, degrees."""
-    sun_elevation_deg: Annotated[Distributed, within(0.0, 90.0)] = Distribution(
-        "uniform", (15.0, 75.0)
-    )
-    """Height of the sun above the horizon, degrees; without hour."""
-    sun_azimuth_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Direction of the sun, degrees counter-clockwise from the world's x; without hour."""
-
-    @model_validator(mode="after")
-    def _one_sky(self) -> VarySkyTable:
-        given = self.model_fields_set
-        clear = {"turbidity", "hour", "day", "latitude_deg", "sun_elevation_deg", "sun_azimuth_deg"}
-        if self.files and (others := clear & given):
-            raise ValueError(f"{min(others)}: expected a clear sky, got files")
-        of_hour, of_sun = {"day", "latitude_deg"}, {"sun_elevation_deg", "sun_azimuth_deg"}
-        if self.hour is not None and (others := of_sun & given):
-            raise ValueError(f"{min(others)}: expected none beside hour")
-        if self.hour is None and (others := of_hour & given):
-            raise ValueError(f"{min(others)}: expected an hour beside it")
-        return self
-
-
-class VaryTable(Table):
-    """Attitude, time, light and colours of the pictures."""
-
-    yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Heading, degrees from the world's x; along paths and poses it counts from theirs, and is 0
-    unless it is given."""
-    pitch_deg: Distributed = _fixed(0.0)
-    """Pitch of the vehicle, degrees: the front down."""
-    roll_deg: Distributed = _fixed(0.0)
-    """Roll of the vehicle, degrees: the left side up."""
-    shift_m: Distributed = _fixed(0.0)
-    """Shift of the camera on its vehicle along each axis, metres: a mount that is not exact."""
-    time_s: Distributed = _fixed(0.0)
-    """Time of the world, for scenes with objects that move."""
-    exposure_ev: Distributed = _fixed(0.0)
-    """Exposure of each picture in stops, on top of the camera's: 1 is twice the light."""
-    pictures_per_setup: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 25
-    """Successive samples that share a setup: light, sky, and cameras whose parameters vary; to
-    open another takes as long as some pictures."""
-    light: VaryLightTable | None = None
-    sky: VarySkyTable | None = None
-    recolor: tuple[RecolorTable, ...] = ()
-    """Colours of instances."""
-
-    @property
-    def lights(self) -> bool:
-        """True where each setup has a light of its own."""
-        return self.light is not None or self.sky is not None
 
 
 class PlacedTable(Table):
@@ -328,6 +214,12 @@ class Plan(Table):
     reject: RejectTable = RejectTable()
     channels: Annotated[tuple[Name, ...], AfterValidator(_channels)] = ()
     """Channels of ground truth beside the pictures."""
+    min_area_px: Annotated[int, Field(strict=True, ge=1)] = 1
+    """Visible pixels of an object from which on it is annotated; with the channel instance."""
+    min_visible: Fraction | None = None
+    """Share of the pixels that an object would cover alone, from which on it is annotated; with the
+    channel instance and the extra `rays`. Annotations then have their `visible_share`, also with 0;
+    left out: shares are not found."""
     pictures_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 100
     """Samples of a shard."""
     shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1
@@ -358,6 +250,18 @@ class Plan(Table):
                     f"{files[scene.title]!r} and {scene.file!r}"
                 )
         return self
+
+    @model_validator(mode="after")
+    def _annotated(self) -> Plan:
+        for key in ("min_area_px", "min_visible"):
+            if key in self.model_fields_set and "instance" not in self.channels:
+                raise ValueError(f"{key}: expected the channel instance, whose objects it is about")
+        return self
+
+    @property
+    def box_limits(self) -> BoxLimits:
+        """Limits of the objects that are annotated."""
+        return BoxLimits(self.min_area_px, self.min_visible)
 
     @property
     def pictures(self) -> int:

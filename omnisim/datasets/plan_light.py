@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.datasets.distributions import Shares
-from omnisim.datasets.plan import VaryLightTable, VarySkyTable, VaryTable
+from omnisim.datasets.plan_vary import VaryLightTable, VarySkyTable, VaryTable
 from omnisim.errors import PlanError
 from omnisim.parameters import parse_table
 from omnisim.scene import Scene

@@ -25,6 +25,7 @@ from omnisim.datasets.plan import PlacedTable, Plan, PlanSceneTable, read_plan
 from omnisim.datasets.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.plan_light import draw_light
 from omnisim.errors import PlanError, did_you_mean
+from omnisim.extras import require_extra
 from omnisim.fingerprint import fingerprint
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
@@ -77,8 +78,12 @@ class PreparedPlan:
 
         Raises:
             PlanError: one line for each fault.
+            OmnisimError: the packages of a key are not installed.
         """
-        return cls(read_plan(path), path, folder)
+        plan = read_plan(path)
+        if plan.min_visible is not None:
+            require_extra("rays", f"{path}: min_visible")
+        return cls(plan, path, folder)
 
     def check(self) -> None:
         """Read all files, and look for all places.

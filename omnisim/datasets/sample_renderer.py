@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from omnisim.datasets.plan_cameras import PlanRig
 from omnisim.datasets.plan_light import DrawnLight
 from omnisim.datasets.prepared_plan import PreparedPlan
 from omnisim.datasets.setups import setup_light, setup_rig
+from omnisim.datasets.visible_shares import StageRays, VisibleShares
 from omnisim.errors import PlanError
 from omnisim.frame import Frame
 from omnisim.sensors import Renderer, Stage
@@ -30,11 +31,13 @@ class RenderedSample:
         drawn: its draw.
         frames: by camera; a single camera's name is empty.
         light: what was drawn for its light; empty: the scene's own.
+        shares: visible shares of the objects by camera and ID; empty: the plan asks for none.
     """
 
     drawn: Draw
     frames: dict[str, Frame]
     light: dict[str, Any]
+    shares: dict[str, dict[int, float]] = field(default_factory=dict)
 
 
 class SampleRenderer:
@@ -50,6 +53,7 @@ class SampleRenderer:
         self._stage: Stage | None = None
         self._opened = (-1, -1)  # scene and setup of its light
         self._light: DrawnLight | None = None
+        self._rays = StageRays()
         self._rigs: dict[int, _OpenRig] = {}
 
     def order(self, numbers: range) -> list[int]:
@@ -69,11 +73,10 @@ class SampleRenderer:
         """
         plan, reason = self._prepared.plan, ""
         for attempt in range(plan.reject.attempts):
-            drawn = draw(self._prepared, number, attempt)
-            frames, reason = self._attempt(drawn)
-            if not reason:
-                assert self._light is not None
-                return RenderedSample(drawn, frames, self._light.values)
+            rendered = self._attempt(draw(self._prepared, number, attempt))
+            if isinstance(rendered, RenderedSample):
+                return rendered
+            reason = rendered
         raise PlanError(
             f"{self._prepared.path}: sample {number}: rejected {plan.reject.attempts} times, last "
             f"as {reason}: see [reject] and [stand]"
@@ -87,9 +90,10 @@ class SampleRenderer:
         if self._stage is not None:
             self._stage.close()
         self._stage, self._light, self._opened = None, None, (-1, -1)
+        self._rays = StageRays()
 
-    def _attempt(self, drawn: Draw) -> tuple[dict[str, Frame], str]:
-        """Frames of a draw, and the reason for which it is rejected; empty: it is not."""
+    def _attempt(self, drawn: Draw) -> RenderedSample | str:
+        """Render a draw; return the reason where it is rejected."""
         plan = self._prepared.plan
         stage, rig = self._open(drawn.which)
         assert self._light is not None
@@ -108,7 +112,7 @@ class SampleRenderer:
         if "range" not in plan.channels and plan.reject.is_needed:
             probe = rig.probe.render(state, also=("range",))
             if reason := rejected(probe, plan.reject):
-                return {}, reason
+                return reason
         frames: dict[str, Frame] = {}
         for name, renderer in rig.renderers.items():
             frame = renderer.render(
@@ -119,9 +123,16 @@ class SampleRenderer:
             )
             judges = not frames and "range" in plan.channels
             if judges and (reason := rejected(frame, plan.reject)):
-                return {}, reason
+                return reason
             frames[name] = frame
-        return frames, ""
+        shares: dict[str, dict[int, float]] = {}
+        if plan.min_visible is not None:
+            rays = self._rays.of(stage)
+            shares = {
+                name: rig.visible_shares(name).find(stage, rays, frame, state, vehicle)
+                for name, frame in frames.items()
+            }
+        return RenderedSample(drawn, frames, self._light.values, shares)
 
     def _open(self, which: Which) -> tuple[Stage, _OpenRig]:
         prepared = self._prepared
@@ -158,6 +169,13 @@ class _OpenRig:
             name: Renderer(stage, camera, seed=f"{seed} {name}")
             for name, camera in cameras.cameras.items()
         }
+        self._shares: dict[str, VisibleShares] = {}
+
+    def visible_shares(self, name: str) -> VisibleShares:
+        """Visible shares in the pictures of a camera, whose rays are found on first use."""
+        if name not in self._shares:
+            self._shares[name] = VisibleShares(self.renderers[name].camera)
+        return self._shares[name]
 
     @cached_property
     def probe(self) -> Renderer:

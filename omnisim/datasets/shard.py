@@ -22,6 +22,8 @@ from omnisim.datasets.sample_renderer import RenderedSample, SampleRenderer
 from omnisim.datasets.statistics import Statistics
 from omnisim.datasets.tar_file import write_tar
 from omnisim.errors import PlanError
+from omnisim.ground_truth.coco import BoxLimits
+from omnisim.ground_truth.files import limit_boxes
 
 MOST_WAITING = 4  # samples that are rendered and not yet written
 KEY_DIGITS = 9
@@ -153,6 +155,8 @@ class ShardMaker:
             stem = f"{key}.{name}" if name else key
             path = scratch / f"{stem}.{plan.picture_format}"
             frame.save(path, channel_format=plan.channel_format)
+            if plan.box_limits != BoxLimits():
+                limit_boxes(path, plan.box_limits, sample.shares.get(name, {}))
             statistics.add_frame(frame)
         statistics.samples += 1
         statistics.redrawn += drawn.attempt

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,31 @@ _ABOUT = (
     "picture that goes all around has a box as wide as the picture. Box: x, y, width, height in "
     "pixels from the corner of the first one."
 )
+VISIBLE_SHARE = "visible_share"  # of an annotation, where it is known
+
+
+@dataclass(frozen=True)
+class BoxLimits:
+    """Limits of the objects that are annotated.
+
+    Attributes:
+        min_area_px: visible pixels.
+        min_visible: visible share of the pixels that the object would cover alone, 0 to 1; None:
+            any, known or not.
+    """
+
+    min_area_px: int = 1
+    min_visible: float | None = None
+
+    def keeps(self, annotation: Mapping[str, Any]) -> bool:
+        """Tell whether an annotation is within the limits.
+
+        Raises:
+            KeyError: its visible share is needed and not known.
+        """
+        if annotation["area"] < self.min_area_px:
+            return False
+        return self.min_visible is None or annotation[VISIBLE_SHARE] >= self.min_visible
 
 
 def coco_image(

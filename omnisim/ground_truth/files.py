@@ -22,6 +22,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 
 from omnisim.errors import OutputError
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
-from omnisim.ground_truth.coco import coco_image, write_json
+from omnisim.ground_truth.coco import VISIBLE_SHARE, BoxLimits, coco_image, write_json
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.flow_files import KITTI_STEPS_PER_PX, write_flo, write_kitti_flow
 from omnisim.ground_truth.labels import Labels
@@ -106,6 +107,27 @@ def write_boxes(picture: Path, channels: Mapping[str, NDArray[Any]], labels: Lab
     if labels is not None and "instance" in channels:
         content = coco_image(channels["instance"], labels, picture.name)
         write_json(sidecar_path(picture, "coco.json"), content)
+
+
+def limit_boxes(picture: Path, limits: BoxLimits, shares: Mapping[int, float]) -> None:
+    """Add visible shares to the boxes beside a picture, and leave out those beyond limits.
+
+    Args:
+        picture: its path.
+        limits: of the boxes that stay.
+        shares: of the instances by ID; empty: they are not known.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    path = sidecar_path(picture, "coco.json")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    for one in content["annotations"]:
+        if one["instance_id"] in shares:
+            one[VISIBLE_SHARE] = round(shares[one["instance_id"]], 4)
+    kept = [one for one in content["annotations"] if limits.keeps(one)]
+    numbered = [one | {"id": number} for number, one in enumerate(kept, start=1)]
+    write_json(path, content | {"annotations": numbered})
 
 
 def write_previews(

@@ -57,6 +57,7 @@ from omnisim.sensors.degradations.random_numbers import key_of
 from omnisim.sensors.degraded_camera import DegradedCamera
 from omnisim.sensors.hit_source import HitSource
 from omnisim.sensors.moving_boxes import MovingBoxes
+from omnisim.sensors.near_plane import near_plane_m, scene_size_m
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.quality import QUALITIES
 from omnisim.sensors.tiles import sensor_tiles
@@ -66,6 +67,7 @@ from omnisim.world import ObjectPart
 # warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at 1.5, and most of those are at
 # silhouettes.
 TEXELS_PER_PIXEL = 1.5
+LIDAR_NEAR_M = 0.01  # nearer in small scenes
 
 
 class CubeBackend(SceneBackend):
@@ -151,7 +153,8 @@ class CubeBackend(SceneBackend):
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarPass:
         """Beams of a spinning lidar; its context is current, here and in the pass's methods."""
-        return LidarPass(self.buffers, beams, hidden)
+        near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
+        return LidarPass(self.buffers, beams, near_m, hidden)
 
     def close(self) -> None:
         """Release the OpenGL context with everything in it."""

@@ -13,6 +13,7 @@ from omnisim.rendering import ScenePoses
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup
 from omnisim.sensors.depth_camera import DepthCamera
+from omnisim.sensors.near_plane import scene_size_m
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import BackendName, SensorRenderer, Stage
 from omnisim.world import ObjectPart, WorldState
@@ -102,7 +103,9 @@ class DepthRenderer(SensorRenderer[_Views]):
         )
 
         def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> _Views:
-            setups = (CameraSetup(one, True, parts, 0, tuple(stage.vehicles)) for one in sensors)
+            size_m, vehicles = scene_size_m(stage.scene), tuple(stage.vehicles)
+            seeing = (one.seeing(size_m) for one in sensors)
+            setups = (CameraSetup(one, True, parts, 0, vehicles) for one in seeing)
             return _Views(*(_View(stage.backend.camera(setup)) for setup in setups))
 
         super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)

@@ -19,6 +19,7 @@ from omnisim.mirrors import HyperbolicMirror
 from omnisim.mirrors.tessellation import sectors_and_rings
 from omnisim.sensors.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px, most_polygons
 from omnisim.sensors.degradations import Degradation
+from omnisim.sensors.near_plane import near_plane_m
 from omnisim.sensors.quality import (
     DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 Polygons = int | Literal["auto", "default"] | None  # of a mirror's mesh; None: exact
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
-NEAR_PER_SIZE = 0.05  # of a scene's longest side
 
 
 def _paper_camera() -> HyperbolicCamera:
@@ -226,12 +226,12 @@ class OmniCamera:
     def seeing(self, size_m: float) -> OmniCamera:
         """The same camera for a scene of a size, to which a near plane by default adapts.
 
-        Reversed float depth is as precise with any near plane; rays that start beside the effective
-        viewpoint need one that is farther than they do, so non-central optics keep theirs.
+        Rays that start beside the effective viewpoint need one that is farther than they do, so
+        non-central optics keep theirs.
         """
-        near_m = NEAR_PER_SIZE * size_m
+        near_m = near_plane_m(size_m, DEFAULT_NEAR_M)
         is_kept = self.near_m != DEFAULT_NEAR_M or isinstance(self.model, NonCentralCamera)
-        if is_kept or not 0.0 < near_m < DEFAULT_NEAR_M:
+        if is_kept or near_m == DEFAULT_NEAR_M:
             return self
         return dataclasses.replace(self, near_m=near_m)
 

@@ -21,6 +21,7 @@ from omnisim.rendering import ScenePoses
 from omnisim.scene import Scene
 from omnisim.sensors.backend import CameraBackend, CameraSetup, FrameRequest
 from omnisim.sensors.batches import BatchRenderer, needed_others
+from omnisim.sensors.near_plane import scene_size_m
 from omnisim.sensors.omnicamera import OmniCamera
 from omnisim.sensors.stage import BackendName, Stage
 from omnisim.srgb import srgb8_from_linear
@@ -82,9 +83,7 @@ class Renderer(BatchRenderer):
         self._last_poses: ScenePoses | None = None
 
         def make_passes(stage: Stage, hidden: frozenset[ObjectPart]) -> CameraBackend:
-            if stage.scene.instances:
-                low, high = stage.scene.bounds_m()
-                self.camera = self.camera.seeing(float((high - low).max()))
+            self.camera = self.camera.seeing(scene_size_m(stage.scene))
             return stage.backend.camera(
                 CameraSetup(self.camera, unlit, hidden, seed, tuple(stage.vehicles))
             )

@@ -141,7 +141,8 @@ class VirtualCamerasTable(Table):
     texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
     """Texels to a side of the picture's finest pixels; left out: as camera.quality says."""
     near_m: Positive = DEFAULT_NEAR_M
-    """Metres; nothing nearer is seen. Left at 0.05, it is nearer in scenes of less than 1 m."""
+    """Metres; nothing nearer is seen, and a note says so where something is. Left at 0.05, it is
+    nearer in scenes of less than 1 m."""
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
     """Metres; nothing farther is seen; may be inf."""
     samples: Literal[1, 2, 4, 8] = 1

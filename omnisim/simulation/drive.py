@@ -25,6 +25,7 @@ from omnisim.robot import Chassis, simulate_odometry, with_errors, write_odometr
 from omnisim.robot.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
+from omnisim.sensors.missed_surfaces import near_plane_note
 from omnisim.sensors.stage import BackendName, Stage
 from omnisim.short_repr import counted, short_repr
 from omnisim.simulation.body_boxes import BodyBoxes
@@ -284,10 +285,13 @@ class PlannedDrive:
 
     @property
     def notes(self) -> list[str]:
-        """Notes on what sensors leave out."""
-        sensors = self.drive.vehicle.sensors
-        found = (one.note(self.sensor_times_s[one.name]) for one in sensors)
-        return [note for note in found if note is not None]
+        """Notes on what sensors leave out, and what is too near for cameras at the start."""
+        drive, start = self.drive, self.truth.world_from_base[0]
+        notes = [one.note(self.sensor_times_s[one.name]) for one in drive.vehicle.sensors]
+        for one in drive.vehicle.cameras:
+            note = near_plane_note(drive.scene, one.sensor, start)
+            notes.append(None if note is None else f"{one.name}: {note}")
+        return [note for note in notes if note is not None]
 
     def _moment(self, run: RunFolder, sensor: str, index: int) -> Moment:
         """Moment of a measurement, of which all before are in the folder."""

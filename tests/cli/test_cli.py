@@ -28,6 +28,18 @@ def test_render_writes_the_picture_and_a_summary(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
+def test_a_surface_before_the_near_plane_is_noted(omnisim):
+    """The camera stands in the compass of the courtyard's pavement."""
+    words = "render", "courtyard", "-o", "a.png", "--size", 16, "--at", 0, 0, 0.03
+    status, _, error = omnisim(*words)
+    assert (status, error) == (
+        0,
+        "note: courtyard: nearer than the near plane, 0.05 m, and not seen there: compass_rose "
+        "(virtual_cameras.near_m of a sensor file)\n",
+    )
+
+
+@pytest.mark.usefixtures("needs_opengl")
 def test_render_with_all_options(omnisim, tmp_path):
     (tmp_path / "s.toml").write_text("[mirror]\ntheta_max_deg = 130\n[camera]\nwidth_px = 120\n")
     status, out, _ = omnisim(

@@ -335,7 +335,7 @@ def test_small_objects_are_left_out_of_splits_with_polygons(made, tmp_path, caps
     areas = sorted(one["area"] for one in everything.anns.values())
     least = areas[len(areas) // 2]
     done = _omnisim(
-        "dataset", "convert", out, "-o", tmp_path / "coco", "--min-area", least, "--polygons",
+        "dataset", "convert", out, "-o", tmp_path / "coco", "--min-area-px", least, "--polygons",
         "--split", "train=0.7,val=0.3",
     )  # fmt: skip
     assert done.exit_code == 0, done.output

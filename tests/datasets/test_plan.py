@@ -46,6 +46,10 @@ def test_faults_of_the_plan(tmp_path, text, message):
         ({"shards": 0}, "shards: expected a number ≥ 1, got 0"),
         ({"seed": -1}, "seed: expected a number ≥ 0, got -1"),
         ({"picture_format": "gif"}, "picture_format"),
+        ({"min_area_px": 9}, "min_area_px: expected the channel instance"),
+        ({"min_visible": 0.5}, "min_visible: expected the channel instance"),
+        ({"channels": ["instance"], "min_visible": 2.0}, "min_visible: expected a number ≤ 1"),
+        ({"channels": ["instance"], "min_area_px": 0}, "min_area_px: expected a number ≥ 1"),
     ],
 )
 def test_faults_of_its_keys(tmp_path, keys, message):

@@ -123,6 +123,15 @@ def test_skipped_revolutions_are_mentioned():
     assert not drive_of(LIDAR | {"rate_hz": 10.0}).plan().notes
 
 
+def test_what_is_too_near_for_a_camera_at_the_start_is_mentioned():
+    camera = {"name": "low", "type": "omnicamera", "position_m": [0.0, 0.0, 0.03]}
+    (note,) = drive_of(camera).plan().notes
+    assert note.startswith(
+        "low: nearer than the near plane, 0.05 m, and not seen there: line_halfway, carpet"
+    )
+    assert not drive_of(camera | PLACE).plan().notes
+
+
 SENSORS = (
     SONAR | {"rate_hz": 5.0, "phase_s": 0.05, "jitter_s": 0.01},
     CAMERA,

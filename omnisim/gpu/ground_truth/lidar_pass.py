@@ -29,7 +29,6 @@ from omnisim.world import ObjectPart
 # 0.06 % of the beams of five revolutions miss one at 1.5 texels, 0.03 % at 2, 0.02 % at 2.5; a
 # revolution takes a sixth longer at 2.5 than at 2.
 TEXELS_PER_BEAM = 2.5
-NEAR_M = 0.01
 # A slice's virtual camera sees so much more than the slice, for what turns while it lasts.
 MARGIN_RAD = 0.05
 _RAYS_UNIT = 1
@@ -45,6 +44,7 @@ class LidarPass:
     Args:
         buffers: the scene and its dynamic objects.
         beams: of the lidar.
+        near_m: nothing nearer is hit.
         hidden: parts of dynamic objects that beams go through.
 
     Raises:
@@ -52,11 +52,15 @@ class LidarPass:
     """
 
     def __init__(
-        self, buffers: SceneBuffers, beams: LidarBeams, hidden: Collection[ObjectPart] = ()
+        self,
+        buffers: SceneBuffers,
+        beams: LidarBeams,
+        near_m: float,
+        hidden: Collection[ObjectPart] = (),
     ):
         self._buffers, self._beams = buffers, beams
         self._cameras = VirtualCameras(
-            NEAR_M, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
+            near_m, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
         )
         context, size = buffers.context, (len(beams.azimuths_rad), len(beams.elevations_rad))
         buffers.check_readable("to look up what its beams hit")
