@@ -41,10 +41,10 @@ demo: core
 	@echo "Look around in a browser: $(BIN)/omnisim live soccer --robot p2at --open"
 
 # Ends with the number of slow tests left out.
-# Two processes of one rasterizing thread each take half the time of one process of two threads.
+# Two processes that rasterize on their own thread take half the time of one with two threads more.
 # Each gets half of the tests in their order, so that modules share fixtures, and at the end takes
 # over part of the other's.
-PYTEST := LP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+PYTEST := LP_NUM_THREADS=0 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 test: setup
 	$(PYTEST) -m "not slow"

@@ -45,7 +45,7 @@ def draw_by(environment: Mapping[str, str], folder: Path, *options: str) -> str:
         RuntimeError: it failed, with what it said.
     """
     command = [sys.executable, "-m", "tests.drivers.draw", "--folder", str(folder), *options]
-    ours = {"LP_NUM_THREADS": "1", "PYTHONPATH": str(CHECKOUT)}
+    ours = {"LP_NUM_THREADS": "0", "PYTHONPATH": str(CHECKOUT)}
     done = subprocess.run(
         command, cwd=CHECKOUT, env={**os.environ, **ours, **environment},
         capture_output=True, text=True, check=False,
@@ -72,7 +72,7 @@ def virgl_server() -> Iterator[None]:
         _SOCKET.unlink(missing_ok=True)
         process = subprocess.Popen(
             [server, "--use-egl-surfaceless"], stdout=log, stderr=log,
-            env={**os.environ, **LLVMPIPE, "LP_NUM_THREADS": "1"},
+            env={**os.environ, **LLVMPIPE, "LP_NUM_THREADS": "0"},
         )  # fmt: skip
         try:
             _wait_for_socket(process)
