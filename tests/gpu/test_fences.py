@@ -38,9 +38,7 @@ def test_memory_is_sound_where_threads_are_late(tmp_path):
     if compiler is None:
         pytest.skip("there is no C compiler")
     library = tmp_path / "late_broadcast.so"
-    subprocess.run(
-        [compiler, "-shared", "-fPIC", "-O1", "-o", library, SOURCE, "-ldl"], check=True
-    )
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, SOURCE, "-ldl"], check=True)
     environment = {**os.environ, "LD_PRELOAD": str(library), "LP_NUM_THREADS": "1"}
     done = subprocess.run(
         [sys.executable, "-c", DRAWING], env=environment, capture_output=True, text=True
