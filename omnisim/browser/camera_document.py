@@ -13,6 +13,7 @@ from typing import Any
 
 import pydantic
 
+from omnisim.browser.light_tables import completed
 from omnisim.cameras import HyperbolicCamera
 from omnisim.errors import SensorFileError
 from omnisim.inner_tables import table_in
@@ -24,7 +25,7 @@ from omnisim.simulation.sensor_toml import sensor_toml
 from omnisim.toml_file import read_toml, toml_text
 
 FILE_NAME = "camera.toml"  # of a saved file
-SENSOR, SIZE = "sensor", "size_px"  # first parts of a key's path
+SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of a key's path
 SIZES_PX = (16, 2048)  # of the shorter side: what a page shows
 Table = dict[str, Any]
 
@@ -38,10 +39,12 @@ class CameraDocument:
     Attributes:
         sensor: table of the sensor file.
         size_px: of the shorter side; None: as the file has it.
+        light: tables of a scene's TOML, those of its light, sky and fog; empty: the scene's own.
     """
 
     sensor: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     size_px: int | None = None
+    light: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def of_sensor_file(cls, path: Path) -> CameraDocument:
@@ -116,7 +119,7 @@ class CameraDocument:
 
     def value(self, path: str) -> Any:
         """Value at a path, such as `sensor.optics.surfaces.0.k`; None: not given."""
-        found: Any = {SENSOR: self.sensor, SIZE: self.size_px}
+        found: Any = {SENSOR: self.sensor, LIGHT: self.light, SIZE: self.size_px}
         for name in path.split("."):
             if isinstance(found, list):
                 found = found[int(name)] if name.isdecimal() and int(name) < len(found) else None
@@ -133,9 +136,10 @@ class CameraDocument:
         root, *names = path.split(".")
         if root == SIZE and not names:
             return self._with_size(value)
-        if root != SENSOR or not names:
-            raise SensorFileError(f"{path}: expected a key of the camera's file")
-        table = copy.deepcopy(dict(self.sensor))
+        if root not in (SENSOR, LIGHT) or not names:
+            raise SensorFileError(f"{path}: expected a key of the camera's or the scene's file")
+        is_light = root == LIGHT
+        table = copy.deepcopy(dict(self.light if is_light else self.sensor))
         at: Any = table
         for name in names[:-1]:
             if isinstance(at, list) and name.isdecimal() and int(name) < len(at):
@@ -150,6 +154,8 @@ class CameraDocument:
             at.pop(names[-1], None)
         else:
             at[names[-1]] = value
+        if is_light:
+            return dataclasses.replace(self, light=completed(table))
         return dataclasses.replace(self, sensor=table)
 
     def with_lens(self, parameters: Mapping[str, Any]) -> CameraDocument:

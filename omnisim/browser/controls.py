@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from omnisim.browser.camera_document import SENSOR, SIZE, CameraDocument
+from omnisim.browser.camera_document import LIGHT, SENSOR, SIZE, CameraDocument
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
 from omnisim.file_keys import Limit, attribute_docs, limits, summary
 from omnisim.inner_tables import table_in
@@ -21,6 +21,9 @@ from omnisim.optics.surface_tables import SurfaceTable, shape_schemas
 from omnisim.optics.system_file import CameraTable as OpticsCamera
 from omnisim.optics.system_file import ObstacleTable, OpticsFile
 from omnisim.parameters import table_of
+from omnisim.scene import Scene
+from omnisim.scene.light_tables import FogTable, LightTable, SkyTable
+from omnisim.scene.lighting import is_even
 from omnisim.sensors import OmniCamera
 from omnisim.sensors.degradations.degradation_file import EFFECTS
 from omnisim.sensors.sensor_file import (
@@ -52,15 +55,23 @@ class _Kind(NamedTuple):
     length: int = 0
 
 
-def control_groups(document: CameraDocument, camera: OmniCamera) -> list[Json]:
+def control_groups(
+    document: CameraDocument, camera: OmniCamera, scene: Scene | None = None
+) -> list[Json]:
     """Groups of controls of a camera, each with those of the groups below it.
 
     Args:
         document: with the values that are given.
         camera: of the document: values of the keys that are left out, or say "auto".
+        scene: of the document, for the controls of its light; None: there are none.
     """
     groups = _groups(document)
     effective = _effective(camera)
+    if scene is not None:
+        groups += _light_groups(document, scene)
+        exposure, ambient = float(scene.lighting.exposure), map(float, scene.lighting.ambient)
+        effective = effective.with_value(f"{LIGHT}.light.exposure", exposure)
+        effective = effective.with_value(f"{LIGHT}.light.ambient", list(ambient))
     for control in [one for group in groups for one in group["controls"]]:
         _add_effective(control, effective)
     return groups
@@ -114,6 +125,27 @@ def _groups(document: CameraDocument) -> list[Json]:
 
 def _group(title: str, help_text: str, controls: list[Json], **more: Any) -> Json:
     return {"title": title, "help": help_text, "controls": controls, "groups": [], **more}
+
+
+def _light_groups(document: CameraDocument, scene: Scene) -> list[Json]:
+    """Groups of a scene's light, sky and fog, as its TOML has them."""
+    about = summary(LightTable)
+    if scene.lighting.baked is not None:
+        about = "Baked: lamps and sky take its place where a value of light or sky is set."
+    elif is_even(scene.lighting):
+        about = "Even light, without shadows: the scene has no lamps."
+    keys = ("exposure", "ambient", "shadows", "shading")
+    groups = [_group("Light", about, _keys(document, f"{LIGHT}.light", LightTable, keys))]
+    tables: tuple[tuple[str, type, tuple[str, ...]], ...] = (
+        ("Sky", SkyTable, ("brightness", "turbidity", "sun_elevation_deg", "sun_azimuth_deg")),
+        ("Fog", FogTable, ("color", "visibility_m")),
+    )
+    for title, table, names in tables:
+        path = f"{LIGHT}.{title.lower()}"
+        is_on = document.value(path) is not None
+        controls = _keys(document, path, table, names) if is_on else []
+        groups.append(_group(title, summary(table), controls, switch=path, on=is_on))
+    return groups
 
 
 def _effects(document: CameraDocument) -> Iterator[Json]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from omnisim.browser.camera_document import FILE_NAME
 from omnisim.browser.controls import control_groups
 from omnisim.browser.floor_map import FloorMap, draw_floor_map
+from omnisim.browser.light_tables import SCENE_FILE
 from omnisim.browser.live_source import LiveSource
 from omnisim.browser.messages import Part, Probe, Save, pack
 from omnisim.browser.probing import probe
@@ -229,7 +230,9 @@ class Engine:
         assert isinstance(source, LiveSource)
         model = source.camera.model
         content = {
-            "groups": control_groups(draw.shown.document, source.camera),
+            "groups": control_groups(
+                draw.shown.document, source.camera, source.scene if source.has_light else None
+            ),
             "profile": profile(model),
             "text": draw.shown.document.text,
             "width_px": model.width_px,
@@ -245,6 +248,8 @@ class Engine:
         if isinstance(job.message, Save):
             if job.message.what == "toml":
                 files = {FILE_NAME: job.shown.document.checked_text().encode()}
+                if isinstance(source, LiveSource) and job.shown.document.light:
+                    files[SCENE_FILE] = source.scene_text(job.shown.document).encode()
             else:
                 files = source.files(draw)
             name, media_type, data = _bundle(files)

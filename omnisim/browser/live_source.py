@@ -7,17 +7,18 @@ import math
 import shlex
 import tempfile
 import time
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from omnisim.browser.camera_document import FILE_NAME, CameraDocument
+from omnisim.browser.light_tables import SCENE_FILE, SceneInLight, scene_text, without_overruled
 from omnisim.browser.motion import DIGITS_M, Place
 from omnisim.browser.session import Draw, Shown
 from omnisim.browser.taken import Taken
 from omnisim.cameras import NonCentralCamera
-from omnisim.errors import OmnisimError
+from omnisim.errors import OmnisimError, SceneError
 from omnisim.frame import Frame
 from omnisim.ground_truth import CHANNELS
 from omnisim.image_files import image_bytes
@@ -44,6 +45,7 @@ class LiveSettings:
         camera_name: of the robot's cameras; None: the first.
         scene_words: scene, robot and their options, as a command line has them.
         camera_words: options of the camera as it is at the start; None: its file says all.
+        light: reads the scene in another light; None: it stays in its own.
         device: number of the GPU.
         unlit: show plain base colors, without lights.
     """
@@ -56,6 +58,7 @@ class LiveSettings:
     camera_words: tuple[str, ...] | None = ()
     device: int | None = None
     unlit: bool = False
+    light: SceneInLight | None = None
 
 
 class LiveSource:
@@ -69,12 +72,12 @@ class LiveSource:
 
     def __init__(self, settings: LiveSettings):
         self._settings, self.scene = settings, settings.scene
+        self._light: Mapping[str, Any] = {}
         vehicle = settings.vehicle
         self._hidden: tuple[str, ...] = ()
         if vehicle is not None:
             self._hidden = tuple(vehicle.camera(settings.camera_name).hides)
-        body = None if vehicle is None else vehicle.body
-        self.stage = Stage(settings.scene, body, device=settings.device)
+        self.stage = self._open(settings.scene)
         self._document: CameraDocument | None = None
         self._camera = OmniCamera()
         self._renderers: dict[float | None, Renderer] = {}  # by the coarse scale; None: fine
@@ -94,17 +97,51 @@ class LiveSource:
         if document == self._document:
             return False
         camera = document.camera()
-        before, self._camera = self._camera, camera
-        kept, self._renderers = self._renderers, {}
+        before = self._camera, self._renderers, self.stage, self.scene
+        self._camera, self._renderers = camera, {}
         try:
+            if document.light != self._light:
+                self.scene = self._in_light(document.light)
+                self.stage = self._open(self.scene)
             self._renderer(self._coarse_scale)  # or the GPU refuses it
         except OmnisimError:
-            self._camera, self._renderers = before, kept
+            if self.stage is not before[2]:
+                self.stage.close()
+            self._camera, self._renderers, self.stage, self.scene = before
             raise
-        for renderer in kept.values():
+        for renderer in before[1].values():
             renderer.close()
-        self._document = document
+        if self.stage is not before[2]:
+            before[2].close()
+        self._document, self._light = document, document.light
         return True
+
+    def _open(self, scene: Scene) -> Stage:
+        vehicle = self._settings.vehicle
+        body = None if vehicle is None else vehicle.body
+        return Stage(scene, body, device=self._settings.device)
+
+    def _in_light(self, tables: Mapping[str, Any]) -> Scene:
+        if not tables:
+            return self._settings.scene
+        if self._settings.light is None:
+            raise SceneError("scene: expected its own light: it was not read from a file")
+        return self._settings.light.scene(tables)
+
+    @property
+    def has_light(self) -> bool:
+        """The scene can be put in another light, which then shows."""
+        return self._settings.light is not None and not self._settings.unlit
+
+    def scene_text(self, document: CameraDocument) -> str:
+        """Text of a scene's TOML with the light of a document.
+
+        Raises:
+            SceneError: the scene was not read from a file.
+        """
+        if self._settings.light is None:
+            raise SceneError("scene: expected its own light: it was not read from a file")
+        return scene_text(self._settings.light.source, document.light)
 
     def take(self, draw: Draw, channels: Collection[str]) -> Taken:
         """Render a state."""
@@ -133,10 +170,15 @@ class LiveSource:
 
     def command(self, shown: Shown, taken: Taken) -> str:
         """Shell commands that render the same picture, with the camera's file if it was changed."""
-        document, words = shown.document, ["omnisim", "render", *self._settings.scene_words]
-        lines = []
+        document = shown.document
+        scene_words, lines = self._settings.scene_words, []
+        if document.light:
+            text = self.scene_text(document)
+            lines.append(f"cat > {SCENE_FILE} <<'END'\n{text.rstrip()}\nEND\n")
+            scene_words = (SCENE_FILE, *without_overruled(scene_words[1:], document.light))
+        words = ["omnisim", "render", *scene_words]
         given = self._settings.camera_words
-        if document == self._settings.document and given is not None:
+        if replace(document, light={}) == self._settings.document and given is not None:
             words += given
         else:
             lines.append(f"cat > {FILE_NAME} <<'END'\n{document.text.rstrip()}\nEND\n")

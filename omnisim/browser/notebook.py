@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from omnisim.browser.camera_document import CameraDocument
+from omnisim.browser.light_tables import SceneInLight
 from omnisim.browser.live_source import LiveSettings
 from omnisim.cameras import CentralCamera
-from omnisim.scene import Scene, load_scene
+from omnisim.scene import Scene, load_scene, read_scene
 from omnisim.sensors import OmniCamera
 from omnisim.short_repr import short_repr
 from omnisim.simulation.vehicle import Vehicle
@@ -92,5 +94,12 @@ def live(
     else:
         document = CameraDocument.of_camera(OmniCamera.of(camera))
     document = document.with_value("size_px", size_px)
-    settings = LiveSettings(found, document, vehicle, scene_words=(found.name,), device=device)
+    light = None if isinstance(scene, Scene) else SceneInLight(str(scene), _read_in_light)
+    settings = LiveSettings(
+        found, document, vehicle, scene_words=(found.name,), device=device, light=light
+    )
     return LiveView(BackgroundPage(LivePage(settings, port=port)), height_px)
+
+
+def _read_in_light(path: Path, tables: Mapping[str, Any]) -> Scene:
+    return read_scene(path)

@@ -5,10 +5,15 @@ from __future__ import annotations
 import dataclasses
 import os
 import sys
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from omnisim.browser.camera_document import CameraDocument
+from omnisim.browser.light_tables import SceneInLight
 from omnisim.browser.live import LivePage, run_source
 from omnisim.browser.live import run as run_page
 from omnisim.browser.live_source import LiveSettings
@@ -112,8 +117,21 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         scene_words += ["--robot", request.robot]
     return LiveSettings(
         scene, document, vehicle, request.camera_name, tuple(scene_words), words, request.device,
-        request.unlit,
+        request.unlit, SceneInLight(request.scene or SCENE, partial(_read_in_light, request)),
     )  # fmt: skip
+
+
+def _read_in_light(request: LiveRequest, path: Path, tables: Mapping[str, Any]) -> Scene:
+    """Read a TOML that extends the scene, with those of its options that tables leave."""
+    own_sky, own_light = "sky" in tables, bool({"sky", "light"} & tables.keys())
+    return read_scene(
+        path,
+        request.up_axis,
+        request.meters_per_unit,
+        request.resources or (),
+        sky=None if own_sky else request.sky,
+        baked=None if own_light else request.baked,
+    )
 
 
 def _robot_words(
