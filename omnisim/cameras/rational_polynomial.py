@@ -206,7 +206,9 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         yx, yy = down * x + 2.0 * px * y, down * y + 2.0 * py * y + diagonal
         ex, ey = error.T
         determinant = xx * yy - xy * yx
-        return np.stack((yy * ex - xy * ey, xx * ey - yx * ex), axis=-1) / determinant[:, None]
+        return np.asarray(
+            np.stack((yy * ex - xy * ey, xx * ey - yx * ex), axis=-1) / determinant[:, None]
+        )
 
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
         distorted = _mapped(self.plane_from_sensor, plane)
