@@ -13,11 +13,20 @@ import pytest
 from omnisim.errors import GraphicsError
 from omnisim.gpu.context import open_context, release_context
 from omnisim.gpu.shadows import shadow_plan
+from tests.read_once import make_mipmaps_once, read_built_in_scenes_once
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _numpy_errors_are_failures():
     with np.errstate(divide="raise", invalid="raise", over="raise"):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _scenes_are_made_once():
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        read_built_in_scenes_once(monkeypatch)
+        make_mipmaps_once(monkeypatch)
         yield
 
 
@@ -38,10 +47,12 @@ def needs_opengl():
         pytest.skip(reason)
 
 
-@pytest.fixture
-def coarse_shadows(monkeypatch):
+@pytest.fixture(scope="module")
+def coarse_shadows():
     """Shadow maps of a sixteenth of the texels, for tests whose images all have the same maps."""
-    monkeypatch.setattr(shadow_plan, "_MAX_TEXELS", shadow_plan._MAX_TEXELS // 16)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(shadow_plan, "_MAX_TEXELS", shadow_plan._MAX_TEXELS // 16)
+        yield
 
 
 def open_context_or_skip():

@@ -40,6 +40,7 @@ LAYERS = (
         "cube",
         "srgb",
         "bilinear",
+        "bounds",
         "resources",
         "toml_file",
         "file_keys",

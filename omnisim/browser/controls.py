@@ -72,6 +72,8 @@ def control_groups(
         exposure, ambient = float(scene.lighting.exposure), map(float, scene.lighting.ambient)
         effective = effective.with_value(f"{LIGHT}.light.exposure", exposure)
         effective = effective.with_value(f"{LIGHT}.light.ambient", list(ambient))
+        shadows = any(one.casts_shadow for one in scene.lighting.lights)
+        effective = effective.with_value(f"{LIGHT}.light.shadows", shadows)
     for control in [one for group in groups for one in group["controls"]]:
         _add_effective(control, effective)
     return groups

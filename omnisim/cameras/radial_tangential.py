@@ -47,10 +47,11 @@ class RadialTangential(NamedTuple):
 
     def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distorted points (..., 2) of points (..., 2)."""
-        squared = np.sum(plane * plane, axis=-1, keepdims=True)
+        x, y = plane[..., :1], plane[..., 1:]
+        squared = x * x + y * y
         tangential = np.array([self.p2, self.p1])
         growth = 1.0 + squared * (self.k1 + squared * (self.k2 + squared * self.k3))
-        slant = np.sum(tangential * plane, axis=-1, keepdims=True)
+        slant = self.p2 * x + self.p1 * y
         distorted: NDArray[np.float64] = plane * (growth + 2.0 * slant) + squared * tangential
         return distorted
 

@@ -133,19 +133,20 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
 
     def _growth(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Ratio g (...,) at a radius (...,) and dg/dr (...,)."""
-        above, below = self._ratio
-        n, d = polynomial.polyval(radius, above), polynomial.polyval(radius, below)
-        slope_n = polynomial.polyval(radius, polynomial.polyder(above))
-        slope_d = polynomial.polyval(radius, polynomial.polyder(below))
-        d = np.where(d > 1e-12, d, 1e-12)  # past the pole, outside of the domain
-        return n / d, (slope_n * d - n * slope_d) / (d * d)
+        k1, k2, _, _, k3, k4, k5, k6 = self.distortion[:8]
+        squared = radius * radius
+        n, slope_n = _even_polynomial(k1, k2, k3, squared)
+        d, slope_d = _even_polynomial(k4, k5, k6, squared)
+        d = np.maximum(d, 1e-12)  # past the pole, outside of the domain
+        return n / d, 2.0 * radius * (slope_n * d - n * slope_d) / (d * d)
 
     def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distorted points (..., 2) of points (..., 2) within the domain, before the tilt."""
-        squared = np.sum(plane * plane, axis=-1, keepdims=True)
+        x, y = plane[..., :1], plane[..., 1:]
+        squared = x * x + y * y
         growth, _ = self._growth(np.sqrt(squared))
         tangential = np.array(self.distortion[3:1:-1])
-        along = np.sum(tangential * plane, axis=-1, keepdims=True)
+        along = tangential[0] * x + tangential[1] * y
         first, second = self.prism.T
         offset = squared * (tangential + first + squared * second)
         return np.asarray(plane * (growth + 2.0 * along) + offset)
@@ -191,19 +192,23 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         self, plane: NDArray[np.float64], error: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """The Jacobian's inverse times an error (n, 2)."""
-        squared = np.sum(plane * plane, axis=-1)
+        x, y = plane.T
+        squared = x * x + y * y
         radius = np.sqrt(squared)
         growth, rise = self._growth(radius)
-        tangential = np.array(self.distortion[3:1:-1])
-        first, second = self.prism.T
-        push = first + 2.0 * squared[:, None] * second + tangential
+        px, py = self.distortion[3], self.distortion[2]
+        (sx, sxx), (sy, syy) = self.prism.tolist()
         radial = np.divide(rise, radius, out=np.zeros_like(radius), where=radius > 0.0)
-        outer = radial[:, None] * plane + 2.0 * push
-        jacobian = outer[:, :, None] * plane[:, None, :]
-        jacobian += 2.0 * plane[:, :, None] * tangential[None, None, :]
-        diagonal = growth + 2.0 * plane @ tangential
-        jacobian += diagonal[:, None, None] * np.eye(2)
-        return np.linalg.solve(jacobian, error[..., None])[..., 0]
+        across = radial * x + 2.0 * (sx + 2.0 * squared * sxx + px)
+        down = radial * y + 2.0 * (sy + 2.0 * squared * syy + py)
+        diagonal = growth + 2.0 * (px * x + py * y)
+        xx, xy = across * x + 2.0 * px * x + diagonal, across * y + 2.0 * py * x
+        yx, yy = down * x + 2.0 * px * y, down * y + 2.0 * py * y + diagonal
+        ex, ey = error.T
+        determinant = xx * yy - xy * yx
+        return np.asarray(
+            np.stack((yy * ex - xy * ey, xx * ey - yx * ex), axis=-1) / determinant[:, None]
+        )
 
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
         distorted = _mapped(self.plane_from_sensor, plane)
@@ -239,6 +244,14 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
             "u_plane_from_sensor_w": tuple(rows[2]),
             "u_radius_max": self.radius_limit,
         }
+
+
+def _even_polynomial(
+    first: float, second: float, third: float, squared: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values 1 + k1 s + k2 s² + k3 s³ and slopes by s at s (...,)."""
+    value = 1.0 + squared * (first + squared * (second + squared * third))
+    return value, first + squared * (2.0 * second + squared * (3.0 * third))
 
 
 def _mapped(matrix: NDArray[np.float64], plane: NDArray[np.float64]) -> PlanePoints:

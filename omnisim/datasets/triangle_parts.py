@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.bounds import triangle_bounds
+
 LEAST_UP = 0.5  # cosine of the steepest floor's slope: 60°
 EDGE = 1e-9  # share of a triangle: a point on the edge of two is on one of them at least
 
@@ -41,8 +43,8 @@ def surface_points(
     the spacing of a point that is found.
     """
     while len(corners_m):
-        z = corners_m[..., 2]
-        corners_m = corners_m[(z.max(axis=1) >= band_m[0]) & (z.min(axis=1) <= band_m[1])]
+        low, high = triangle_bounds(corners_m[..., 2])
+        corners_m = corners_m[(high >= band_m[0]) & (low <= band_m[1])]
         short, corners_m = _halved(corners_m, spacing_m)
         yield short.mean(axis=1)
 
@@ -61,7 +63,8 @@ def columns_of(
         low_m, high_m: (3,) corners of the box in which parts are wanted.
     """
     while len(corners_m):
-        near = np.all((corners_m.max(axis=1) >= low_m) & (corners_m.min(axis=1) <= high_m), axis=1)
+        low, high = triangle_bounds(corners_m)
+        near = np.all((high >= low_m) & (low <= high_m), axis=1)
         short, corners_m = _halved(corners_m[near], spacing_m, axes=2)
         yield short
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 
 import moderngl
 
@@ -71,12 +73,8 @@ def _expand(
     """Expand the includes of a file; `files` collects their names."""
     files.append(name)
     before_first = _LINES_PER_FILE * len(files)
-    try:
-        lines = (SHADERS / name).read_text(encoding="utf-8").splitlines()
-    except OSError:
-        raise GraphicsError(f"shader {SHADERS / name} is missing: install omnisim again") from None
     expanded = []
-    for index, line in enumerate(lines, start=1):
+    for index, line in enumerate(_lines(SHADERS / name), start=1):
         if line.startswith("#version"):
             expanded.append(line)
             expanded.extend(f"#define {define}" for define in defines)
@@ -90,6 +88,15 @@ def _expand(
         else:
             expanded.append(line)
     return "\n".join(expanded) + "\n"
+
+
+@cache
+def _lines(path: Path) -> tuple[str, ...]:
+    """Lines of a file, which many programs include: it is read once."""
+    try:
+        return tuple(path.read_text(encoding="utf-8").splitlines())
+    except OSError:
+        raise GraphicsError(f"shader {path} is missing: install omnisim again") from None
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.bounds import bounds_of
 from omnisim.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh
 from omnisim.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
@@ -269,11 +270,7 @@ def _part_mesh_of(
     positions_m: NDArray[np.float64], corners: NDArray[np.intp], triangles: NDArray[np.intp]
 ) -> _PartMesh:
     """Hierarchy of triangles, whose corners (3 n,) are vertices (k, 3)."""
-    bounds = (
-        np.stack((positions_m.min(axis=0), positions_m.max(axis=0)))
-        if len(positions_m)
-        else np.zeros((2, 3))
-    )
+    bounds = bounds_of(positions_m) if len(positions_m) else np.zeros((2, 3))
     centre_m = bounds.mean(axis=0)
     local_m = (positions_m - centre_m).astype(np.float32)
     radius_m = float(np.linalg.norm(local_m, axis=1).max(initial=0.0)) * (1.0 + _BEYOND)

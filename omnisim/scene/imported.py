@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.bounds import bounds_of
 from omnisim.errors import SceneError
 from omnisim.scene.object_motion import ObjectMotion
 from omnisim.scene.parts import (
@@ -120,7 +121,7 @@ def make_mesh(
             f"{LARGEST_COORDINATE:g}, got {points[np.argmax(bad)].tolist()} "
             f"({int(bad.sum())} of {len(points)} vertices)"
         )
-    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    center = 0.5 * bounds_of(points).sum(axis=0)
     mesh = Mesh(
         name=name,
         positions=np.ascontiguousarray(points - center, dtype=np.float32),

@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.bounds import bounds_of
 from omnisim.scene.baked_light import BakedLight
 from omnisim.scene.deformation import Deformation
 from omnisim.scene.environment import Environment
@@ -470,9 +471,9 @@ def instance_bounds_m(
     meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
 ) -> NDArray[np.float64]:
     """Smallest and largest corner (n, 2, 3) of each instance's bounding box in the world."""
-    boxes = np.array(
-        [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in meshes], np.float64
-    )[[instance.mesh for instance in instances]]
+    boxes = np.array([bounds_of(mesh.positions) for mesh in meshes], np.float64)[
+        [instance.mesh for instance in instances]
+    ]
     corners = boxes[:, np.indices((2, 2, 2)).reshape(3, 8).T, [0, 1, 2]]  # (instances, 8, 3)
     world_from_mesh = np.array([instance.world_from_mesh for instance in instances])
     world = corners @ world_from_mesh[:, :3, :3].swapaxes(1, 2) + world_from_mesh[:, None, :3, 3]

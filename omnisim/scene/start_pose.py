@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.bounds import triangle_bounds
 from omnisim.scene.parts import Instance, Mesh, StartPose, bounds_m, instance_bounds_m
 
 # Default height of the effective viewpoint above the floor: a small robot's.
@@ -210,7 +211,7 @@ class _Surroundings:
         corners = self._within(points.min(axis=0) - clearance, points.max(axis=0) + clearance)
         if not len(corners):
             return clear
-        low, high = corners.min(axis=1), corners.max(axis=1)
+        low, high = triangle_bounds(corners)
         near = [
             np.flatnonzero(np.all((low <= point + clearance) & (high >= point - clearance), axis=1))
             for point in points

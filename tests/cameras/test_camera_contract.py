@@ -105,6 +105,8 @@ def _edge_pixels(camera):
     seen, unseen = seen[ends], unseen[ends]
     for _ in range(80):
         middle = 0.5 * (seen + unseen)
+        if np.all((middle == seen) | (middle == unseen)):
+            break
         valid = camera.ray_from_pixel(middle).valid[:, None]
         seen, unseen = np.where(valid, middle, seen), np.where(valid, unseen, middle)
     return seen

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer.main
 
 from omnisim.calibration import FORMATS
 from omnisim.cli import completion
@@ -86,6 +87,7 @@ def test_the_lists_are_those_of_the_modules():
 def test_a_script_for_each_shell_is_shown(omnisim, shell, monkeypatch):
     # the tests may not have been started by a shell, which typer would take
     monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    monkeypatch.setattr(typer.main, "get_command", typer.main.get_command.__wrapped__)
     status, text, _ = omnisim("--show-completion", shell)
     assert status == 0
     assert "_OMNISIM_COMPLETE" in text

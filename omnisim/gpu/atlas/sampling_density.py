@@ -154,9 +154,9 @@ def density_of_camera(
     # step leaps. No face is so dense that one would move the picture by a pixel otherwise.
     smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
     inner = smooth if smooth.any() else inner
-    px_per_tan = np.linalg.svd(steps[inner] / _STEP, compute_uv=False)
-    most[inner] = np.minimum(px_per_tan[:, 0], MAX_ANISOTROPY * px_per_tan[:, 1])
-    least[inner] = px_per_tan[:, 1]
+    largest, smallest = _singular_values(steps[inner] / _STEP)
+    most[inner] = np.minimum(largest, MAX_ANISOTROPY * smallest)
+    least[inner] = smallest
     valid[len(grid) :] = True
     return SamplingDensity(tangents, valid, most, least)
 
@@ -172,6 +172,18 @@ def density_of_rays(
             np.maximum.at(density, (row + down, column + right), px_per_tan)
     flat = density.ravel()
     return SamplingDensity(_grid(), flat > 0.0, flat, np.where(flat > 0.0, flat, np.inf))
+
+
+def _singular_values(
+    matrices: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Largest and smallest singular values (n,) of matrices (n, 2, 2).
+
+    Their sum and difference are the lengths of the matrices' conformal and anticonformal parts.
+    """
+    (a, b), (c, d) = matrices.transpose(1, 2, 0)
+    conformal, anticonformal = np.hypot(a + d, c - b), np.hypot(a - d, c + b)
+    return 0.5 * (conformal + anticonformal), 0.5 * np.abs(conformal - anticonformal)
 
 
 def _grid() -> NDArray[np.float64]:

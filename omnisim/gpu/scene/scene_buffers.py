@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.bounds import bounds_of
 from omnisim.errors import GraphicsError
 from omnisim.gpu.scene.clustered_geometry import ClusteredGeometry, build_clustered_geometry
 from omnisim.gpu.scene.draw_item import DrawItem, InstanceTransforms, LightSource
@@ -363,7 +364,8 @@ def make_draw_items(
     for number, instance in enumerate(instances):
         mesh = part.meshes[instance.mesh]
         material = part.materials[mesh.material]
-        centre = 0.5 * (mesh.positions.min(axis=0) + mesh.positions.max(axis=0))
+        low, high = bounds_of(mesh.positions)
+        centre = 0.5 * (low + high)
         radius = np.linalg.norm(mesh.positions - centre, axis=1).max()
         object_from_mesh = instance.world_from_mesh
         light = LightSource.PROBES if is_baked else LightSource.COMPUTED

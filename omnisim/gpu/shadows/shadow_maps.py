@@ -12,6 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.bounds import bounds_of
 from omnisim.gpu.fences import use_target
 from omnisim.gpu.gl_functions import copy_regions
 from omnisim.gpu.memory import gpu_allocation
@@ -198,7 +199,7 @@ def _static_boxes_m(buffers: SceneBuffers) -> NDArray[np.float64]:
     boxes_m = []
     for item in buffers.draw_items:
         if item.object_index is None:
-            low, high = item.mesh.positions.min(axis=0), item.mesh.positions.max(axis=0)
+            low, high = bounds_of(item.mesh.positions)
             linear = item.object_from_mesh[:3, :3]
             middle = linear @ (0.5 * (low + high)) + item.object_from_mesh[:3, 3]
             extent = np.abs(linear) @ (0.5 * (high - low))

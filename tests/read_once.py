@@ -1,0 +1,65 @@
+"""Built-in scenes, and the mip levels of their textures, made once per process for all tests."""
+
+from collections import OrderedDict
+from pathlib import Path
+
+from omnisim.gpu.scene import textures
+from omnisim.resources import SCENES
+from omnisim.scene import load
+from omnisim.sources import note_sources, recorded_sources
+
+_MAX_SCENES = 24
+_MAX_TEXTURES = 256
+
+
+def read_built_in_scenes_once(monkeypatch):
+    """Read each built-in scene once with the same options: scenes do not change."""
+    read, scenes = load._load_source, _Recent(_MAX_SCENES)
+
+    def load_source(source, options, outer):
+        if not _is_built_in(source) or options.resources or options.sky is not None:
+            return read(source, options, outer)
+
+        def read_and_record():
+            with recorded_sources() as sources:
+                return read(source, options, outer), sources
+
+        scene, sources = scenes.get((str(source), repr(options)), read_and_record)
+        note_sources(sources)
+        return scene
+
+    monkeypatch.setattr(load, "_load_source", load_source)
+
+
+def make_mipmaps_once(monkeypatch):
+    """Make the mip levels of the same array of pixels once."""
+    make, levels = textures.mipmaps, _Recent(_MAX_TEXTURES)
+
+    def mipmaps(pixels, is_linear=False):
+        # the array is kept, so that its id is not used again
+        key = id(pixels), is_linear
+        return levels.get(key, lambda: (pixels, make(pixels, is_linear)))[1]
+
+    monkeypatch.setattr(textures, "mipmaps", mipmaps)
+
+
+class _Recent:
+    """The most recently used values."""
+
+    def __init__(self, count):
+        self._count, self._values = count, OrderedDict()
+
+    def get(self, key, make):
+        if key not in self._values:
+            self._values[key] = make()
+        self._values.move_to_end(key)
+        if len(self._values) > self._count:
+            self._values.popitem(last=False)
+        return self._values[key]
+
+
+def _is_built_in(source):
+    path = Path(source)
+    if path.is_absolute():
+        return path.is_relative_to(SCENES)
+    return not path.exists() and (SCENES / path / "scene.toml").is_file()
