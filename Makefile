@@ -77,13 +77,13 @@ gallery: setup
 
 sheets: setup
 	@mkdir -p omnisim/sensors/sheets
-	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
-	$(BIN)/python -m omnisim.plots.boxes_3d_sheet omnisim/sensors/sheets/boxes-3d.jpg
+	$(BIN)/python -m omnisim.validation.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
+	$(BIN)/python -m omnisim.validation.plots.boxes_3d_sheet omnisim/sensors/sheets/boxes-3d.jpg
 	$(BIN)/python .ci/make_world_picture.py docs/how-to/match.jpg
 	$(BIN)/python .ci/make_live_pictures.py
 	$(BIN)/python .ci/make_light_pictures.py docs/how-to/light.jpg
 	$(BIN)/python .ci/make_baked_picture.py docs/how-to/baked.jpg
-	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
+	$(BIN)/python -m omnisim.validation.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
 
 lint: setup
 	$(BIN)/ruff check .

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from omnisim import Renderer, load_scene
-from omnisim.plots.contact_sheet import save_contact_sheet
-from omnisim.srgb import srgb8_from_linear
+from omnisim.core.srgb import srgb8_from_linear
 from omnisim.validation.checks.baked import SETTINGS, in_baked_light
 from omnisim.validation.checks.shadows import FOLDER
 from omnisim.validation.fixture import linear_picture
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
+from omnisim.validation.plots.contact_sheet import save_contact_sheet
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.ssim import ssim
 from omnisim.validation.traced_light import inside_rim, sensor_of, traced_light

@@ -13,10 +13,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import omnisim
-from omnisim.poses import pose
-from omnisim.sensors.lidar_renderer import LidarRenderer
-from omnisim.sensors.spinning_lidar import SpinningLidar
-from omnisim.world import WorldState
+from omnisim.core.poses import pose
+from omnisim.core.world import WorldState
+from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 ROOT = Path(__file__).resolve().parents[1]
 TOML = """

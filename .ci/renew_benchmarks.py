@@ -19,8 +19,8 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.__main__ import SUITES
 from benchmarks.report import read_report
-from omnisim.errors import OmnisimError
-from omnisim.reports.machine import machine_line
+from omnisim.core.errors import OmnisimError
+from omnisim.validation.report.machine import machine_line
 
 RESULTS = ROOT / "benchmarks" / "results"
 USAGE = "usage: python .ci/renew_benchmarks.py DIR [--results-only]"

@@ -15,11 +15,11 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.progress import show_progress
 from benchmarks.timer import ROUNDS, WARM_UP
-from omnisim.atomic_file import check_target
-from omnisim.cli.console import err
-from omnisim.errors import OmnisimError, OutputError
-from omnisim.extras import require_extra
-from omnisim.reports.machine import machine_line
+from omnisim.apps.cli.console import err
+from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.extras import require_extra
+from omnisim.core.files.atomic_file import check_target
+from omnisim.validation.report.machine import machine_line
 
 # In the order in which `all` runs them: a module each, imported when it is run.
 SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses", "live")

@@ -1,6 +1,6 @@
 """Errors that the user of a benchmark can correct."""
 
-from omnisim.errors import OmnisimError
+from omnisim.core.errors import OmnisimError
 
 
 class BenchmarkError(OmnisimError):

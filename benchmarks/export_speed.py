@@ -21,15 +21,16 @@ import numpy as np
 
 from benchmarks.errors import BenchmarkError
 from omnisim import load_scene, pose
-from omnisim.cameras import EquidistantCamera
-from omnisim.robot.odometry import OdometryErrors
-from omnisim.sensors import OmniCamera
-from omnisim.simulation.drive import Drive
-from omnisim.simulation.route import Route
-from omnisim.simulation.run_folder import GROUND_TRUTH, MANIFEST
-from omnisim.simulation.sensors import MountedCamera
-from omnisim.simulation.vehicle import Vehicle
-from omnisim.trajectories import Trajectory, write_trajectory
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.robots.odometry import OdometryErrors
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.drive import Drive
+from omnisim.runs.route import Route
+from omnisim.runs.run_folder import GROUND_TRUTH, MANIFEST
+from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 
 RENDERED, SIZE_PX, STEPS = 8, 720, 500
 CAMERA = "camera"

@@ -26,10 +26,13 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.settings import at_setting
 from benchmarks.timer import time_interleaved
-from omnisim.gpu.context import open_context
-from omnisim.reports.machine import ROOT
-from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera, Renderer, Stage
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene
+from omnisim.validation.report.machine import ROOT
 
 SETTING, FRAME_PX = "fast", 360
 BATCH, BATCH_PX = 64, 84  # pictures, and their side

@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim import load_scene, pose
-from omnisim.scene import Scene
-from omnisim.scene.model import AlphaMode
-from omnisim.sensors.lidar_renderer import LidarRenderer
-from omnisim.sensors.point_cloud import PointCloud
-from omnisim.sensors.spinning_lidar import SpinningLidar
-from omnisim.world import Motion
+from omnisim.core.world import Motion
+from omnisim.scene.model import AlphaMode, Scene
+from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
+from omnisim.sensors.lidar.point_cloud import PointCloud
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 ROUNDS, WARM_UP = 20, 4
 NEAR_M = 1e-3

@@ -14,12 +14,12 @@ from pathlib import Path
 from unittest.mock import patch
 
 from omnisim import load_scene
-from omnisim.robot import load_robot
-from omnisim.simulation.drive import Drive
-from omnisim.simulation.physics.simulated_world import SimulatedWorld
-from omnisim.simulation.physics.world_model import STEP_S
-from omnisim.simulation.route import Route
-from omnisim.simulation.vehicle import Vehicle
+from omnisim.robots.robot_file import load_robot
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.drive import Drive
+from omnisim.runs.physics.simulated_world import SimulatedWorld
+from omnisim.runs.physics.world_model import STEP_S
+from omnisim.runs.route import Route
 
 
 def main(scene: str, robot: str, path: str) -> None:

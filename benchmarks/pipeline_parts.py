@@ -20,12 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gl_counters import Counts, count
-from omnisim.gpu.culling.command_slices import BANDS
-from omnisim.gpu.gl_state import GlState
-from omnisim.gpu.scene.cluster_drawer import ClusterDrawer
-from omnisim.sensors import OmniCamera, Renderer, Stage
-from omnisim.sensors.backend import CameraBackend
-from omnisim.sensors.cube_backend import CubeCamera
+from omnisim.rendering.backend import CameraBackend
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.cube_backend import CubeCamera
+from omnisim.rendering.opengl.culling.command_slices import BANDS
+from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
 
 _READS = (
     (moderngl.Framebuffer, ("read", "read_into")),

@@ -8,7 +8,7 @@
 | `bounds` | measures with a bound: `name`, `value`, `bound`, `sense`, `passed` and more |
 | `passed` | true if all bounds hold |
 | `rounds` | timed rounds; where a row has its own, that one counts |
-| `machine` | machine and versions, see `omnisim.reports.machine` |
+| `machine` | machine and versions, see `omnisim.validation.report.machine` |
 
 Further results of a suite have keys of their own.
 """
@@ -25,12 +25,12 @@ import moderngl
 
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
-from omnisim.errors import OutputError
-from omnisim.gpu.context import graphics_info
-from omnisim.plots.plot_file import Figure, write_plot
-from omnisim.reports.machine import describe_machine
-from omnisim.reports.measure import Measure, Sense
-from omnisim.reports.report import write_json
+from omnisim.core.errors import OutputError
+from omnisim.rendering.opengl.context import graphics_info
+from omnisim.validation.plots.plot_file import Figure, write_plot
+from omnisim.validation.report.machine import describe_machine
+from omnisim.validation.report.measure import Measure, Sense
+from omnisim.validation.report.report import write_json
 
 SCHEMA = 1
 _KINDS = {

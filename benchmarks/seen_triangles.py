@@ -12,11 +12,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera
-from omnisim.cube import FACE_FROM_RIG
-from omnisim.gpu.uniforms import columns_first, uniform
-from omnisim.scene import Scene
-from omnisim.scene.model import AlphaMode
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.cube import FACE_FROM_RIG
+from omnisim.rendering.opengl.uniforms import columns_first, uniform
+from omnisim.scene.model import AlphaMode, Scene
 
 _VERTEX = """
 #version 430 core

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from omnisim.sensors import OmniCamera
-from omnisim.sensors.quality import QUALITIES
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.quality import QUALITIES
 
 # Samples and texels along each side of a pixel.
 SETTINGS = {name: QUALITIES[name]._asdict() for name in ("fast", "default")}

@@ -18,13 +18,13 @@ import numpy as np
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.start_up_phases import AFTER, PHASES
-from omnisim.reports.machine import ROOT
+from omnisim.validation.report.machine import ROOT
 
 # With the driver's shader cache, and without.
 CACHED, ANEW = "to a picture and the end", "shaders compiled anew"
 
 # The installed command, run on this checkout.
-_COMMAND = "from omnisim.cli.app import main; main()"
+_COMMAND = "from omnisim.apps.cli.app import main; main()"
 # Drivers keep compiled shaders on disk; these turn that off, Mesa's and NVIDIA's.
 _NO_CACHE = {"MESA_SHADER_CACHE_DISABLE": "true", "__GL_SHADER_DISK_CACHE": "0"}
 _NOW = "NOW"  # stands for the time at which the process is started

@@ -30,10 +30,13 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
         last = now
 
     done(BEFORE)
-    import omnisim.cli.app
-    import omnisim.cli.render  # noqa: F401
-    from omnisim.scene import load_scene
-    from omnisim.sensors import OmniCamera, Renderer, Stage, cube_backend
+    import omnisim.apps.cli.app
+    import omnisim.apps.cli.pictures.render  # noqa: F401
+    from omnisim.rendering import cube_backend
+    from omnisim.rendering.camera.omnicamera import OmniCamera
+    from omnisim.rendering.renderer import Renderer
+    from omnisim.rendering.stage import Stage
+    from omnisim.scene.files.load import load_scene
 
     done(IMPORTS)
     scene = load_scene(scene_name)

@@ -6,7 +6,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent)]
 
-from omnisim.version import __version__  # noqa: E402
+from omnisim.core.version import __version__  # noqa: E402
 
 project = "omnisim"
 author = "the omnisim authors"

@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 import omnisim
-from omnisim.poses import pose_from_rotation
+from omnisim.core.poses import pose_from_rotation
 
 WHEEL_RADIUS_M, TRACK_M = 0.11, 0.42  # of the robot, see scenes/p2at/robot.toml
 MAX_WHEEL_SPEED_RADPS = 1.2 / WHEEL_RADIUS_M

@@ -13,7 +13,7 @@ Time and motion: `WorldState`, `Motion`, `Twist`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
 Depth cameras: `DepthCamera` and `DepthRenderer` of `omnisim.sensors`.
 Spinning lidars: `SpinningLidar`, `LidarRenderer` and `PointCloud` of `omnisim.sensors`.
-Cameras inside a MuJoCo simulation: `omnisim.mujoco.Camera`.
+Cameras inside a MuJoCo simulation: `omnisim.runs.mujoco_loop.Camera`.
 The camera in a browser, or in a notebook's cell: `live`.
 Errors: `OmnisimError`; notices about files are warnings, `NoticeWarning`.
 
@@ -25,37 +25,43 @@ are in `docs/` of the source code.
 TYPE_CHECKING = False  # as typing's, whose import takes a while: Ctrl-C is not handled yet
 
 if TYPE_CHECKING:
-    from omnisim.browser.notebook import live
-    from omnisim.calibration import (
+    from omnisim.apps.live.notebook import live
+    from omnisim.cameras.calibration.calibration import (
         Calibration,
         calibration_of,
         load_calibration,
         save_calibration,
     )
-    from omnisim.errors import NoticeWarning, OmnisimError
-    from omnisim.frame import Frame
-    from omnisim.poses import pose
-    from omnisim.scene import Scene, load_scene
-    from omnisim.sensors import LaserRenderer, LaserScanner, OmniCamera, Renderer, Scan, Stage
-    from omnisim.sensors.degradations import Degradation
-    from omnisim.sensors.motion import Twist
-    from omnisim.simulation.vehicle import Vehicle
-    from omnisim.version import __version__
-    from omnisim.world import Motion, WorldState
+    from omnisim.core.errors import NoticeWarning, OmnisimError
+    from omnisim.core.poses import pose
+    from omnisim.core.version import __version__
+    from omnisim.core.world import Motion, WorldState
+    from omnisim.ground_truth.frame import Frame
+    from omnisim.rendering.camera.degradations.degradation import Degradation
+    from omnisim.rendering.camera.omnicamera import OmniCamera
+    from omnisim.rendering.renderer import Renderer
+    from omnisim.rendering.stage import Stage
+    from omnisim.rendering.twist import Twist
+    from omnisim.robots.vehicle import Vehicle
+    from omnisim.scene.files.load import load_scene
+    from omnisim.scene.model import Scene
+    from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
+    from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+    from omnisim.sensors.laser_scanner.scan import Scan
 
 # Modules of the names, imported at first use: `import omnisim` is fast, and `omnisim --help` needs
 # no GPU library.
 _MODULES = {
-    "Calibration": "omnisim.calibration",
-    "calibration_of": "omnisim.calibration",
-    "load_calibration": "omnisim.calibration",
-    "save_calibration": "omnisim.calibration",
-    "Degradation": "omnisim.sensors.degradations",
-    "Twist": "omnisim.sensors.motion",
-    "NoticeWarning": "omnisim.errors",
-    "OmnisimError": "omnisim.errors",
-    "Frame": "omnisim.frame",
-    "pose": "omnisim.poses",
+    "Calibration": "omnisim.cameras.calibration",
+    "calibration_of": "omnisim.cameras.calibration",
+    "load_calibration": "omnisim.cameras.calibration",
+    "save_calibration": "omnisim.cameras.calibration",
+    "Degradation": "omnisim.rendering.camera.degradations",
+    "Twist": "omnisim.rendering.twist",
+    "NoticeWarning": "omnisim.core.errors",
+    "OmnisimError": "omnisim.core.errors",
+    "Frame": "omnisim.ground_truth.frame",
+    "pose": "omnisim.core.poses",
     "LaserRenderer": "omnisim.sensors",
     "LaserScanner": "omnisim.sensors",
     "Scan": "omnisim.sensors",
@@ -64,11 +70,11 @@ _MODULES = {
     "OmniCamera": "omnisim.sensors",
     "Renderer": "omnisim.sensors",
     "Stage": "omnisim.sensors",
-    "Vehicle": "omnisim.simulation.vehicle",
-    "Motion": "omnisim.world",
-    "WorldState": "omnisim.world",
-    "__version__": "omnisim.version",
-    "live": "omnisim.browser.notebook",
+    "Vehicle": "omnisim.robots.vehicle",
+    "Motion": "omnisim.core.world",
+    "WorldState": "omnisim.core.world",
+    "__version__": "omnisim.core.version",
+    "live": "omnisim.apps.live.notebook",
 }
 __all__ = [
     "Calibration",

@@ -1,6 +1,6 @@
 """The command line, as `python -m omnisim`."""
 
-from omnisim.cli.start import main
+from omnisim.apps.cli.start import main
 
 if __name__ == "__main__":
     main()

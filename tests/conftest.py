@@ -10,9 +10,9 @@ os.environ.setdefault("PYGLET_HEADLESS", "1")
 import numpy as np
 import pytest
 
-from omnisim.errors import GraphicsError
-from omnisim.gpu.context import open_context, release_context
-from omnisim.gpu.shadows import shadow_plan
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.context import open_context, release_context
+from omnisim.rendering.opengl.shadows import shadow_plan
 from tests.read_once import make_mipmaps_once, read_built_in_scenes_once
 
 

@@ -1,6 +1,6 @@
 """Reference ranges: rays cast by Embree.
 
-The oracle is Embree's own casting; `omnisim.rays` feeds it, and tests/rays holds that to every
+The oracle is Embree's own casting; `omnisim.rendering.rays` feeds it, and tests/rays holds that to every
 triangle tried in NumPy.
 """
 
@@ -9,9 +9,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.rays.caster import RayCaster as Caster
-from omnisim.rays.caster import Rays
-from omnisim.rays.embree import NO_TRIANGLE
+from omnisim.rendering.rays.caster import RayCaster as Caster
+from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.scene.model import AlphaMode
 
 

@@ -3,10 +3,10 @@
 from collections import OrderedDict
 from pathlib import Path
 
-from omnisim.gpu.scene import textures
-from omnisim.resources import SCENES
-from omnisim.scene import load
-from omnisim.sources import note_sources, recorded_sources
+from omnisim.core.files.sources import note_sources, recorded_sources
+from omnisim.core.package_files import SCENES
+from omnisim.rendering.opengl.materials import scene_textures as textures
+from omnisim.scene.files import load
 
 _MAX_SCENES = 24
 _MAX_TEXTURES = 256

@@ -171,7 +171,9 @@ def test_imports_are_absolute():
     )
 
 
-@pytest.mark.parametrize(("package", "layers"), [("omnisim", LAYERS), ("omnisim.gpu", GPU_LAYERS)])
+@pytest.mark.parametrize(
+    ("package", "layers"), [("omnisim", LAYERS), ("omnisim.rendering.opengl", GPU_LAYERS)]
+)
 def test_imports_point_down(package, layers):
     modules = [module for module in MODULES if module.startswith(f"{package}.")]
     assert len(modules) > 50
@@ -205,7 +207,7 @@ def test_only_drawing_needs_opengl():
     needing = {"moderngl"}
     while more := {one for one in imported if imported[one] & needing} - needing:
         needing |= more
-    outside = {one for one in needing if not one.startswith("omnisim.gpu.")}
+    outside = {one for one in needing if not one.startswith("omnisim.rendering.opengl.")}
     assert outside == DRAWING | {"moderngl"}
 
 
@@ -215,7 +217,7 @@ def test_every_layer_is_there():
 
 
 def test_every_camera_model_is_a_triple():
-    from omnisim.resources import SHADERS
+    from omnisim.core.package_files import SHADERS
     from tests.camera_examples import CAMERA_EXAMPLES
 
     stems = {path.stem for path in (SHADERS / "camera").glob("*.glsl")}

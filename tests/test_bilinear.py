@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.bilinear import corner_and_weights, sample
+from omnisim.core.bilinear import corner_and_weights, sample
 
 
 def test_a_plane_is_interpolated_exactly():

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.errors import GraphicsError, OutputError
-from omnisim.extras import (
+from omnisim.core.errors import GraphicsError, OutputError
+from omnisim.core.extras import (
     DISTRIBUTION,
     EXTRAS,
     REQUIRED,
@@ -26,7 +26,7 @@ OPTIONAL = ("matplotlib", "jinja2", "networkx", "lxml", "av", "mujoco", "pxr")
 def _run(folder, *commands):
     """Commands in one process without the optional modules; it ends at the first that fails."""
     code = (
-        "import sys\nfrom omnisim.cli.app import main\n"
+        "import sys\nfrom omnisim.apps.cli.app import main\n"
         f"sys.modules.update(dict.fromkeys({OPTIONAL!r}))\n"
         f"for command in {commands!r}:\n"
         "    sys.argv = ['omnisim', *command.split()]\n"

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from omnisim.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
-from omnisim.frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 
 
 def test_no_frame_is_mirrored():

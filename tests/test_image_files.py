@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from omnisim.errors import OutputError
-from omnisim.frame import Frame
-from omnisim.image_files import read_channels, read_image, write_channels, write_image
+from omnisim.core.errors import OutputError
+from omnisim.core.files.image_files import read_channels, read_image, write_channels, write_image
+from omnisim.ground_truth.frame import Frame
 
 METADATA = {"camera": {"k": 11.546}, "scene": 'käse "quoted" & <odd>', "pose": [[1.0, 0.1], [0, 1]]}
 PICTURE = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import get_args
 
 import omnisim
-from omnisim.calibration import FORMATS
+from omnisim.apps.cli.arguments import Backend
 from omnisim.cameras import CAMERA_MODELS
-from omnisim.cli.arguments import Backend
-from omnisim.plots import degradation_sheet
+from omnisim.cameras.calibration.calibration_formats import FORMATS
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.stage import BackendName
 from omnisim.sensors import degradations
-from omnisim.sensors.degradations import Degradation
-from omnisim.sensors.stage import BackendName
-from tests.sensors.degradations.test_gpu_equals_reference import EXAMPLES
+from omnisim.validation.plots import degradation_sheet
+from tests.rendering.camera.degradations.test_gpu_equals_reference import EXAMPLES
 
 PACKAGE = Path(omnisim.__file__).parent
 EFFECTS = [field.name for field in dataclasses.fields(Degradation)]

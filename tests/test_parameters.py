@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import numpy as np
 import pytest
 
-from omnisim.errors import OpticsError, SensorFileError, did_you_mean
-from omnisim.parameters import (
+from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
+from omnisim.core.files.parameters import (
     Fraction,
     NotNegative,
     Number,

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.errors import OmnisimError
-from omnisim.poses import (
+from omnisim.core.errors import OmnisimError
+from omnisim.core.poses import (
     check_pose,
     interpolate_pose,
     inverse,

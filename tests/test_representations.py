@@ -9,25 +9,27 @@ import numpy as np
 import pytest
 
 import omnisim
-from omnisim.calibration.ray_table import ray_table
-from omnisim.cameras import EquidistantCamera, PerspectiveCamera, RadialTableCamera
-from omnisim.errors import CalibrationError, OpticsError, SceneError
-from omnisim.frame import Frame
-from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels
-from omnisim.image_files import read_image
-from omnisim.localization.track import Track
-from omnisim.mirrors import HyperbolicMirror
-from omnisim.mirrors.tessellation import tessellate
-from omnisim.resources import SCENES
-from omnisim.robot import load_robot
-from omnisim.robot.odometry import OdometryErrors, simulate_odometry
+from omnisim.cameras.calibration.ray_table import ray_table
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.radial_table import RadialTableCamera
+from omnisim.core.errors import CalibrationError, OpticsError, SceneError
+from omnisim.core.files.image_files import read_image
+from omnisim.core.package_files import SCENES
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.ground_truth.frame import Frame
+from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
+from omnisim.perception.localization.track import Track
+from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.robots.odometry import OdometryErrors, simulate_odometry
+from omnisim.robots.robot_file import load_robot
+from omnisim.runs.drive import Drive
+from omnisim.runs.route import Route
+from omnisim.runs.run_folder import RunFolder
+from omnisim.runs.run_manifest import Manifest
 from omnisim.scene.model import LabelRule
-from omnisim.sensors.degradations.degradation_file import preset
-from omnisim.simulation.drive import Drive
-from omnisim.simulation.manifest import Manifest
-from omnisim.simulation.route import Route
-from omnisim.simulation.run_folder import RunFolder
-from omnisim.trajectories.trajectory import Trajectory
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.scenes import scene_of
 
@@ -198,7 +200,7 @@ def test_help_of_a_camera_has_its_own_words_alone():
 
 def test_notices_of_a_scene_are_warnings_of_the_caller(monkeypatch):
     noted = dataclasses.replace(scene_of([], []), notices=("a.glb: no fur", "a.glb: no hair"))
-    monkeypatch.setattr("omnisim.scene.load.read_scene", lambda *given: noted)
+    monkeypatch.setattr("omnisim.scene.files.load.read_scene", lambda *given: noted)
     with pytest.warns(omnisim.NoticeWarning) as caught:
         assert omnisim.load_scene("a.glb") is noted
     assert tuple(str(one.message) for one in caught) == noted.notices

@@ -5,8 +5,8 @@ import tomllib
 
 import pytest
 
-from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
-from omnisim.toml_file import toml_text
+from omnisim.core.files.toml_file import toml_text
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 
 TABLES = (
     {},

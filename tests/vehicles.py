@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from omnisim import LaserScanner, OmniCamera
-from omnisim.poses import pose
-from omnisim.scene import load_scene
+from omnisim.core.poses import pose
+from omnisim.scene.files.load import load_scene
 from omnisim.scene.model import (
     AlphaMode,
     Instance,

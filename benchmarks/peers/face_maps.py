@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.peer import CAMERA, mirror_rays
-from omnisim.cameras import HyperbolicCamera
-from omnisim.cube import face_index, face_tangents
-from omnisim.srgb import linear_from_srgb
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.core.cube import face_index, face_tangents
+from omnisim.core.srgb import linear_from_srgb
 
 CAPTURES = 8  # samples along each side of a pixel of the reference
 _BANDS = 24  # of the reference's rows, one after the other: its rays take gigabytes
@@ -22,7 +22,7 @@ class FaceMaps:
     Args:
         camera: of the picture.
         face_px: size of a face.
-        faces: number of faces side by side, in the order of `omnisim.cube.FACE_NAMES`.
+        faces: number of faces side by side, in the order of `omnisim.core.cube.FACE_NAMES`.
     """
 
     def __init__(self, camera: HyperbolicCamera, face_px: int, faces: int):

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rays.geometry import build_geometry
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.rendering.rays.geometry import build_geometry
 from omnisim.scene.model import AlphaMode, LightKind, Material, Scene, Texture, Wrap
-from omnisim.srgb import linear_from_srgb
 
 Floats = NDArray[np.float32]
 

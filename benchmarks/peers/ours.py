@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.peer import PicturePeer
-from omnisim.sensors import OmniCamera, Renderer, Stage
-from omnisim.sensors.cube_backend import CubeCamera
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.cube_backend import CubeCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
 
 
 class Omnisim(PicturePeer):

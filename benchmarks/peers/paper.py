@@ -19,17 +19,11 @@ from benchmarks.peers.face_target import (
     srgb_texture,
 )
 from benchmarks.peers.peer import CAMERA, PicturePeer
-from omnisim.cube import (
-    CELL_TANGENT,
-    FACE_FROM_RIG,
-    LAYOUT_CELLS,
-    LAYOUT_COLUMNS,
-    LAYOUT_ROWS,
-)
-from omnisim.mirrors import tessellate
-from omnisim.mirrors.unfolding import unfold
+from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras.mirrors.unfolding import unfold
+from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
+from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS
 from omnisim.scene.model import Scene
-from omnisim.sensors.omnicamera import PAPER_POLYGONS
 
 FACE_PX = 360
 FACES = tuple(range(5))  # all but the one that looks up

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.peer import SENSOR
-from omnisim.cameras import pixel_grid
-from omnisim.sensors import Renderer, Stage
+from omnisim.cameras.camera import pixel_grid
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
 
 HEIGHT_M = 1.0  # of the camera above a path's ground
 SHARE, FARTHEST_M = 0.7, 8.0  # of the free way ahead

@@ -7,11 +7,11 @@ from abc import abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import HyperbolicCamera, pixel_grid
-from omnisim.mirrors import HyperbolicMirror
-from omnisim.sensors import OmniCamera
-from omnisim.sensors.omnicamera import PAPER_SIZE_PX
-from omnisim.sensors.stage import Closing
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.rendering.camera.omnicamera import PAPER_SIZE_PX, OmniCamera
+from omnisim.rendering.stage import Closing
 
 # The frame that all race for: the paper's camera, 360 × 360 px, rim at 105°.
 CAMERA = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)

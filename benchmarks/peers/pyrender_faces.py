@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.face_maps import FaceMaps, averaged, linear_from_levels
 from benchmarks.peers.peer import CAMERA, PicturePeer
-from omnisim.cube import FACE_FROM_RIG
+from omnisim.core.cube import FACE_FROM_RIG
+from omnisim.core.srgb import srgb8_from_linear
 from omnisim.scene.model import AlphaMode, Scene
-from omnisim.srgb import srgb8_from_linear
 from omnisim.validation.oracles.pyrender_rasteriser import (
     FAR_M,
     NEAR_M,

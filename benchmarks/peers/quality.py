@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.peer import CAMERA, SENSOR, PicturePeer, mirror_rays
-from omnisim.sensors import Stage
+from omnisim.rendering.stage import Stage
 from omnisim.validation.psnr import psnr_of_levels_db
 
 CAPTURES = 8  # samples along each side of a pixel

@@ -16,14 +16,14 @@ from benchmarks.peers.field import Field
 from benchmarks.peers.path import race_poses
 from benchmarks.peers.peer import CAMERA
 from benchmarks.peers.quality import CAPTURES, psnr_db, references
-from omnisim.rays.depth_limits import DepthLimits
-from omnisim.rays.picture import RayPicture
-from omnisim.rays.ray_scene import ObjectState, RayScene
-from omnisim.scene import Scene, load_scene
-from omnisim.scene.load import NO_BAKED_LIGHT
-from omnisim.scene.source import NO_SKY
-from omnisim.sensors import Stage
-from omnisim.srgb import srgb8_from_linear
+from omnisim.core.srgb import srgb8_from_linear
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.picture import RayPicture
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.stage import Stage
+from omnisim.scene.files.load import NO_BAKED_LIGHT, load_scene
+from omnisim.scene.files.source import NO_SKY
+from omnisim.scene.model import Scene
 
 POSES, LOOKED_AT = 10, 4
 COMPARED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)

@@ -7,8 +7,8 @@ import dataclasses
 from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.probes.probe import Probe
 from benchmarks.settings import at_setting
-from omnisim.sensors import OmniCamera, Stage
-from omnisim.sensors.omnicamera import PAPER_POLYGONS
+from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.rendering.stage import Stage
 
 FACE_PX = 16
 

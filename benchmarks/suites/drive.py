@@ -27,13 +27,14 @@ from benchmarks.settings import at_setting
 from benchmarks.start_up import CACHED, start_up_rows
 from benchmarks.suites.drive_figure import drive_figure
 from benchmarks.timer import Timings, time_interleaved
-from omnisim.gpu.context import open_context
-from omnisim.reports.measure import Measure
-from omnisim.scene import Scene
-from omnisim.sensors import Renderer, Stage
-from omnisim.sensors.omnicamera import PAPER_POLYGONS
-from omnisim.simulation.route import Route, plan_route
-from omnisim.simulation.vehicle import Vehicle
+from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS
+from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.route import Route, plan_route
+from omnisim.scene.model import Scene
+from omnisim.validation.report.measure import Measure
 
 SCENE, ROBOT = "soccer", "p2at"
 RATE_HZ = 20.0

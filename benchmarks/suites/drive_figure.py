@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from omnisim.plots import style
+from omnisim.validation.plots import style
 
 _MOST = 4.0  # times the median: what is above is cut off
 

@@ -24,13 +24,14 @@ from benchmarks.scenes import PAPERS_MAPS, load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.fps_figure import fps_figure
 from benchmarks.timer import Timings, time_interleaved
-from omnisim.mirrors.mesh_error import mesh_error
-from omnisim.reports.measure import Measure
-from omnisim.scene import Scene
-from omnisim.sensors import LaserRenderer, Renderer
-from omnisim.sensors.stage import Stage
-from omnisim.simulation.vehicle import Vehicle
+from omnisim.cameras.mirrors.mirror_mesh_error import mesh_error
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.robots.vehicle import Vehicle
+from omnisim.scene.model import Scene
+from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
 from omnisim.validation.fixture import mirror_camera
+from omnisim.validation.report.measure import Measure
 
 POLYGONS = (16, 64, 256, 1024, 4096)
 EXACT = "exact"

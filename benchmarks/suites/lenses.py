@@ -17,21 +17,23 @@ import numpy as np
 from benchmarks.options import Options
 from benchmarks.report import bound_lines, make_report
 from benchmarks.timer import time_interleaved
-from omnisim import poses
-from omnisim.cameras import CentralCamera, EquidistantCamera
-from omnisim.gpu.atlas.tile_plan import plan_tiles
-from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.context import open_context
-from omnisim.gpu.pipeline import Pipeline
-from omnisim.gpu.scene.cube_pass import CubePass
-from omnisim.gpu.scene.scene_buffers import SceneBuffers
-from omnisim.gpu.scene.surface_program import SurfacePrograms
-from omnisim.gpu.scene.tile_renderer import VirtualCameras
-from omnisim.plots import style
-from omnisim.plots.plot_file import Figure
-from omnisim.rendering import ScenePoses
-from omnisim.reports.measure import Measure
-from omnisim.scene import Scene, load_scene
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core import poses
+from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.pipeline import Pipeline
+from omnisim.rendering.readback import ScenePoses
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene
+from omnisim.validation.plots import style
+from omnisim.validation.plots.plot_file import Figure
+from omnisim.validation.report.measure import Measure
 from tests.camera_examples import CAMERA_EXAMPLES
 
 SCENE = "courtyard"

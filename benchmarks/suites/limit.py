@@ -42,10 +42,10 @@ from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.limit_figure import limit_figure
 from benchmarks.suites.limit_frames import LimitedFrame
 from benchmarks.timer import Timings, time_interleaved
-from omnisim.gpu.context import open_context
-from omnisim.reports.measure import Measure
-from omnisim.sensors import OmniCamera, Stage
-from omnisim.sensors.omnicamera import PAPER_POLYGONS
+from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.stage import Stage
+from omnisim.validation.report.measure import Measure
 
 HELD = "fast"  # the setting whose bounds count
 MOST_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame

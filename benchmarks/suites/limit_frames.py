@@ -18,7 +18,8 @@ from benchmarks.probes.small_faces import small_faces_name
 from benchmarks.probes.surfaces import room_name
 from benchmarks.seen_triangles import count_seen_triangles
 from benchmarks.timer import Timings
-from omnisim.sensors import OmniCamera, Stage
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.stage import Stage
 
 PARTS = PartSeconds._fields
 _LIMITED = ("texels", "triangles", "lookups", "readback")

@@ -23,18 +23,18 @@ from websockets.sync.client import ClientConnection, connect
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.report import bound_lines, make_report
-from omnisim.browser.server import page_bytes
-from omnisim.gpu.context import open_context
-from omnisim.plots import style
-from omnisim.reports.machine import ROOT
-from omnisim.reports.measure import Measure
+from omnisim.apps.live.server import page_bytes
+from omnisim.rendering.opengl.context import open_context
+from omnisim.validation.plots import style
+from omnisim.validation.report.machine import ROOT
+from omnisim.validation.report.measure import Measure
 
 SCENE, SIZE_PX = "soccer", 400
 DRIVE_S = 3.0  # of each setting
 VIEWS: dict[str, tuple[str, ...]] = {"one view": (), "panorama and range": ("panorama", "range")}
 LEAST_RATES = {"one view": 12.0, "panorama and range": 7.0}
 MOST_KEY_MS, MOST_MIRROR_MS, MOST_FIRST_S, MOST_PAGE_KB = 150.0, 400.0, 2.5, 200.0
-_COMMAND = "from omnisim.cli.app import main; main()"
+_COMMAND = "from omnisim.apps.cli.app import main; main()"
 _TIMEOUT_S = 60.0
 
 

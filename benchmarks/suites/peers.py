@@ -28,8 +28,8 @@ from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
 from benchmarks.suites.peers_figure import peers_figure
 from benchmarks.timer import Timings, time_interleaved
-from omnisim.reports.measure import Measure
-from omnisim.sensors import Stage
+from omnisim.rendering.stage import Stage
+from omnisim.validation.report.measure import Measure
 
 POSES = 10
 # The references are dear: of the poses so many are looked at, and fewer by pyrender's own.

@@ -32,12 +32,13 @@ from benchmarks.settings import at_setting
 from benchmarks.suites.scaling_figure import scaling_figure
 from benchmarks.timer import Timings, time_interleaved
 from benchmarks.town import build_town
-from omnisim.poses import pose
-from omnisim.reports.measure import Measure
-from omnisim.scene import load_scene
-from omnisim.sensors import OmniCamera, Renderer
-from omnisim.sensors.stage import Stage
-from omnisim.simulation.vehicle import Vehicle
+from omnisim.core.poses import pose
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.robots.vehicle import Vehicle
+from omnisim.scene.files.load import load_scene
+from omnisim.validation.report.measure import Measure
 
 SETTING, SIZE_PX, SCENE = "fast", 360, "soccer"
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000)

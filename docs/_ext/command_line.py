@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import typer
 import typer.main
 
-from omnisim.cli.app import app
+from omnisim.apps.cli.app import app
 
 _WIDTH = 80  # of the usage, whatever the terminal's
 

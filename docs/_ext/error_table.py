@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 
-from omnisim import errors
+from omnisim.core import errors
 
 _HEADER = """# Errors
 

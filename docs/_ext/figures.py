@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from omnisim.mirrors import HyperbolicMirror
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
 
 _INK, _RAY, _MIRROR = "#555", "#c33", "#28c"
 
@@ -66,7 +66,7 @@ def _frames() -> plt.Figure:
     yaw = np.array(
         [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0, 0, 1]]
     )
-    from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
+    from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 
     for name, origin, rotation, length in (
         ("world", np.zeros(3), np.eye(3), 0.5),

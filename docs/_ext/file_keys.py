@@ -11,9 +11,9 @@ from typing import Any, get_args, get_origin
 import pydantic
 from pydantic_core import PydanticUndefined
 
-from omnisim import file_keys
-from omnisim.inner_tables import table_in
-from omnisim.parameters import table_of
+from omnisim.core.files import file_keys
+from omnisim.core.files.inner_tables import table_in
+from omnisim.core.files.parameters import table_of
 
 
 def tables(
@@ -96,12 +96,12 @@ def _name(annotation: Any) -> str:
 
 def key_pages() -> dict[str, str]:
     """Markdown of the keys of each kind of file, by the name of its page."""
-    from omnisim.datasets.plan import Plan
-    from omnisim.localization.parameters import FilterParameters
-    from omnisim.optics.system_file import OpticsFile
-    from omnisim.robot.robot_file import RobotFile
-    from omnisim.scene.scene_file import LabelFile, SceneFile
-    from omnisim.sensors.sensor_file import SensorFile
+    from omnisim.cameras.optics.system_file import OpticsFile
+    from omnisim.datasets.generate.plan import Plan
+    from omnisim.perception.localization.filter_parameters import FilterParameters
+    from omnisim.rendering.camera.sensor_file import SensorFile
+    from omnisim.robots.robot_file import RobotFile
+    from omnisim.scene.files.scene_file import LabelFile, SceneFile
 
     pages = {
         "sensor-file-keys": tables(SensorFile),
@@ -117,7 +117,7 @@ def key_pages() -> dict[str, str]:
 
 
 def _mounts() -> Iterator[str]:
-    from omnisim.simulation.sensors.registry import MOUNT_TYPES
+    from omnisim.sensors.sensor_registry import MOUNT_TYPES
 
     for name, mount in MOUNT_TYPES.items():
         yield f'## `[[sensors]]`, `type = "{name}"`\n\n{file_keys.summary(mount)}'
@@ -125,7 +125,7 @@ def _mounts() -> Iterator[str]:
 
 
 def _shapes() -> Iterator[str]:
-    from omnisim.optics.surface_tables import shape_schemas
+    from omnisim.cameras.optics.surface_tables import shape_schemas
 
     for name, table, source in shape_schemas():
         yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{file_keys.summary(source)}'
@@ -133,7 +133,7 @@ def _shapes() -> Iterator[str]:
 
 
 def _effects() -> Iterator[str]:
-    from omnisim.sensors.degradations.degradation_file import EFFECTS
+    from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 
     for name, effect in EFFECTS.items():
         yield f"## `[degradation.{name}]`\n\n{file_keys.summary(effect)}"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnisim.scene.conversions import CONVERSIONS
-from omnisim.scene.gltf.features import FEATURES
+from omnisim.scene.files.conversions import CONVERSIONS
+from omnisim.scene.formats.gltf.features import FEATURES
 
 
 def gltf_features() -> str:

@@ -7,7 +7,7 @@ Conventions, for all models:
 
 - Pixels are (u, v), u right and v down, (0, 0) at the centre of the top left one.
 - Rays are unit directions in the optical frame (x right, y down, z forward), from the effective
-  viewpoint. `omnisim.frames` has all frames.
+  viewpoint. `omnisim.core.coordinate_frames` has all frames.
 - A pixel outside the domain, or a direction that the camera cannot see, has `valid` False and
   some finite value; that is data, not an error.
 """
@@ -26,31 +26,31 @@ from omnisim.cameras.camera import (
     pixels_of_points,
     summary,
 )
-from omnisim.cameras.cylindrical import CylindricalCamera
-from omnisim.cameras.double_sphere import DoubleSphereCamera
-from omnisim.cameras.elliptic import EllipticCamera
-from omnisim.cameras.equidistant import EquidistantCamera
-from omnisim.cameras.equirectangular import EquirectangularCamera
-from omnisim.cameras.equisolid import EquisolidCamera
-from omnisim.cameras.eucm import EucmCamera
-from omnisim.cameras.f_theta import FThetaCamera
 from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
 from omnisim.cameras.full_turn import period_px
-from omnisim.cameras.gazebo import GazeboCamera
-from omnisim.cameras.hyperbolic import HyperbolicCamera
-from omnisim.cameras.kannala_brandt import KannalaBrandtCamera
 from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.ocamcalib import OcamcalibCamera
-from omnisim.cameras.orthographic import OrthographicCamera
-from omnisim.cameras.parabolic import ParabolicCamera
+from omnisim.cameras.mirrors.elliptic import EllipticCamera
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.parabolic import ParabolicCamera
+from omnisim.cameras.mirrors.planar import PlanarCamera
+from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras.models.double_sphere import DoubleSphereCamera
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras.models.equisolid import EquisolidCamera
+from omnisim.cameras.models.eucm import EucmCamera
+from omnisim.cameras.models.f_theta import FThetaCamera
+from omnisim.cameras.models.gazebo import GazeboCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.ocamcalib import OcamcalibCamera
+from omnisim.cameras.models.orthographic import OrthographicCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.radial_table import RadialTableCamera
+from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
+from omnisim.cameras.models.stereographic import StereographicCamera
+from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.cameras.parametric_camera import ParametricCamera
-from omnisim.cameras.perspective import PerspectiveCamera
-from omnisim.cameras.planar import PlanarCamera
-from omnisim.cameras.radial_table import RadialTableCamera
-from omnisim.cameras.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.stereographic import StereographicCamera
-from omnisim.cameras.unified import UnifiedCamera
-from omnisim.errors import OpticsError
+from omnisim.core.errors import OpticsError
 
 __all__ = [
     "CAMERA_MODELS",

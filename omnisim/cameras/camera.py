@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.errors import OpticsError
+from omnisim.core.errors import OpticsError
 
 Uniforms = dict[str, float | tuple[float, ...]]
 ParameterValue = (

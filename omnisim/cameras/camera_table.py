@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from omnisim.cameras import CentralCamera, camera_from_parameters
-from omnisim.errors import OpticsError, SensorFileError, did_you_mean
+from omnisim.cameras import camera_from_parameters
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
 
 
 def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> CentralCamera:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import LARGEST_RADIUS_PX, first_root, polyval, solve_polynomial
 from omnisim.cameras.plane_camera import RadialCamera
-from omnisim.errors import OpticsError
+from omnisim.core.errors import OpticsError
 
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 LEAST_SLOPE = 1e-3  # of the slope at the axis

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.parameters import check_limits
+from omnisim.cameras.model_parameters import check_limits
 from omnisim.cameras.parametric_camera import ParametricCamera
-from omnisim.errors import OpticsError
+from omnisim.core.errors import OpticsError
 
 # Far past any camera; squares of what follows from them still fit into a float.
 FOCAL_LENGTHS_PX = (1e-30, 1e30)

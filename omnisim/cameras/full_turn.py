@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.cylindrical import CylindricalCamera
-from omnisim.cameras.equirectangular import EquirectangularCamera
+from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
 
 
 def period_px(camera: CentralCamera) -> float | None:

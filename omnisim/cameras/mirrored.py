@@ -23,9 +23,13 @@ from omnisim.cameras.camera import (
     Uniforms,
     as_directions,
 )
-from omnisim.errors import OpticsError
-from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD, FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
-from omnisim.short_repr import short_repr
+from omnisim.core.coordinate_frames import (
+    BASE_FROM_OPTICAL_LOOKING_AHEAD,
+    FLIP_Z,
+    RIG_FROM_OPTICAL_LOOKING_UP,
+)
+from omnisim.core.errors import OpticsError
+from omnisim.core.short_repr import short_repr
 
 
 @dataclass(frozen=True)

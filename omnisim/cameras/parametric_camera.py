@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
-from omnisim.cameras.parameters import (
+from omnisim.cameras.model_parameters import (
     check_limits,
     number,
     numbers,
@@ -21,9 +21,9 @@ from omnisim.cameras.parameters import (
     whole_number,
     word,
 )
-from omnisim.errors import OpticsError
-from omnisim.frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
-from omnisim.short_repr import short_repr
+from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
+from omnisim.core.errors import OpticsError
+from omnisim.core.short_repr import short_repr
 
 _READERS: dict[str, Callable[[Mapping[str, Any], str], Any]] = {
     "int": whole_number,

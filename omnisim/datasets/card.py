@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import write_text
-from omnisim.datasets.manifest import MANIFEST, Manifest
-from omnisim.datasets.samples import Shards
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.image_files import write_image
+from omnisim.core.version import __version__
+from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
+from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.statistics import RANGE_EDGES_M, Statistics
-from omnisim.image_files import write_image
-from omnisim.version import __version__
 
 EXAMPLE = "example.jpg"
 EXAMPLES, EXAMPLE_COLUMNS, GAP_PX = 8, 4, 4

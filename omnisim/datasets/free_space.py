@@ -15,12 +15,12 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
-from omnisim.datasets.triangle_parts import columns_of, heights_in, is_flat, surface_points
-from omnisim.errors import PlanError
-from omnisim.scene.floor import HeightField
+from omnisim.core.errors import PlanError
+from omnisim.core.short_repr import short_repr
+from omnisim.datasets.generate.triangle_parts import columns_of, heights_in, is_flat, surface_points
 from omnisim.scene.model import Scene
-from omnisim.scene.triangles import triangles_within
-from omnisim.short_repr import short_repr
+from omnisim.scene.space.floor import HeightField
+from omnisim.scene.space.triangles import triangles_within
 
 MOST_CELLS = 1000  # to a side of the floor plan, around the scene's start
 CELLS_PER_RADIUS = 4.0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.atomic_file import atomic_write
+from omnisim.core.files.atomic_file import atomic_write
 from omnisim.datasets.free_space import FreeSpace
 
 PATTERN = ".free-*.npz"  # hidden: they are no part of the data set

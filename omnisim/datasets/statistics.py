@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.frame import Frame
+from omnisim.ground_truth.frame import Frame
 
 BRIGHTNESS_BINS = 16
 # Edges of the histogram of ranges, metres: ten to a decade, 0.1 m to 1 km.

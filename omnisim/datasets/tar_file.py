@@ -6,7 +6,7 @@ import hashlib
 import tarfile
 from pathlib import Path
 
-from omnisim.atomic_file import atomic_write
+from omnisim.core.files.atomic_file import atomic_write
 
 BLOCK_BYTES = 1 << 20
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.ground_truth.labels import InstanceLabel, Labels
-from omnisim.poses import inverse, quaternion_from_rotation
-from omnisim.short_repr import short_repr
-from omnisim.version import __version__
+from omnisim.core.poses import inverse, quaternion_from_rotation
+from omnisim.core.short_repr import short_repr
+from omnisim.core.version import __version__
+from omnisim.ground_truth.label_names import InstanceLabel, Labels
 
 _ABOUT = (
     "Oriented boxes of the instances that at least one pixel shows. Their axes are those of the "

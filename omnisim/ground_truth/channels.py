@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from omnisim.errors import OutputError, did_you_mean
+from omnisim.core.errors import OutputError, did_you_mean
 
 ChannelName = Literal[
     "range",

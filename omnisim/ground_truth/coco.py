@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import write_text
-from omnisim.ground_truth.labels import Labels
-from omnisim.version import __version__
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.version import __version__
+from omnisim.ground_truth.label_names import Labels
 
 _ABOUT = (
     "Boxes and areas are those of the instance's visible pixels, nothing more: what is hidden is "

@@ -8,9 +8,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from omnisim.core.files.image_files import write_channels
 from omnisim.ground_truth.channels import CHANNELS
-from omnisim.ground_truth.labels import Labels
-from omnisim.image_files import write_channels
+from omnisim.ground_truth.label_names import Labels
 
 
 def write_exr(

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import atomic_write
-from omnisim.errors import OutputError
-from omnisim.image_files import write_numbers
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import atomic_write
+from omnisim.core.files.image_files import write_numbers
 
 _FLO_MAGIC = np.float32(202021.25)  # "PIEH"
 _FLO_UNKNOWN, _FLO_LARGEST = np.float32(1e10), 1e9

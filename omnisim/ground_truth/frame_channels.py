@@ -8,12 +8,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from omnisim.errors import did_you_mean
+from omnisim.core.errors import did_you_mean
+from omnisim.core.files.image_files import png_bytes
+from omnisim.core.short_repr import short_repr
 from omnisim.ground_truth.channels import CHANNELS
-from omnisim.ground_truth.labels import Labels
+from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.previews import preview
-from omnisim.image_files import png_bytes
-from omnisim.short_repr import short_repr
 
 
 class FrameChannels(dict[str, NDArray[Any]]):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.channels import CHANNELS
-from omnisim.ground_truth.labels import Labels, distinct_color
+from omnisim.ground_truth.label_names import Labels, distinct_color
 from omnisim.ground_truth.previews import NEAR_TO_FAR, OCCLUSION, range_limits, signed_limit
 
 MOST_ITEMS = 14  # of a list, the largest first

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.atomic_file import atomic_write
-from omnisim.errors import OutputError
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import atomic_write
 
 
 class ChannelFormat(StrEnum):

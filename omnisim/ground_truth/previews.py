@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.ground_truth.labels import Labels, distinct_color
-from omnisim.srgb import srgb8_from_linear
+from omnisim.core.srgb import srgb8_from_linear
+from omnisim.ground_truth.label_names import Labels, distinct_color
 
 _NOTHING = (0, 0, 0)
 # From near to far: yellow, orange, red, violet, dark blue.

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import OmnisimError, OutputError
+from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.files.image_files import is_float_format, read_channels, read_image
+from omnisim.core.srgb import linear_from_srgb8
+from omnisim.ground_truth.channel_files import sidecar_path
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
-from omnisim.ground_truth.files import sidecar_path
 from omnisim.ground_truth.flow_files import read_flo
-from omnisim.ground_truth.labels import Labels
+from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import read_npy
-from omnisim.image_files import is_float_format, read_channels, read_image
-from omnisim.srgb import linear_from_srgb8
 
 # Values that two files of one picture have in common.
 _IDENTITY = ("scene", "camera", "world_from_base", "world_from_optical")

@@ -3,8 +3,8 @@
 Readers raise a SceneError of one line for whatever is wrong with a file.
 """
 
-from omnisim.scene.load import load_scene, read_scene
+from omnisim.scene.files.load import load_scene, read_scene
+from omnisim.scene.files.source import builtin_scenes
 from omnisim.scene.model import Scene
-from omnisim.scene.source import builtin_scenes
 
 __all__ = ["Scene", "builtin_scenes", "load_scene", "read_scene"]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.errors import OmnisimError, SceneError
-from omnisim.poses import check_pose
-from omnisim.scene.imported import PLAIN_GREY, ImportedScene, make_mesh
+from omnisim.core.errors import OmnisimError, SceneError
+from omnisim.core.poses import check_pose
+from omnisim.core.srgb import linear_from_srgb8
+from omnisim.scene.files.imported import PLAIN_GREY, ImportedScene, make_mesh
 from omnisim.scene.parts import AlphaMode, Instance, Material, Texture
-from omnisim.srgb import linear_from_srgb8
 
 _BYTE = np.dtype(np.uint8)
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.errors import SceneError, did_you_mean
-from omnisim.poses import inverse, is_pose
+from omnisim.core.errors import SceneError, did_you_mean
+from omnisim.core.poses import inverse, is_pose
 from omnisim.scene.arrays import color_material, instance_pose
 from omnisim.scene.parts import Instance, Material, Mesh
 

@@ -24,11 +24,11 @@ from collections.abc import Collection, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from omnisim.errors import SceneError
-from omnisim.ground_truth.labels import ClassLabel, InstanceLabel, Labels, distinct_color
+from omnisim.core.errors import SceneError
+from omnisim.core.files.toml_file import read_toml
+from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels, distinct_color
+from omnisim.scene.files.scene_file import LabelFile, LabelTable
 from omnisim.scene.model import LabelRule, Scene
-from omnisim.scene.scene_file import LabelFile, LabelTable
-from omnisim.toml_file import read_toml
 
 VEHICLE, UNLABELLED = "vehicle", "unlabelled"
 BODY = "body"  # name of the dynamic object that is the vehicle's body

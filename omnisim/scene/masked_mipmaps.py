@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.srgb import linear_from_srgb8, srgb_from_linear
+from omnisim.core.srgb import linear_from_srgb8, srgb_from_linear
 
 _SEARCH_STEPS = 12  # halvings of an interval of 16: to 4/1000, one step of 8 bits
 

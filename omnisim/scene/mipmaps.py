@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.srgb import linear_from_srgb, srgb8_from_linear
+from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear
 
 # Linear light in 14 bits: a step is a fifth of one of 8-bit sRGB where that is finest, and two
 # values add up within 16 bits.

@@ -9,16 +9,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.fingerprint import fingerprint
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene import editing
 from omnisim.scene.arrays import import_arrays
-from omnisim.scene.file_axes import world_from_axes
-from omnisim.scene.given import Given
-from omnisim.scene.imported import ImportedScene, place
-from omnisim.scene.instance_boxes import instance_boxes
-from omnisim.scene.lighting import DEFAULT_BACKGROUND, expose, is_even
-from omnisim.scene.object_motion import ObjectMotion
+from omnisim.scene.files.file_axes import world_from_axes
+from omnisim.scene.files.given import Given
+from omnisim.scene.files.imported import ImportedScene, place
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, is_even
+from omnisim.scene.motion.object_motion import ObjectMotion
 from omnisim.scene.parts import (
     LAMP_NEAR_M,
     MAX_LIGHTS,
@@ -42,8 +42,8 @@ from omnisim.scene.parts import (
     Wrap,
     bounds_m,
 )
-from omnisim.scene.start_pose import find_start
-from omnisim.short_repr import counted, short_repr
+from omnisim.scene.space.instance_boxes import instance_boxes
+from omnisim.scene.space.start_pose import find_start
 
 __all__ = [
     "LAMP_NEAR_M",
@@ -323,7 +323,7 @@ class Scene:
         Raises:
             SceneError: something else, nothing to draw, numbers that are none, an unknown unit.
         """
-        from omnisim.scene.trimesh_import import read_trimesh  # slow to import
+        from omnisim.scene.formats.mesh.trimesh_import import read_trimesh  # slow to import
 
         imported, units = read_trimesh(source, name, smooth)
         axes = world_from_axes(up_axis, units if meters_per_unit is None else meters_per_unit)

@@ -10,11 +10,11 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.bounds import bounds_of
-from omnisim.scene.baked_light import BakedLight
-from omnisim.scene.deformation import Deformation
-from omnisim.scene.environment import Environment
-from omnisim.short_repr import counted, short_repr
+from omnisim.core.bounds import bounds_of
+from omnisim.core.short_repr import counted, short_repr
+from omnisim.scene.light.baked_light import BakedLight
+from omnisim.scene.light.environment import Environment
+from omnisim.scene.motion.deformation import Deformation
 
 LightRectangle = tuple[float, float, float, float]
 

@@ -9,10 +9,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.floor import floor_height_m
 from omnisim.scene.labels import find_labels
 from omnisim.scene.model import Material, Mesh, Scene, Texture, bounds_m
-from omnisim.scene.triangles import triangles_within
+from omnisim.scene.space.floor import floor_height_m
+from omnisim.scene.space.triangles import triangles_within
 
 # Surfaces this flat, whose heights are within a step, are one floor.
 MAX_FLOOR_SLOPE_DEG = 10.0

@@ -3,18 +3,22 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from omnisim.sensors.depth_camera import DepthCamera
-    from omnisim.sensors.depth_renderer import DepthRenderer
-    from omnisim.sensors.laser_renderer import LaserRenderer
-    from omnisim.sensors.laser_scanner import LaserScanner
-    from omnisim.sensors.lidar_renderer import LidarRenderer
-    from omnisim.sensors.omnicamera import OmniCamera
-    from omnisim.sensors.point_cloud import PointCloud
-    from omnisim.sensors.range_sensor import RangeReading, RangeSensor, RangeSensorRenderer
-    from omnisim.sensors.renderer import Renderer
-    from omnisim.sensors.scan import Scan
-    from omnisim.sensors.spinning_lidar import SpinningLidar
-    from omnisim.sensors.stage import Stage
+    from omnisim.rendering.camera.omnicamera import OmniCamera
+    from omnisim.rendering.renderer import Renderer
+    from omnisim.rendering.stage import Stage
+    from omnisim.sensors.depth_camera.depth_camera import DepthCamera
+    from omnisim.sensors.depth_camera.depth_renderer import DepthRenderer
+    from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
+    from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+    from omnisim.sensors.laser_scanner.scan import Scan
+    from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
+    from omnisim.sensors.lidar.point_cloud import PointCloud
+    from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+    from omnisim.sensors.range_sensor.range_sensor import (
+        RangeReading,
+        RangeSensor,
+        RangeSensorRenderer,
+    )
 
 # Modules of the names, imported at first use: a camera alone needs neither scenes nor OpenGL.
 _MODULES = {

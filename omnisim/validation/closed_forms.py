@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import OpticsError
-from omnisim.optics import OpticalSystem
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.errors import OpticsError
 
 Floats = NDArray[np.float64]
 

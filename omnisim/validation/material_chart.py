@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, PerspectiveCamera, pixel_grid
+from omnisim.cameras.camera import CentralCamera, pixel_grid
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
-from omnisim.sensors import OmniCamera
 
 ROUGHNESS = 0.1, 0.25, 0.4, 0.6, 0.8, 1.0  # from top to bottom
 METALLIC = 0.0, 0.5, 1.0  # from left to right

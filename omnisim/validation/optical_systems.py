@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from omnisim.optics import OpticalSystem
-from omnisim.optics.system_file import parse_optics
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.system_file import parse_optics
 
 SIZE_PX = 360
 _FOLDED = (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.srgb import srgb_from_linear
+from omnisim.core.srgb import srgb_from_linear
 
 
 def psnr_db(

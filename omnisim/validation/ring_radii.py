@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.bilinear import sample
+from omnisim.core.bilinear import sample
 
 STEP_PX = 0.1
 

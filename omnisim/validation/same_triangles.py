@@ -7,18 +7,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import OpticsError
+from omnisim.core.errors import OpticsError
+from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
-from omnisim.poses import pose
-from omnisim.rays.caster import Rays
-from omnisim.rays.depth_limits import DepthLimits
-from omnisim.rays.ray_scene import RayScene
-from omnisim.rendering import ScenePoses
-from omnisim.sensors import OmniCamera, Stage
-from omnisim.sensors.backend import CameraSetup
-from omnisim.sensors.hit_source import HitSource
-from omnisim.sensors.parallax_camera import ParallaxCamera
-from omnisim.sensors.ray_backend import RayHitSource
+from omnisim.rendering.backend import CameraSetup
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.parallax_camera import ParallaxCamera
+from omnisim.rendering.ray_backend import RayHitSource
+from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.stage import Stage
 
 BESIDE_M = 0.2
 _DIRECTIONS = 720  # that the nearest thing is looked for in

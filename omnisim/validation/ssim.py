@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from omnisim.srgb import srgb_from_linear
+from omnisim.core.srgb import srgb_from_linear
 
 _SIGMA_PX, _REACH = 1.5, 3.5  # a window of 11 px
 _C1, _C2 = 0.01**2, 0.03**2

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from omnisim.errors import OmnisimError
-from omnisim.reports.report import Report, Section
+from omnisim.core.errors import OmnisimError
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import import_failure
+from omnisim.validation.report.report import Report, Section
 
 
 @dataclass(frozen=True)

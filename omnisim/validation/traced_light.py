@@ -9,14 +9,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames
-from omnisim.cameras import EquidistantCamera, HyperbolicCamera, pixel_grid
-from omnisim.errors import OpticsError
-from omnisim.reports.measure import Measure
-from omnisim.scene import Scene
-from omnisim.sensors import OmniCamera
-from omnisim.srgb import srgb_from_linear
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core import coordinate_frames as frames
+from omnisim.core.errors import OpticsError
+from omnisim.core.srgb import srgb_from_linear
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.scene.model import Scene
 from omnisim.validation.fixture import mirror_camera
+from omnisim.validation.report.measure import Measure
 
 # Of the paper's mirror, so that its own shadow, which our camera has none of, is a few pixels wide.
 _MIRROR_SCALE = 0.25
@@ -75,11 +77,7 @@ def traced_light(
         OpticsError: another camera.
     """
     from omnisim.validation.oracles.mitsuba_fisheye import trace_lit_fisheye  # may be missing
-    from omnisim.validation.oracles.mitsuba_light import (
-        ALL_DEPTH,
-        DIRECT_DEPTH,
-        trace_lit_mirror,
-    )
+    from omnisim.validation.oracles.mitsuba_light import ALL_DEPTH, DIRECT_DEPTH, trace_lit_mirror
 
     depth = ALL_DEPTH if bounces else DIRECT_DEPTH
     pose = world_from_base @ sensor.base_from_rig

@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
 
-from omnisim.poses import pose
-from omnisim.scene import Scene, load_scene
-from omnisim.scene.model import Instance, Material, Mesh, Texture, Wrap
-from omnisim.sensors import OmniCamera, Renderer
-from omnisim.srgb import linear_from_srgb
+from omnisim.core.poses import pose
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture, Wrap
 
 BACKDROP = (0.80, 0.83, 0.86)  # sRGB
 FACE_PX = 3200

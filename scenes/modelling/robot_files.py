@@ -6,8 +6,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from omnisim.mirrors import HyperbolicMirror
-from omnisim.sensors.sensor_file import read_sensor_file
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.rendering.camera.sensor_file import read_sensor_file
 
 
 def read_robot(folder: Path) -> tuple[dict[str, Any], dict[str, Any], HyperbolicMirror]:

@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the cylindrical panorama around the optical
 // frame's y axis. The ray is a unit direction; false past half a turn to either side.
-// Twin of omnisim/cameras/cylindrical.py.
+// Twin of omnisim/cameras/models/cylindrical.py.
 
 uniform float u_focal_length_px;  // pixels in a radian of azimuth, and in a tangent of 1
 uniform vec2 u_principal_point_px;

@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the equidistant fisheye, r = f theta. The ray
 // is a unit direction in the optical frame; false past theta_max.
-// Twin of omnisim/cameras/equidistant.py.
+// Twin of omnisim/cameras/models/equidistant.py.
 
 #include "camera/parts/polar.glsl"
 

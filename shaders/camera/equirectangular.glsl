@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the equirectangular panorama. The ray is a
 // unit direction in the optical frame; false outside the picture.
-// Twin of omnisim/cameras/equirectangular.py.
+// Twin of omnisim/cameras/models/equirectangular.py.
 
 uniform vec2 u_picture_size_px;
 

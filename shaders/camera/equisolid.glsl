@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the equisolid fisheye, r = 2 f sin(theta/2).
 // The ray is a unit direction in the optical frame; false past theta_max.
-// Twin of omnisim/cameras/equisolid.py.
+// Twin of omnisim/cameras/models/equisolid.py.
 
 #include "camera/parts/polar.glsl"
 

@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the f-theta lens, a polynomial from angle to
 // radius. The ray is a unit direction in the optical frame; false past theta_max or the fold.
-// Twin of omnisim/cameras/f_theta.py.
+// Twin of omnisim/cameras/models/f_theta.py.
 
 #include "camera/parts/polar.glsl"
 

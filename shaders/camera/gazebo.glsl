@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): Gazebo's custom lens. The ray is a unit
 // direction in the optical frame; false where its function folds, or past theta_max.
-// Twin of omnisim/cameras/gazebo.py.
+// Twin of omnisim/cameras/models/gazebo.py.
 
 #include "camera/parts/polar.glsl"
 

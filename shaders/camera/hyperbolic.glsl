@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the pinhole camera that looks at a hyperbolic
 // mirror. The ray is a unit direction in the optical frame; false past the rim.
-// Twin of omnisim/cameras/hyperbolic.py. Source: tan(theta/2) = K tan(beta/2), see there.
+// Twin of omnisim/cameras/mirrors/hyperbolic.py. Source: tan(theta/2) = K tan(beta/2), see there.
 
 uniform float u_focal_length_px;
 uniform vec2 u_principal_point_px;

@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the polynomial fisheye of Kannala and Brandt.
 // The ray is a unit direction in the optical frame; false past theta_max or the fold.
-// Twin of omnisim/cameras/kannala_brandt.py.
+// Twin of omnisim/cameras/models/kannala_brandt.py.
 
 #include "camera/parts/polar.glsl"
 

@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): Scaramuzza's polynomial model. The ray is a
 // unit direction in the optical frame; false past the domain's largest radius.
-// Twin of omnisim/cameras/ocamcalib.py. Source: Scaramuzza et al. 2006, see there.
+// Twin of omnisim/cameras/models/ocamcalib.py. Source: Scaramuzza et al. 2006, see there.
 
 const int COEFFICIENTS = 8;
 

@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the orthographic fisheye, r = f sin(theta).
 // The ray is a unit direction in the optical frame; false past theta_max.
-// Twin of omnisim/cameras/orthographic.py.
+// Twin of omnisim/cameras/models/orthographic.py.
 
 #include "camera/parts/polar.glsl"
 

@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the orthographic camera that looks at a
 // parabolic mirror. The ray is a unit direction in the optical frame; false past the rim.
-// Twin of omnisim/cameras/parabolic.py. Source: r = h tan(theta/2), see there.
+// Twin of omnisim/cameras/mirrors/parabolic.py. Source: r = h tan(theta/2), see there.
 
 uniform float u_horizon_radius_px;
 uniform vec2 u_principal_point_px;

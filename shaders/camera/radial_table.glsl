@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): a measured lens, a monotone cubic through a
 // table. The ray is a unit direction in the optical frame; false past the table's end.
-// Twin of omnisim/cameras/radial_table.py. Source: Fritsch & Butland 1984, see there.
+// Twin of omnisim/cameras/models/radial_table.py. Source: Fritsch & Butland 1984, see there.
 
 #include "camera/parts/polar.glsl"
 

@@ -1,7 +1,7 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): OpenCV's pinhole lens with rational radial
 // distortion, thin prism and tilted sensor. The ray is a unit direction in the optical frame; false
 // where the image would fold or the pixel is behind the tilted sensor.
-// Twin of omnisim/cameras/rational_polynomial.py. Source: OpenCV's module calib3d.
+// Twin of omnisim/cameras/models/rational_polynomial.py. Source: OpenCV's module calib3d.
 
 uniform vec2 u_focal_lengths_px;
 uniform vec2 u_principal_point_px;

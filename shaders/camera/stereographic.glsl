@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the stereographic fisheye,
 // r = 2 f tan(theta/2). The ray is a unit direction in the optical frame; false past theta_max.
-// Twin of omnisim/cameras/stereographic.py.
+// Twin of omnisim/cameras/models/stereographic.py.
 
 #include "camera/parts/polar.glsl"
 

@@ -2,11 +2,11 @@
 // int tile_of(int face, vec2 tangent): tile of the atlas that has the face there.
 //
 // Handedness: u_face_from_rig holds the faces' own optical frames (right, down, forward), as
-// omnisim/cube.py states them. A face's picture has its first row at the top, so tangents to the
+// omnisim/core/cube.py states them. A face's picture has its first row at the top, so tangents to the
 // right and down are texture coordinates without any flip.
 
 const int FACES = 6;
-const int MAX_TILES = 64;  // as in omnisim/gpu/atlas/tile_plan.py
+const int MAX_TILES = 64;  // as in omnisim/rendering/opengl/atlas/tile_plan.py
 const float MIN_DEPTH = 1e-30;  // of a ray in its face: of none, and along a face without tiles, 0
 
 uniform mat3 u_rig_from_optical;

@@ -1,5 +1,5 @@
 // vec3 neutral(vec3 linear): light by Khronos's PBR Neutral tone curve, in [0, 1].
-// Twin of omnisim/sensors/degradations/encoding.py.
+// Twin of omnisim/rendering/camera/degradations/encoding.py.
 // Source: Khronos Group, "PBR Neutral Tone Mapper Specification", 2024.
 
 vec3 neutral(vec3 linear) {

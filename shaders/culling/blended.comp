@@ -1,6 +1,6 @@
 // Draw commands of a camera's blended items, far ones first, and their triangles, far ones first.
 // One work group for each item and camera. Ranks are counted: items are few, and so are their
-// triangles, see omnisim/gpu/scene/blended_drawer.py.
+// triangles, see omnisim/rendering/opengl/drawing/blended_drawer.py.
 #version 450 core
 
 layout(local_size_x = 32) in;

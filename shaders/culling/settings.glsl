@@ -1,5 +1,5 @@
 // Settings of culling. They stay bound where its commands are drawn.
-// The layout is that of omnisim/gpu/culling/cluster_culling.py.
+// The layout is that of omnisim/rendering/opengl/culling/cluster_culling.py.
 
 layout(std140, binding = 0) uniform Settings {
     uint u_cameras;

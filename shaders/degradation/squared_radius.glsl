@@ -1,5 +1,5 @@
 // float squared_radius(vec2 pixel_px): square of the image radius; 1 at half of the picture's
-// shorter side. The reference is omnisim/sensors/degradations/picture_geometry.py.
+// shorter side. The reference is omnisim/rendering/camera/degradations/picture_geometry.py.
 
 uniform vec2 u_centre_px;
 uniform float u_inverse_radius_unit;  // 1/px

@@ -4,7 +4,7 @@
 // LIGHTMAP: of static surfaces, by their places in the lightmap, with BOTH_SIDES by that of the side
 // seen. PROBES: of all else, by spherical harmonics of order 2 between the probes of a grid. With both:
 // the lightmap's, unless the place is negative.
-// Twin of omnisim/scene/baked_light.py.
+// Twin of omnisim/scene/light/baked_light.py.
 
 #ifdef LIGHTMAP
 #ifdef BOTH_SIDES

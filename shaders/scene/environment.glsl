@@ -2,7 +2,7 @@
 // vec3 ambient_light(vec3 normal): on a white surface, by spherical harmonics of order 2.
 // vec3 environment_light(vec3 direction, float roughness): its radiance, filtered for a roughness.
 // Directions are unit vectors in axes of the world, radiance is linear RGB.
-// Twin of omnisim/scene/environment.py.
+// Twin of omnisim/scene/light/environment.py.
 // Source: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps",
 // 2001; Karis, "Real shading in Unreal Engine 4", 2013.
 

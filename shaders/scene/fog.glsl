@@ -1,5 +1,5 @@
 // vec3 fogged(vec3 color, float distance_m): a linear colour, seen through so much fog. Twin of
-// omnisim/rays/fog.py.
+// omnisim/rendering/rays/shading/fog.py.
 
 uniform vec3 u_fog_color;              // linear RGB at an infinite distance
 uniform vec3 u_fog_attenuation_per_m;  // of R, G and B

@@ -7,7 +7,7 @@
 // vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light and that of all lamps on a white surface.
 // With BAKED_LIGHT, which LIGHTMAP or PROBES have, light_on_surface is scene/baked_light.glsl's.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
-// world. Twin of the illuminance in omnisim/scene/lighting.py.
+// world. Twin of the illuminance in omnisim/scene/light/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights.
 // EACH_DIRECTIONAL, EACH_PUNCTUAL: a macro for each of their numbers. A loop of large bodies may not be
 // unrolled, and then nothing of a light is known when it is compiled. A point light is a spot light whose

@@ -2,7 +2,7 @@
 // SurfaceValues surface_values(vec2 uv): texture coordinates as in scene/surface.frag.
 // vec4 material_texel(int index): of the material's record.
 // vec3 map_coordinates(int map, vec2 uv): texture coordinates and layer of a map.
-// The table has MATERIAL_TEXELS texels a material, see omnisim/gpu/scene/material_table.py.
+// The table has MATERIAL_TEXELS texels a material, see omnisim/rendering/opengl/materials/material_table.py.
 // METALLIC_ROUGHNESS_MAP, OCCLUSION_MAP, EMISSIVE_MAP: the material has such a map.
 // Source: glTF 2.0, section 3.9.
 

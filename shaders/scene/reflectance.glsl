@@ -6,12 +6,12 @@
 // the surface and of its clear coat by their maps, and of its shape, without.
 // With BAKED_LIGHT the light of the surroundings is what the baked light has beyond that of the lamps; an
 // environment map is reflected as far as its light reaches the surface.
-// Twin of omnisim/rays/reflectance.py. Includes scene/lighting.glsl.
+// Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
 // Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; of baked light beside maps:
 // Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
 
 const float PI = 3.14159265358979;
-const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/reflectance.py
+const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/surface_reflectance.py
 const float MIN_COSINE = 1e-3;
 
 struct Reflectance {
@@ -27,7 +27,7 @@ struct Reflectance {
     vec3 emissive;
 };
 
-uniform sampler2D u_environment_table;  // omnisim/scene/reflectance.py
+uniform sampler2D u_environment_table;  // omnisim/scene/surface_reflectance.py
 
 vec3 environment_shares(float cosine, float roughness) {
     vec2 size = vec2(textureSize(u_environment_table, 0));

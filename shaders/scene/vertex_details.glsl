@@ -1,6 +1,6 @@
 // Details of vertices that few materials need, from a table beside the vertex buffer.
 // void pass_details(): the record of the material, of clusters; and the second texture coordinates.
-// The table has one texel a vertex, see omnisim/gpu/scene/material_table.py.
+// The table has one texel a vertex, see omnisim/rendering/opengl/materials/material_table.py.
 
 #if defined(CLUSTERED) || defined(SECOND_COORDINATES)
 uniform sampler2D u_vertex_details;

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 import benchmarks.__main__ as command
 from benchmarks.report import make_report, read_report
-from omnisim.errors import SceneError
-from omnisim.gpu.context import open_context
-from omnisim.reports.measure import Measure
+from omnisim.core.errors import SceneError
+from omnisim.rendering.opengl.context import open_context
+from omnisim.validation.report.measure import Measure
 
 
 def _suite(name, value):

@@ -12,10 +12,10 @@ from benchmarks.peers.field import Field
 from benchmarks.peers.path import HEIGHT_M, race_poses
 from benchmarks.peers.peer import SENSOR, mirror_rays
 from benchmarks.peers.quality import BEST_DB, psnr_db
-from omnisim.scene import load_scene
+from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.rendering.stage import Stage
+from omnisim.scene.files.load import load_scene
 from omnisim.scene.model import AlphaMode, Material
-from omnisim.sensors import Stage
-from omnisim.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.validation.oracles import import_failure
 from omnisim.validation.psnr import psnr_of_levels_db
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of, square

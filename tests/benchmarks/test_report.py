@@ -13,9 +13,9 @@ from benchmarks.report import (
     make_report,
     read_report,
 )
-from omnisim.gpu.context import graphics_info
-from omnisim.reports.machine import describe_machine, machine_line
-from omnisim.reports.measure import Measure
+from omnisim.rendering.opengl.context import graphics_info
+from omnisim.validation.report.machine import describe_machine, machine_line
+from omnisim.validation.report.measure import Measure
 
 
 @pytest.fixture

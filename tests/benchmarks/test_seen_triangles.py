@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.seen_triangles import count_seen_triangles
 from omnisim import OmniCamera
-from omnisim.poses import pose
+from omnisim.core.poses import pose
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests.scenes import scene_of
 

@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from omnisim.cameras import camera_from_parameters, pixel_grid
-from omnisim.errors import OpticsError
+from omnisim.cameras import camera_from_parameters
+from omnisim.cameras.camera import pixel_grid
+from omnisim.core.errors import OpticsError
 from tests.camera_examples import CAMERA_EXAMPLES
 
 examples = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())

@@ -3,10 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras import HyperbolicCamera
-from omnisim.cameras.hyperbolic import image_radius_eq2_px, theta_from_image_radius_eq2_rad
-from omnisim.errors import OpticsError
-from omnisim.mirrors import HyperbolicMirror
+from omnisim.cameras.mirrors.hyperbolic import (
+    HyperbolicCamera,
+    image_radius_eq2_px,
+    theta_from_image_radius_eq2_rad,
+)
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.core.errors import OpticsError
 
 
 def _camera(size_px=360, theta_max_deg=105.0):

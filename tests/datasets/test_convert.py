@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omnisim.calibration import load_calibration
-from omnisim.cli.app import app
-from omnisim.datasets.samples import Shards
-from omnisim.errors import OmnisimError
-from omnisim.image_files import read_image
+from omnisim.apps.cli.app import app
+from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.core.errors import OmnisimError
+from omnisim.core.files.image_files import read_image
+from omnisim.datasets.generate.samples import Shards
 from tests.datasets.plans import write_plan
 
 # Two pinholes, 0.1 m apart, and 30° between their axes, as Kalibr writes a chain.

@@ -17,7 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
-MAIN = "import sys; sys.argv[0] = 'omnisim'; from omnisim.cli.app import main; sys.exit(main())"
+MAIN = (
+    "import sys; sys.argv[0] = 'omnisim'; from omnisim.apps.cli.app import main; sys.exit(main())"
+)
 
 
 def _text(page):

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.file_keys import attribute_docs
-from omnisim.inner_tables import table_in
-from omnisim.localization.parameters import FilterParameters
-from omnisim.optics.surface_tables import shape_schemas
-from omnisim.optics.system_file import OpticsFile
-from omnisim.parameters import Table, table_of
-from omnisim.robot.robot_file import RobotFile
-from omnisim.scene.scene_file import LabelFile, SceneFile
-from omnisim.sensors.degradations.degradation_file import EFFECTS
-from omnisim.sensors.sensor_file import SensorFile
-from omnisim.simulation.sensors.registry import MOUNT_TYPES
+from omnisim.cameras.optics.surface_tables import shape_schemas
+from omnisim.cameras.optics.system_file import OpticsFile
+from omnisim.core.files.file_keys import attribute_docs
+from omnisim.core.files.inner_tables import table_in
+from omnisim.core.files.parameters import Table, table_of
+from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
+from omnisim.rendering.camera.sensor_file import SensorFile
+from omnisim.robots.robot_file import RobotFile
+from omnisim.scene.files.scene_file import LabelFile, SceneFile
+from omnisim.sensors.sensor_registry import MOUNT_TYPES
 
 EXTENSION = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 FILES = (

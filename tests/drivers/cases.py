@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.scenes import WAREHOUSE
-from omnisim.frame import Frame
-from omnisim.poses import pose
-from omnisim.resources import built_in
-from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera, Renderer
-from tests.optics.examples import EXAMPLES
+from omnisim.core.package_files import built_in
+from omnisim.core.poses import pose
+from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene
+from tests.cameras.optics.examples import EXAMPLES
 
 USUAL_CHANNELS = ("range", "instance")
 OPTICS = ("sphere", "folded", "tilted-mirror")

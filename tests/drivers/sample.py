@@ -10,34 +10,31 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from omnisim.cameras import (
-    EquidistantCamera,
-    EquirectangularCamera,
-    MirroredCamera,
-    UnifiedCamera,
-)
-from omnisim.gpu.capture import picture_pass
-from omnisim.gpu.scene import scene_buffers, triangle_windows
-from omnisim.ground_truth import CHANNELS
-from omnisim.poses import pose
-from omnisim.scene import Scene, load_scene
-from omnisim.scene.environment import Environment
-from omnisim.scene.load import NO_BAKED_LIGHT
-from omnisim.scene.model import Fog, Lighting, Texture
-from omnisim.sensors import (
-    LaserRenderer,
-    LaserScanner,
-    LidarRenderer,
-    OmniCamera,
-    Renderer,
-    SpinningLidar,
-    Stage,
-)
-from omnisim.sensors.degradations import Degradation, Encoding, preset
-from omnisim.sensors.motion import Twist
-from omnisim.simulation.vehicle import Vehicle
+from omnisim.cameras.mirrored import MirroredCamera
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.poses import pose
+from omnisim.core.world import WorldState
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations.encoding import Encoding
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl.capture import picture_pass
+from omnisim.rendering.opengl.geometry import scene_buffers, triangle_windows
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.rendering.twist import Twist
+from omnisim.robots.vehicle import Vehicle
+from omnisim.scene.files.load import NO_BAKED_LIGHT, load_scene
+from omnisim.scene.light.environment import Environment
+from omnisim.scene.model import Fog, Lighting, Scene, Texture
+from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from omnisim.validation import material_chart
-from omnisim.world import WorldState
 from tests.camera_examples import CAMERA_EXAMPLES, FIRST_EXAMPLES
 from tests.drivers.cases import (
     USUAL_CHANNELS,
@@ -50,7 +47,7 @@ from tests.drivers.cases import (
     optics_sensor,
     poses_in,
 )
-from tests.gpu.sheets import LAMP, SUN, mixed_scene
+from tests.rendering.opengl.sheets import LAMP, SUN, mixed_scene
 from tests.skinned_figure import Figure
 
 EVERY_CHANNEL = tuple(CHANNELS)

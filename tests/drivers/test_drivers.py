@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.resources import SHADERS
+from omnisim.core.package_files import SHADERS
 from tests.drivers.bounds import compare, difference
 from tests.drivers.processes import (
     LLVMPIPE,

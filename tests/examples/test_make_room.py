@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.scene import load_scene
-from omnisim.scene.floor import floor_height_m
+from omnisim.scene.files.load import load_scene
 from omnisim.scene.model import LightKind
-from omnisim.scene.start_pose import find_start
+from omnisim.scene.space.floor import floor_height_m
+from omnisim.scene.space.start_pose import find_start
 
 PATH = Path(__file__).resolve().parents[2] / "examples" / "make_room.py"
 

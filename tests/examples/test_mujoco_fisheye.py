@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.image_files import read_image
+from omnisim.core.files.image_files import read_image
 
 pytest.importorskip("mujoco")
 PATH = Path(__file__).resolve().parents[2] / "examples" / "mujoco_fisheye.py"

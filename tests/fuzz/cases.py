@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
-from omnisim.errors import NoticeWarning, OmnisimError
+from omnisim.core.errors import NoticeWarning, OmnisimError
 from tests.fuzz.mutations import mutate
 from tests.fuzz.readers import READERS
 

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.datasets.distributions import Even
-from omnisim.datasets.manifest import MANIFEST, Manifest
-from omnisim.datasets.prepared_plan import PreparedPlan
-from omnisim.datasets.recordings import write_recordings
-from omnisim.datasets.samples import Shards
-from omnisim.datasets.shard import ShardSummary, shard_stem
+from omnisim.core.files.image_files import write_image
+from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
+from omnisim.datasets.generate.distributions import Even
+from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.datasets.generate.samples import Shards
+from omnisim.datasets.generate.shard import ShardSummary, shard_stem
+from omnisim.datasets.recorded_runs import write_recordings
 from omnisim.datasets.statistics import Statistics
 from omnisim.datasets.tar_file import write_tar
-from omnisim.image_files import write_image
-from omnisim.sensors import OmniCamera
+from omnisim.rendering.camera.omnicamera import OmniCamera
 
 PLAN = """channels = ["range", "semantic"]
 pictures_per_shard = 10

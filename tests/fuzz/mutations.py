@@ -17,7 +17,7 @@ from random import Random
 import numpy as np
 import yaml
 
-from omnisim.image_files import read_image, write_image
+from omnisim.core.files.image_files import read_image, write_image
 from tests.scene.gltf_builder import glb
 
 NUMBERS = (

@@ -16,64 +16,66 @@ import numpy as np
 import trimesh
 
 from omnisim import OmniCamera
-from omnisim.calibration import load_calibration
-from omnisim.calibration.ray_table import read_ray_table, write_ray_table
-from omnisim.errors import OpticsError
-from omnisim.exporting.export import export_run
-from omnisim.exporting.stored_clouds import read_cloud
-from omnisim.exporting.stored_scans import read_table
-from omnisim.extras import is_installed
-from omnisim.frame import Frame
-from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
+from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration.ray_table import read_ray_table, write_ray_table
+from omnisim.cameras.optics.boards.board_corners import read_corners
+from omnisim.cameras.optics.system_file import read_optics_file
+from omnisim.core.errors import OpticsError
+from omnisim.core.extras import is_installed
+from omnisim.core.files.image_files import read_channels, write_image
+from omnisim.core.package_files import SCENES
+from omnisim.core.poses import pose
+from omnisim.core.trajectories.spline_motion import SplineMotion
+from omnisim.core.trajectories.trajectory_files import FORMATS, write_trajectory
+from omnisim.datasets.export.export import export_run
+from omnisim.datasets.export.stored_clouds import read_cloud
+from omnisim.datasets.export.stored_scans import read_table
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.frame import Frame
+from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
-from omnisim.image_files import read_channels, write_image
-from omnisim.localization.parameters import DEFAULT as FILTER_FILE
-from omnisim.localization.parameters import read_parameters
-from omnisim.optics import read_corners, read_optics_file
-from omnisim.perception.color_model import BINS, ColorModel
-from omnisim.perception.color_model_file import load_model, save_model
-from omnisim.perception.unwarping import Unwarping
-from omnisim.perception.views import cylinder_view
-from omnisim.poses import pose
-from omnisim.resources import SCENES
-from omnisim.robot import read_odometry, simulate_odometry, write_odometry
-from omnisim.robot.usarsim import import_robot
-from omnisim.scene import read_scene
+from omnisim.perception.landmarks.color_model import BINS, ColorModel
+from omnisim.perception.landmarks.color_model_file import load_model, save_model
+from omnisim.perception.localization.filter_parameters import DEFAULT as FILTER_FILE
+from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.rendering.camera.degradations.degradation_file import PRESETS, preset
+from omnisim.rendering.camera.picture_file import read_picture
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+from omnisim.robots.importers.importers import load_robot_model
+from omnisim.robots.importers.usarsim.usarsim_robot import import_robot
+from omnisim.robots.odometry import simulate_odometry
+from omnisim.robots.odometry_files import read_odometry, write_odometry
+from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.drive import Drive
+from omnisim.runs.route import Route, plan_route
+from omnisim.runs.run_data import read_run
+from omnisim.runs.run_folder import open_run, read_times
+from omnisim.runs.run_labels import RunLabels, landmark_colors
+from omnisim.runs.run_manifest import read_manifest
+from omnisim.runs.true_states import read_states, write_states
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.formats.usd import process
 from omnisim.scene.labels import find_labels, read_label_file
-from omnisim.scene.usd import process
-from omnisim.sensors import LaserScanner, Scan, SpinningLidar
-from omnisim.sensors.degradations import preset
-from omnisim.sensors.degradations.degradation_file import PRESETS
-from omnisim.sensors.picture_file import read_picture
-from omnisim.sensors.point_cloud import POINT, PointCloud
-from omnisim.sensors.sensor_file import DEFAULT_SENSOR_FILE
-from omnisim.simulation.calibration_file import calibration_json, read_mount
-from omnisim.simulation.drive import Drive
-from omnisim.simulation.gazebo.robot_import import import_model
-from omnisim.simulation.manifest import read_manifest
-from omnisim.simulation.robot_models.importers import load_robot_model
-from omnisim.simulation.route import Route, plan_route
-from omnisim.simulation.run_data import read_run
-from omnisim.simulation.run_folder import open_run, read_times
-from omnisim.simulation.run_labels import RunLabels, landmark_colors
-from omnisim.simulation.sensor_toml import sensor_toml
-from omnisim.simulation.true_states import read_states, write_states
-from omnisim.simulation.vehicle import Vehicle
-from omnisim.trajectories import write_trajectory
-from omnisim.trajectories.files import FORMATS
-from omnisim.trajectories.spline_motion import SplineMotion
+from omnisim.sensors.calibration_file import calibration_json, read_mount
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.laser_scanner.scan import Scan
+from omnisim.sensors.lidar.point_cloud import POINT, PointCloud
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from tests.baked import write_baked
-from tests.calibration.sample_files import EXACT_SAMPLES
 from tests.camera_examples import CAMERA_EXAMPLES
+from tests.cameras.calibration.sample_files import EXACT_SAMPLES
 from tests.fuzz.data_sets import PLAN, read_data_set, read_plan, write_data_set
 from tests.fuzz.mutations import glb
 from tests.fuzz.usd_sample import write_sample
-from tests.robot.usarsim.test_robot_import import SAMPLE as ROBOTS_INI
+from tests.robots.importers.usarsim.test_usarsim_robot import SAMPLE as ROBOTS_INI
 from tests.scene.compressed_gltf import colored_draco_triangle, compressed_tetrahedron
+from tests.scene.formats.mjcf.models import SHAPES
 from tests.scene.gltf_builder import png, skinned_and_textured
-from tests.scene.mujoco.models import SHAPES
 from tests.vehicles import p2at_with_every_sensor
 
 SIZE_PX = 24

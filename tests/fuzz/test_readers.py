@@ -10,7 +10,7 @@ from functools import partial
 
 import pytest
 
-from omnisim.errors import MAX_LINE, OmnisimError, printable
+from omnisim.core.errors import MAX_LINE, OmnisimError, printable
 from tests.fuzz import cases, workers
 from tests.fuzz.__main__ import cases_of
 from tests.fuzz.cases import Case, Finding, Samples, message_fault

@@ -7,10 +7,9 @@ from typing import get_args
 import pytest
 
 import omnisim.ground_truth
-from omnisim.cli.arguments import AlsoOption
-from omnisim.errors import OutputError
-from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
-from omnisim.ground_truth.channels import ChannelName
+from omnisim.apps.cli.arguments import AlsoOption
+from omnisim.core.errors import OutputError
+from omnisim.ground_truth.channels import CHANNELS, ChannelName, check_channels, parse_channels
 
 
 def test_names_are_unique_and_ordered():

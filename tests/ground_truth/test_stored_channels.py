@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from omnisim.errors import OutputError
-from omnisim.frame import Frame
-from omnisim.ground_truth import CHANNELS
+from omnisim.core.errors import OutputError
+from omnisim.core.files.image_files import write_channels
+from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.stored_channels import StoredChannels
-from omnisim.image_files import write_channels
-from tests.ground_truth.test_files import LABELS, _channels, _frame
+from tests.ground_truth.test_channel_files import LABELS, _channels, _frame
 
 METADATA = {"scene": "test"}
 

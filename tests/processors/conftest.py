@@ -1,5 +1,5 @@
-"""The command, as the tests of `omnisim.cli` run it."""
+"""The command, as the tests of `omnisim.apps.cli` run it."""
 
-from tests.cli.conftest import omnisim
+from tests.apps.cli.conftest import omnisim
 
 __all__ = ["omnisim"]

@@ -45,7 +45,7 @@ def run_emulated(code, *arguments, driver=True):
 
 def omnisim_emulated(*arguments):
     """Output of a command on the emulated processor."""
-    code = "import sys; from omnisim.cli.app import main; main()"
+    code = "import sys; from omnisim.apps.cli.app import main; main()"
     return run_emulated(code, *arguments)
 
 

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.image_files import read_image
-from omnisim.scene import builtin_scenes, read_scene
-from omnisim.sensors import OmniCamera, Renderer
+from omnisim.core.files.image_files import read_image
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.files.source import builtin_scenes
 from tests.processors.emulation import omnisim_emulated, rounds_otherwise, run_emulated
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]
@@ -126,9 +128,9 @@ BAKE = """
 import sys
 from pathlib import Path
 from pathlib import Path
-from omnisim.baking import tiles
-from omnisim.baking.baked_files import bake_scene
-from omnisim.baking.settings import BakeSettings
+from omnisim.rendering.baking import tiles
+from omnisim.rendering.baking.baked_files import bake_scene
+from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.scene import read_scene
 stored = []
 original = tiles.TileFolder.store

@@ -5,9 +5,9 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from omnisim.errors import SceneError
-from omnisim.poses import is_pose
-from omnisim.scene import load_scene
+from omnisim.core.errors import SceneError
+from omnisim.core.poses import is_pose
+from omnisim.scene.files.load import load_scene
 from omnisim.scene.model import Scene
 from tests.animated_gltf import WORLD_FROM_FILE, Animated
 

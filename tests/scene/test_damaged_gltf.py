@@ -2,8 +2,8 @@
 
 import pytest
 
-from omnisim.errors import SceneError
-from omnisim.scene import load_scene
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.load import load_scene
 from tests.scene.gltf_builder import GltfBuilder
 
 

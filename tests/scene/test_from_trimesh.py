@@ -6,9 +6,9 @@ import trimesh
 from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from omnisim.errors import SceneError
-from omnisim.scene import Scene, load_scene
-from omnisim.scene.model import AlphaMode
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import AlphaMode, Scene
 
 PIXELS = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
 

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from omnisim.errors import SceneError
-from omnisim.fingerprint import fingerprint
-from omnisim.resources import SCENES
-from omnisim.scene import load_scene
-from omnisim.scene.gltf import meshopt
-from omnisim.scene.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
-from omnisim.scene.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
+from omnisim.core.errors import SceneError
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.package_files import SCENES
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.formats.gltf import meshopt
+from omnisim.scene.formats.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
+from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from tests.scene.gltf_builder import GltfBuilder
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from omnisim.errors import SceneError
-from omnisim.scene import load_scene
-from omnisim.scene.gltf import instancing
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.formats.gltf import instancing
 from tests.scene.gltf_builder import GltfBuilder
 
 PLACES = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], "<f4")

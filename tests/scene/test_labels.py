@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from omnisim import load_scene
-from omnisim.errors import SceneError
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.scene_file import LabelTable
 from omnisim.scene.labels import class_name, find_labels, label_rules, read_label_file
-from omnisim.scene.scene_file import LabelTable
 from tests.scenes import room, scene_of
 
 

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from omnisim.errors import SceneError
-from omnisim.resources import SCENES
-from omnisim.scene import load_scene
+from omnisim.core.errors import SceneError
+from omnisim.core.package_files import SCENES
+from omnisim.scene.files.load import load_scene
 from omnisim.scene.model import AlphaMode, LightKind, Wrap
 from tests.scene.compressed_gltf import DRACO_COLORS, draco_triangle
 from tests.scene.gltf_builder import GltfBuilder, png

@@ -3,9 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
 from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.model import AlphaMode, Material, Texture
-from omnisim.sensors import OmniCamera, Renderer
 from tests.scenes import scene_of, square
 
 

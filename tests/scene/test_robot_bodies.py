@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from omnisim.robot import load_robot
-from omnisim.scene import load_scene
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.robots.robot_file import load_robot
+from omnisim.scene.files.load import load_scene
 from omnisim.scene.model import AlphaMode
-from omnisim.sensors import OmniCamera
 from tests.same_shapes import assert_same_shapes
 from tests.scene.builder_hashes import SCENES, is_recorded
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim import OmniCamera, Renderer, load_scene, pose
-from omnisim.sensors.stage import Stage
-from tests.gpu.sheets import LAMP, SUN, dynamic_object, mixed_scene
+from omnisim.rendering.stage import Stage
+from tests.rendering.opengl.sheets import LAMP, SUN, dynamic_object, mixed_scene
 from tests.soak.gl_objects import gl_objects
 from tests.soak.renderers import resident_bytes
 

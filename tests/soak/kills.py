@@ -10,8 +10,8 @@ import sys
 import time
 from pathlib import Path
 
-from omnisim.resources import SCENES
-from omnisim.simulation.sensors.registry import MOUNT_TYPES
+from omnisim.core.package_files import SCENES
+from omnisim.sensors.sensor_registry import MOUNT_TYPES
 
 DRIVE = (
     "drive", "match.toml", "--robot", "all.toml", "--path", "lap", "--robot", "superscout",
@@ -28,7 +28,7 @@ shuttle = { from_m = [-1.0, -1.0, 0.2], to_m = [1.0, 1.0, 0.2], period_s = 9.0 }
 BOX = "v 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 MAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    "from omnisim.cli.app import main; main()"
+    "from omnisim.apps.cli.app import main; main()"
 )
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 LONGEST_S = 600.0

@@ -4,10 +4,10 @@ import contextlib
 import random
 import struct
 
-from omnisim.browser.controls import control_groups
-from omnisim.browser.messages import VIEWS
-from omnisim.browser.presets import preset_lists
-from tests.browser.pages import Client, live_settings, served
+from omnisim.apps.live.controls import control_groups
+from omnisim.apps.live.live_messages import VIEWS
+from omnisim.apps.live.presets import preset_lists
+from tests.apps.live.pages import Client, live_settings, served
 from tests.soak.renderers import resident_bytes
 
 WARM_SHARE = 0.4  # of the actions, until every camera and view has been there once

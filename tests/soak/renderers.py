@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 
 from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer
-from omnisim.poses import pose
+from omnisim.core.poses import pose
 from tests.scenes import room, scene_of
 
 WARM = 20  # renderers until all that is kept once is there

@@ -5,11 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import frames, poses
-from omnisim.cameras import HyperbolicCamera
-from omnisim.gpu import shader_files
-from omnisim.mirrors import HyperbolicMirror
-from omnisim.optics import Surface
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.optics.surface import Surface
+from omnisim.core import coordinate_frames as frames
+from omnisim.core import poses
+from omnisim.rendering.opengl import shader_files
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.suite import CHECKS
 from tests.slow import slow_but
@@ -79,7 +80,7 @@ def test_a_system_that_faces_aside_is_found_out(fixture, monkeypatch):
 @pytest.mark.slow
 def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
     """They are turned by a quarter of a degree, a third of a pixel."""
-    from omnisim.rays.depth_limits import DepthLimits
+    from omnisim.rendering.rays.depth_limits import DepthLimits
 
     aim, turned = DepthLimits.aim, poses.pose((0.0, 0.0, 0.0), yaw_deg=0.25)
     monkeypatch.setattr(DepthLimits, "aim", lambda self, rig, pose: aim(self, rig, pose @ turned))
@@ -89,7 +90,7 @@ def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
 @pytest.mark.slow
 def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     """The file's focal length is half a percent off the picture's."""
-    from omnisim.calibration import calibration_of
+    from omnisim.cameras.calibration.calibration import calibration_of
     from omnisim.validation.checks import boards
 
     pinhole = boards.board_cameras()[0]

@@ -1,6 +1,6 @@
 import numpy as np
 
-from omnisim.srgb import linear_from_srgb
+from omnisim.core.srgb import linear_from_srgb
 from omnisim.validation.psnr import noise_floor_db, psnr_db
 
 EVERYWHERE = np.ones((200, 200), dtype=bool)

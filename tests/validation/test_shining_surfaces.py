@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from omnisim.baking.settings import BakeSettings
-from omnisim.poses import pose
+from omnisim.core.poses import pose
+from omnisim.rendering.baking.settings import BakeSettings
+from omnisim.rendering.renderer import Renderer
 from omnisim.scene.model import Lighting, Material
-from omnisim.sensors import Renderer
 from omnisim.validation.fixture import linear_picture
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.ssim import ssim

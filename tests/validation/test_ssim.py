@@ -25,7 +25,7 @@ def test_noise_and_other_pictures_are_less_alike():
 
 def test_flat_pictures_have_the_closed_form():
     """Even pictures differ in their levels alone."""
-    from omnisim.srgb import srgb_from_linear
+    from omnisim.core.srgb import srgb_from_linear
 
     first, second = 0.2, 0.5
     a, b = (float(srgb_from_linear(np.array(one))) for one in (first, second))

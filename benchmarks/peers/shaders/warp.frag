@@ -1,5 +1,5 @@
 // One pixel of the wide picture: its ray by the lens's formula, looked up in the cube; the target
-// encodes to sRGB. The formula is that of a hyperbolic mirror, as in omnisim/cameras/hyperbolic.py.
+// encodes to sRGB. The formula is that of a hyperbolic mirror, as in omnisim/cameras/mirrors/hyperbolic.py.
 #version 430 core
 
 uniform float u_focal_length_px;

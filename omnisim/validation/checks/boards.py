@@ -10,19 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.calibration import calibration_of
-from omnisim.cameras import (
-    CentralCamera,
-    HyperbolicCamera,
-    KannalaBrandtCamera,
-    PerspectiveCamera,
-    UnifiedCamera,
-)
-from omnisim.mirrors import HyperbolicMirror
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section
-from omnisim.sensors import OmniCamera, Renderer
+from omnisim.cameras.calibration.calibration import calibration_of
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
 from omnisim.validation.chessboards import (
     PATTERN,
     board_corners_m,
@@ -32,6 +28,9 @@ from omnisim.validation.chessboards import (
 )
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir, opencv_projection
+from omnisim.validation.plots.style import gallery
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
 
 RMS_BOUND_PX = 0.1
 LARGEST_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a depth of nothing

@@ -7,18 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames, poses
-from omnisim.cameras import HyperbolicCamera
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section
-from omnisim.sensors import OmniCamera, Renderer
-from omnisim.validation.chessboards import (
-    PATTERN,
-    board_corners_m,
-    board_poses,
-    board_scene,
-)
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.core import coordinate_frames as frames
+from omnisim.core import poses
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.displacement import displacement_figure
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs, mirror_camera
 from omnisim.validation.markers import (
@@ -30,6 +24,9 @@ from omnisim.validation.markers import (
     rim_centroids_px,
 )
 from omnisim.validation.oracles import omnidir
+from omnisim.validation.plots.style import gallery
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
 
 MARKERS = 250
 SIZE_PX = 1024

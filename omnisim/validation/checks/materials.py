@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import PerspectiveCamera
-from omnisim.plots.style import gallery
-from omnisim.poses import pose
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, ResultTable, Section
-from omnisim.scene.environment import Environment, map_directions
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.poses import pose
+from omnisim.core.srgb import srgb8_from_linear
+from omnisim.rendering.renderer import Renderer
+from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import Light, Lighting, LightKind
-from omnisim.sensors import Renderer
-from omnisim.srgb import srgb8_from_linear
 from omnisim.validation import material_chart
 from omnisim.validation.color_difference import ciede2000, lab_from_linear
 from omnisim.validation.fixture import Fixture
+from omnisim.validation.plots.style import gallery
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 BOUND = 2.0  # the mean of CIEDE2000; one is just seen, side by side
 WIDTH_PX = 165

@@ -7,16 +7,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import MirroredCamera
-from omnisim.optics import BoardCorners, SystemCalibration, calibrate_system, fit_central
-from omnisim.optics.system_file import parse_optics
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, ResultTable, Section
-from omnisim.sensors import OmniCamera, Renderer
+from omnisim.cameras.mirrored import MirroredCamera
+from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
+from omnisim.cameras.optics.central_fit import fit_central
+from omnisim.cameras.optics.system_file import parse_optics
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
 from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir
+from omnisim.validation.plots.style import gallery
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SIZE_PX = 720
 BOARDS, QUICK_BOARDS = 20, 10

@@ -11,20 +11,21 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
-from omnisim.optics import OpticalSystem
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, ResultTable, Section
-from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera
-from omnisim.srgb import srgb8_from_linear, srgb_from_linear
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs
 from omnisim.validation.markers import centroids
 from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.oracles.mitsuba_optics import PhysicalOptics
 from omnisim.validation.oracles.surfaces import opaque_only
+from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SCENE = "soccer"
 # A pixel, of Mitsuba: squares, as its sampler wants. Pictures in mirrors have more: windows need

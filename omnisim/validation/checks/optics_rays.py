@@ -9,26 +9,24 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import EquidistantCamera, PerspectiveCamera, pixel_grid
-from omnisim.mirrors.hyperbolic import PAPER_C, PAPER_K, PAPER_METERS_PER_UNIT
-from omnisim.optics import Design, OpticalSystem, Surface, caustic_points
-from omnisim.optics.shapes import (
-    Asphere,
-    Cone,
-    Conic,
-    Hyperbolic,
-    Plane,
-    Polynomial,
-    Shape,
-    TabulatedProfile,
-)
-from omnisim.poses import pose
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import ResultTable, Section
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.mirrors.hyperbolic_mirror import PAPER_C, PAPER_K, PAPER_METERS_PER_UNIT
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.optics.caustic import caustic_points
+from omnisim.cameras.optics.design import Design
+from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial, TabulatedProfile
+from omnisim.cameras.optics.shapes.quadrics import Cone, Conic, Hyperbolic, Plane
+from omnisim.cameras.optics.shapes.shape import Shape
+from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.poses import pose
 from omnisim.validation import closed_forms
 from omnisim.validation.closed_forms import AxialPoints, AxialRays, TracedAxialRays
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import SIZE_PX, validation_systems
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import ResultTable, Section
 
 DISTANCES_M = (0.3, 1.0, 5.0)
 STEP_PX, QUICK_STEP_PX = 3, 9  # between pixels that are sought again

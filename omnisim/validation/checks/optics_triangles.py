@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from omnisim.rays.ray_scene import RayScene
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import ResultTable, Section
-from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera, Stage
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.rendering.stage import Stage
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import validation_systems
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import ResultTable, Section
 from omnisim.validation.same_triangles import (
     BESIDE_M,
     SameTriangles,

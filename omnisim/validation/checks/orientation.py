@@ -12,19 +12,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.bilinear import sample
-from omnisim.cameras import CylindricalCamera
-from omnisim.frame import Frame
-from omnisim.perception.unwarping import Unwarping
-from omnisim.perception.views import cylinder_view
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section
-from omnisim.scene import Scene, load_scene
-from omnisim.scene.model import Mesh
-from omnisim.sensors import OmniCamera
-from omnisim.srgb import linear_from_srgb
+from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.core.bilinear import sample
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.ground_truth.frame import Frame
+from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Mesh, Scene
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
+from omnisim.validation.plots.style import gallery
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
 
 # Where each side of the room shows nothing but its paint, between two lines: metres east, north
 # and up from the viewpoint.

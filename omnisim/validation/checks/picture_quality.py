@@ -7,17 +7,19 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import bilinear
-from omnisim.cameras import pixel_grid
-from omnisim.cube import FACE_NAMES, face_index, face_tangents
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section
-from omnisim.scene import Scene
-from omnisim.sensors import OmniCamera, Renderer, Stage
-from omnisim.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
+from omnisim.cameras.camera import pixel_grid
+from omnisim.core import bilinear
+from omnisim.core.cube import FACE_NAMES, face_index, face_tangents
+from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.scene.model import Scene
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
+from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
 
 SIZE_PX = 360
 # Plain bilinear, as other simulators sample a cube: faces of this size, one lookup per pixel.

@@ -7,19 +7,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import pixel_grid
-from omnisim.gpu.capture.pixel_map import PixelMap
-from omnisim.gpu.context import open_context
-from omnisim.mirrors.tessellation import PAPER_POLYGON_COUNTS
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GREY, ORANGE, gallery, plot
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, ResultTable, Section
-from omnisim.sensors import OmniCamera, Stage
-from omnisim.sensors.auto_mesh import MAX_ERROR_PX
-from omnisim.sensors.omnicamera import PAPER_POLYGONS
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS
+from omnisim.rendering.auto_mesh import MAX_ERROR_PX
+from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.stage import Stage
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
+from omnisim.validation.plots.plot_file import Figure
+from omnisim.validation.plots.style import BLUE, GREY, ORANGE, gallery, plot
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 DEFAULT_SIZES_PX = (360, 1024)
 DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px picture

@@ -12,16 +12,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import EquidistantCamera
-from omnisim.frame import Frame
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, ResultTable, Section
-from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera, Renderer
-from omnisim.sensors.stage import BackendName
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import BackendName
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene
 from omnisim.validation.fixture import TEXTURED_SCENE, Fixture
+from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SCENES = (TEXTURED_SCENE, "soccer", "mapping")
 BOUND_DB = 36.0

@@ -8,17 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import HyperbolicCamera
-from omnisim.cameras.hyperbolic import image_radius_eq2_px
-from omnisim.frame import Frame
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GREY, ORANGE, RED, gallery, plot
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, ResultTable, Section
-from omnisim.scene import Scene, load_scene
-from omnisim.sensors import OmniCamera
-from omnisim.sensors.omnicamera import PAPER_POLYGONS
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera, image_radius_eq2_px
+from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mirror_camera
+from omnisim.validation.plots.plot_file import Figure
+from omnisim.validation.plots.style import BLUE, GREY, ORANGE, RED, gallery, plot
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.validation.ring_radii import ring_radii
 
 STEP_DEG = 5

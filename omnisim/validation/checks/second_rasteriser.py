@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import PerspectiveCamera
-from omnisim.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.plots.style import gallery
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, ResultTable, Section
-from omnisim.sensors import OmniCamera, Renderer
-from omnisim.srgb import linear_from_srgb
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.pyrender_rasteriser import rasterise
 from omnisim.validation.oracles.surfaces import opaque_only
+from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SIZE_PX = 1024
 # Averaged in linear light over blocks, edges count less and shapes and colours are left.

@@ -8,19 +8,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import frames, poses
-from omnisim.cameras import CentralCamera, pixel_grid
-from omnisim.perception.unwarping import Unwarping
-from omnisim.perception.views import View, perspective_view
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GREY, gallery, plot
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section
-from omnisim.sensors import OmniCamera, Renderer
-from omnisim.srgb import linear_from_srgb
+from omnisim.cameras.camera import CentralCamera, pixel_grid
+from omnisim.core import coordinate_frames as frames
+from omnisim.core import poses
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.views import View, perspective_view
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs
 from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
+from omnisim.validation.plots.plot_file import Figure
+from omnisim.validation.plots.style import BLUE, GREY, gallery, plot
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
 
 PICTURE_PX, VIEW_PX = 1440, 320
 YAW_DEG, PITCH_DEG = 30.0, 20.0

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from omnisim.frames import MIRROR_FROM_OPTICAL
-from omnisim.mirrors import HyperbolicMirror
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GREY, ORANGE, plot
-from omnisim.reports.measure import Measure
-from omnisim.reports.report import CaptionedFigure, Section
-from omnisim.sensors import OmniCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.validation.fixture import Fixture, max_abs, mirror_camera
+from omnisim.validation.plots.plot_file import Figure
+from omnisim.validation.plots.style import BLUE, GREY, ORANGE, plot
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
 
 # The focus property is exact: what is left is float64's rounding, which grows with the path.
 BOUND_C = 1e-9

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from importlib import import_module
 
-from omnisim.extras import install_hint
+from omnisim.core.extras import install_hint
 
 # Before pyrender is imported: no display, and none of X11's libraries either.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")

@@ -14,9 +14,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import SceneError
+from omnisim.core.errors import SceneError
+from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.model import Texture, Wrap
-from omnisim.srgb import linear_from_srgb
 from omnisim.validation.oracles.surfaces import Surface
 
 # Needs no LLVM: Dr.Jit 1.5 on Debian 12's LLVM 15 aborts the whole process.

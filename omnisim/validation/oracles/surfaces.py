@@ -9,9 +9,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.errors import SceneError
-from omnisim.scene import Scene
-from omnisim.scene.model import AlphaMode, Instance, Material
+from omnisim.core.errors import SceneError
+from omnisim.scene.model import AlphaMode, Instance, Material, Scene
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.cameras import pixel_grid
-from omnisim.errors import OpticsError
-from omnisim.frames import RIG_FROM_OPTICAL_LOOKING_UP
-from omnisim.optics.shapes import Cone
-from omnisim.poses import pose
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.optics.shapes.quadrics import Cone
+from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.errors import OpticsError
+from omnisim.core.poses import pose
 from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
-from tests.optics.examples import SYSTEMS
+from tests.cameras.optics.examples import SYSTEMS
 from tests.scenes import room, room_color, room_hit, scene_of
 from tests.slow import slow_but
 

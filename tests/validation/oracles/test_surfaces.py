@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.errors import SceneError
+from omnisim.core.errors import SceneError
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.validation.oracles.surfaces import opaque_only, visible_surfaces
 from tests.scenes import scene_of

@@ -1,0 +1,312 @@
+"""`omnisim calibration`, and calibrations as inputs of other commands."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from omnisim.apps.cli.cameras.calibration_requests import ConvertRequest, ShowRequest
+from omnisim.apps.cli.console import out, pluralize, print_note
+from omnisim.apps.cli.error_table import error_table
+from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras.calibration.calibrated_camera import OPTICS, CalibratedCamera, find_pose
+from omnisim.cameras.calibration.calibration import (
+    Calibration,
+    calibration_of,
+    check_calibration_suffix,
+    load_calibration,
+    save_calibration,
+)
+from omnisim.cameras.calibration.calibration_formats import FORMATS, format_named
+from omnisim.cameras.calibration.file_frame import is_catadioptric
+from omnisim.cameras.camera import CentralCamera, NonCentralCamera
+from omnisim.cameras.models.field_of_view import field_of_view
+from omnisim.core.errors import CalibrationError, OmnisimError
+from omnisim.core.files.atomic_file import check_distinct, check_target
+from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
+from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+if TYPE_CHECKING:  # seldom needed
+    from omnisim.cameras.optics.system import OpticalSystem
+
+SHOWN_POSES = 8
+
+
+def list_formats() -> None:
+    """Print a table of the formats."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("format", "what", "file", "cameras", "models that it says exactly"):
+        table.add_column(heading)
+    for form in FORMATS.values():
+        models = (
+            "all"
+            if len(form.models) == len(CAMERA_MODELS)
+            else ", ".join(model.model_name for model in form.models)
+        )
+        table.add_row(
+            form.name, form.title, f"*{form.suffix}", "several" if form.several else "one", models
+        )
+    out.print(table)
+    out.print("All are read and written. Another model is fitted, and the file says how near.")
+
+
+def convert(request: ConvertRequest) -> None:
+    """Write a calibration in another format and print its residuals."""
+    form = format_named(request.to)
+    check_calibration_suffix(request.output, form.name)
+    check_target(request.output)
+    source, more_distances_m = _source(request)
+    check_distinct({"what is written": request.output}, {"the file to convert": source})
+    system = _system(request, source)
+    if system is not None:
+        return _convert_optics(request, system, source, more_distances_m)
+    for option, value in (
+        ("--at-distance", request.at_distance), ("--right-at", request.right_at),
+    ):  # fmt: skip
+        if value is not None:
+            raise CalibrationError(f"{option}: expected optics, got {source}")
+    read = read_calibration(source, request.camera_name, request.format, request.mirrored)
+    if not form.several:
+        read = select_camera(read, request.camera_name)
+    written = save_calibration(read, request.output, request.to, request.model)
+    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    for before, after in zip(read.cameras, written.cameras, strict=True):
+        out.print(f"  {_conversion(before, after)}", markup=False)
+        for note in after.notes:
+            print_note(f"{after.name}: {note}")
+
+
+def _source(request: ConvertRequest) -> tuple[Path, list[float]]:
+    """File to convert, and distances behind it; with --optics the first may be one, too."""
+    more_m = list(request.more_distances or ())
+    if request.optics is None:
+        if request.source is None:
+            raise CalibrationError("FILE: missing: expected a calibration file, or --optics FILE")
+        if more_m and request.at_distance is None:
+            raise CalibrationError(f"METRES: expected --at-distance before them, got {more_m[0]:g}")
+        return Path(request.source), more_m
+    if request.source is not None:
+        try:
+            more_m.insert(0, float(request.source))
+        except ValueError:
+            raise CalibrationError("FILE, --optics: expected one of them, got both") from None
+    return request.optics, more_m
+
+
+def _system(request: ConvertRequest, source: Path) -> OpticalSystem | None:
+    """Optical system of --optics or of a sensor file; None: a central camera."""
+    if request.optics is not None:
+        from omnisim.cameras.optics.system_file import read_optics_file  # seldom asked for
+
+        return read_optics_file(request.optics)
+    model = None if request.format is not None else _own_camera(source)
+    if not isinstance(model, NonCentralCamera):
+        return None
+    from omnisim.cameras.optics.system import OpticalSystem
+
+    assert isinstance(model, OpticalSystem)
+    return model
+
+
+def _convert_optics(
+    request: ConvertRequest, system: OpticalSystem, source: Path, more_distances_m: list[float]
+) -> None:
+    """Write the central camera that is nearest to an optical system, and print what is left."""
+    from omnisim.cameras.optics.central_fit import fit_central
+    from omnisim.cameras.optics.central_view import DISTANCES_M
+
+    for option, value in (
+        ("--camera-name", request.camera_name), ("--format", request.format),
+        ("--mirrored", request.mirrored),
+    ):  # fmt: skip
+        if value is not None:
+            raise CalibrationError(f"{option}: expected a calibration file, got optics")
+    fitted = fit_central(
+        system,
+        request.to,
+        request.model,
+        right_at_m=math.inf if request.right_at is None else request.right_at,
+        distances_m=(*(request.at_distance or ()), *more_distances_m) or DISTANCES_M,
+        source=str(source),
+    )
+    (written,) = save_calibration(fitted, request.output, request.to).cameras
+    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    pose, residuals = find_pose(written.poses, OPTICS, written.name), written.residuals
+    assert pose is not None
+    assert residuals is not None
+    unfitted = dataclasses.replace(written, residuals=None)
+    out.print(f"  {_conversion(unfitted, written)}", markup=False)
+    x, y, z = pose[:3, 3]
+    tilt_deg = math.degrees(math.acos(min(abs(float(pose[2, 2])), 1.0)))
+    out.print(
+        f"  viewpoint ({x:.5f}, {y:.5f}, {z:.5f}) m in the optics' frame, axis tilted by "
+        f"{tilt_deg:.2f}°; it is off, for points",
+        markup=False,
+    )
+    out.print(error_table(residuals.at_distances))
+    for note in written.notes:
+        print_note(f"{written.name}: {note}")
+
+
+def show(request: ShowRequest) -> None:
+    """Print the cameras of a calibration file."""
+    read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
+    cameras = pluralize(len(read.cameras), "camera")
+    out.print(f"{request.source}: {read.format}, {cameras}", markup=False)
+    for camera in read.cameras:
+        table = Table(box=None, pad_edge=False, show_header=False, title=None)
+        table.add_column(style="bold", no_wrap=True)
+        table.add_column()
+        for row in (*_camera_rows(camera), *_file_rows(camera)):
+            table.add_row(*row)
+        out.print()
+        out.print(camera.name, style="bold", markup=False)
+        out.print(table)
+
+
+def read_calibration(
+    path: Path, camera_name: str | None, format: str | None, mirrored: bool | None
+) -> Calibration:
+    """Read a calibration from a calibration file, a sensor file or a picture; print its notes.
+
+    Raises:
+        OmnisimError: naming the file and the key.
+    """
+    camera = None if format is not None else _own_camera(path)
+    if camera is not None:
+        if camera_name is not None:
+            raise CalibrationError(
+                f"--camera-name: expected a calibration file, got {path}, whose camera has no name"
+            )
+        if isinstance(camera, NonCentralCamera):
+            hint = "`omnisim calibration convert` fits one to it"
+            raise CalibrationError(
+                f"{path}: expected a camera with one viewpoint, got optics: {hint}"
+            )
+        return Calibration(calibration_of(camera, "camera").cameras, "omnisim", str(path))
+    read = load_calibration(path, format, camera_name, mirrored)
+    for note in read.notes:
+        print_note(note)
+    return read
+
+
+def select_camera(calibration: Calibration, name: str | None) -> Calibration:
+    """Reduce a calibration to one camera: the named one, or the first with a note.
+
+    Raises:
+        CalibrationError: there is no camera of that name.
+    """
+    if name is None and len(calibration.cameras) > 1:
+        names = ", ".join(calibration.names)
+        print_note(
+            f"{calibration.source}: the first of {len(calibration.cameras)} cameras, "
+            f"{calibration.names[0]}: --camera-name takes another of {names}"
+        )
+    return calibration.only(name or calibration.names[0])
+
+
+def _own_camera(path: Path) -> CentralCamera | None:
+    """Camera of a sensor file or of a picture, by the file's suffix; None: of neither."""
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
+        return OmniCamera.from_file(path).model
+    return _picture_camera(path) if suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES else None
+
+
+def _picture_camera(path: Path) -> CentralCamera:
+    _, metadata = read_image(path)
+    parameters = None if metadata is None else metadata.get("camera")
+    if not isinstance(parameters, dict):
+        raise CalibrationError(f"{path}: expected a picture of omnisim's, got one without a camera")
+    try:
+        return camera_of_parameters(parameters)
+    except OmnisimError as reason:
+        raise CalibrationError(f"{path}: {reason}") from None
+
+
+def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
+    """Summarize a camera's conversion: name, model, residual."""
+    name = after.name if before.name == after.name else f"{after.name} (was {before.name})"
+    is_mirror = after.mirrored or (
+        after.file_model != after.camera.model_name and is_catadioptric(after.camera)
+    )
+    model = f"{after.file_model}{' in a mirrored frame' if is_mirror else ''}"
+    fit = after.residuals
+    if fit is None or fit is before.residuals:
+        return f"{name}: {model}, the same rays"
+    return (
+        f"{name}: {model}, fitted to {fit.source_model}: "
+        f"RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px, "
+        f"within {math.degrees(fit.theta_max_rad):.1f}° of the axis"
+    )
+
+
+def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
+    """Model, parameters and domain of a camera, by name."""
+    camera = calibrated.camera
+    parameters = camera.parameters()
+    model = str(parameters.pop("model"))
+    rows = [("model", model)]
+    if calibrated.file_model not in (None, model):
+        rows.append(("in the file", f"{calibrated.file_model}"))
+    width, height = parameters.pop("width_px"), parameters.pop("height_px")
+    rows.append(("picture", f"{width} × {height} px"))
+    rows += [_parameter_row(key, value) for key, value in parameters.items()]
+    seen = field_of_view(camera)
+    axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
+    across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
+    rows.append(("field of view", f"{across:.1f}° × {upright:.1f}°"))
+    rows.append(("largest θ", f"{math.degrees(seen.theta_max_rad):.2f}° in the picture{axis}"))
+    rows.append(("the model ends", _model_limit(camera, seen.theta_limit_rad)))
+    rows.append(("valid pixels", f"{100.0 * seen.covered:.1f} %"))
+    return rows
+
+
+def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
+    """Poses and fit of a camera in its file."""
+    rows = []
+    for pose in calibrated.poses[:SHOWN_POSES]:
+        x, y, z = pose.target_from_source[:3, 3]
+        rows.append((f"{pose.target}_from_{pose.source}", f"at ({x:.6g}, {y:.6g}, {z:.6g}) m"))
+    if len(calibrated.poses) > SHOWN_POSES:
+        rows.append(("…", f"{len(calibrated.poses)} poses in all"))
+    fit = calibrated.residuals
+    if fit is not None:
+        rows.append(
+            (
+                "fitted to",
+                f"{fit.source_model}: RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px "
+                f"within {math.degrees(fit.theta_max_rad):.1f}°",
+            )
+        )
+        rows += [
+            (f"points at {error.at}", f"99 % within {error.percentile_99_px:.3g} px")
+            for error in fit.at_distances
+        ]
+    return rows
+
+
+def _model_limit(camera: CentralCamera, limit_rad: float) -> str:
+    if limit_rad >= math.pi:
+        return "nowhere: it could show all directions"
+    lens = getattr(camera, "lens", camera)
+    fold_rad = getattr(lens, "fold_rad", math.inf)
+    limit = f"at θ = {math.degrees(limit_rad):.2f}°"
+    return f"{limit}, where it folds" if abs(limit_rad - fold_rad) < 1e-6 else limit
+
+
+def _parameter_row(key: str, value: object) -> tuple[str, str]:
+    unit = " px" if key.endswith("_px") else "°" if key.endswith("_deg") else ""
+    name = key.removesuffix("_px").removesuffix("_deg").replace("_", " ")
+    if isinstance(value, bool):
+        return name, str(value).lower()
+    if isinstance(value, str):
+        return name, value
+    if isinstance(value, list | tuple):
+        return name, ", ".join(f"{one:.10g}" for one in value) + unit
+    return name, f"{value:.10g}{unit}"

@@ -1,0 +1,77 @@
+"""`omnisim optics calibrate`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from omnisim.apps.cli.cameras.optics_requests import OpticsCalibrateRequest
+from omnisim.apps.cli.console import out, pluralize
+from omnisim.cameras.optics.boards.board_corners import read_corners
+from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
+from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.cameras.optics.system_file import read_optics_file
+from omnisim.core.errors import SensorFileError
+from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
+from omnisim.core.files.toml_file import read_tables, toml_tables
+
+
+def calibrate(request: OpticsCalibrateRequest) -> None:
+    """Fit an optical system to corners, write it, and print parameters and residuals."""
+    check_suffix(request.output, ".toml")
+    check_target(request.output)
+    check_distinct(
+        {"what is written": request.output},
+        {"the optics file": request.system, "the corners' file": request.corners},
+    )
+    read_optics_file(request.system)  # its faults by their names
+    table = read_tables(request.system, SensorFileError)
+    keys = [key.strip() for key in request.free.split(",")]
+    boards = read_corners(request.corners)
+    found = calibrate_system(table, keys, boards, str(request.system))
+    corners = sum(len(board.points_m) for board in boards)
+    summary = (
+        f"{pluralize(len(boards), 'picture')}, {pluralize(corners, 'corner')}: RMS "
+        f"{_rms(found.before_px):.3g} px before, {_rms(found.errors_px):.3g} px after, at most "
+        f"{np.linalg.norm(found.errors_px, axis=1).max():.3g} px"
+    )
+    write_text(request.output, _text(request, found, summary))
+    out.print(f"{request.output}: {summary}", markup=False)
+    shown = Table(box=None, pad_edge=False)
+    for heading in ("", "before", "fitted", "±"):
+        shown.add_column(heading, justify="right" if heading else "left")
+    for one in found.parameters:
+        shown.add_row(one.name, f"{one.before:.6g}", f"{one.value:.6g}", f"{one.sigma:.2g}")
+    out.print(shown)
+
+
+def _rms(errors_px: Floats) -> float:
+    """Root mean square of errors (n, 2) along an axis of the picture."""
+    return float(np.sqrt(np.mean(errors_px * errors_px)))
+
+
+def _text(request: OpticsCalibrateRequest, found: SystemCalibration, summary: str) -> str:
+    """Text of the fitted optics file."""
+    lines = [f"Fitted to {request.corners.name}: {summary}."]
+    lines += [f"{one.name}: {one.value:.6g} ± {one.sigma:.2g}" for one in found.parameters]
+    comments = "".join(f"# {line}\n" for line in lines)
+    own, parts = toml_tables(_beside(found.table, request.system.parent, request.output.parent))
+    return f"{comments}{own}{parts}"
+
+
+def _beside(table: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:
+    """Table whose files are named from another folder."""
+
+    def moved(part: dict[str, Any], key: str) -> dict[str, Any]:
+        if not isinstance(part.get(key), str):
+            return part
+        return {**part, key: os.path.relpath(old / part[key], new)}
+
+    if old.resolve() == new.resolve():
+        return table
+    surfaces = [moved(part, "file") for part in table["surfaces"]]
+    return {**table, "camera": moved(table["camera"], "calibration"), "surfaces": surfaces}

@@ -1,0 +1,81 @@
+"""`omnisim sensor`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from omnisim.apps.cli.console import out
+from omnisim.apps.cli.pictures.picture_requests import SensorRequest
+from omnisim.cameras.camera import NonCentralCamera, ParameterValue
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
+
+MAX_VALUES = 8  # of a list in a line
+
+
+def run(request: SensorRequest) -> None:
+    """Print the default sensor file, or check one and summarize it.
+
+    Raises:
+        SensorFileError: naming file, key and value.
+    """
+    if request.check is None:
+        out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), markup=False, end="")
+        return
+    sensor = OmniCamera.from_file(request.check)
+    out.print(f"{request.check}: good", markup=False)
+    lines = _model_lines(sensor)
+    for name, values in sensor.degradation.tables().items():
+        pairs = ", ".join(f"{key} = {value}" for key, value in values.items())
+        lines.append(f"  {name:22} {pairs}")
+    for line in lines:
+        out.print(line, markup=False)
+
+
+def _model_lines(sensor: OmniCamera) -> list[str]:
+    if isinstance(sensor.model, HyperbolicCamera):
+        return _mirror_lines(sensor, sensor.model)
+    named = sensor.model.parameters().items()
+    if isinstance(sensor.model, NonCentralCamera):
+        return [line for key, value in named for line in _part_lines(key, value)]
+    return [f"  {key:22} {value}" for key, value in named]
+
+
+def _part_lines(key: str, value: ParameterValue) -> Iterator[str]:
+    """Lines of a key of an optical system: one for each part."""
+    parts = value if isinstance(value, list) and isinstance(value[0], dict) else [value]
+    for part in parts:
+        if isinstance(part, dict):
+            part = ", ".join(f"{name} = {_short(one)}" for name, one in part.items())
+        yield f"  {key:22} {part}"
+
+
+def _short(value: ParameterValue) -> str:
+    """A value; of a long list the number of its values."""
+    if isinstance(value, list) and len(value) > MAX_VALUES:
+        return f"{len(value)} values"
+    return str(value)
+
+
+def mesh_text(sensor: OmniCamera) -> str:
+    """Polygons of a mirror's mesh, and by how much they are off at most, rounded up."""
+    if sensor.mesh_polygons is None:
+        return f"{sensor.mesh_summary}, none"
+    error_px = math.ceil(1000.0 * sensor.mesh_error_px) / 1000.0
+    return f"{sensor.mesh_summary}, off by {error_px:g} px at most"
+
+
+def _mirror_lines(sensor: OmniCamera, camera: HyperbolicCamera) -> list[str]:
+    mirror = camera.mirror
+    return [
+        f"  mirror   k = {mirror.k:g}, c = {mirror.c:g} ({1000.0 * mirror.c_m:.4g} mm), "
+        f"e = {mirror.eccentricity:.7g}, ξ = {mirror.xi:.7g}",
+        f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
+        f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
+        f"  mesh     {mesh_text(sensor)}",
+        f"  picture  {camera.width_px} × {camera.height_px} px, "
+        f"focal length {camera.focal_length_px:.6g} px, "
+        f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",
+    ]

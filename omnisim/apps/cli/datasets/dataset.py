@@ -1,0 +1,143 @@
+"""`omnisim dataset`: what is in a data set."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from omnisim.apps.cli.completion import LAYOUTS
+from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.datasets.dataset_requests import (
+    DatasetCheckRequest,
+    DatasetConvertRequest,
+    DatasetInfoRequest,
+    DatasetViewRequest,
+)
+from omnisim.core.errors import OutputError, did_you_mean
+from omnisim.core.files.atomic_file import check_distinct, check_target
+from omnisim.core.files.image_files import write_image
+from omnisim.datasets.coco_folder import CocoSettings, write_coco
+from omnisim.datasets.dataset_manifest import MANIFEST, check_hashes, read_manifest
+from omnisim.datasets.generate.samples import Shards
+from omnisim.datasets.recorded_runs import write_recordings
+from omnisim.ground_truth.coco import BoxLimits
+from omnisim.sensors.sensor_names import FOLDER_NAME
+from omnisim.validation.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
+
+
+def info(request: DatasetInfoRequest) -> None:
+    """Print counts of a data set."""
+    manifest = read_manifest(request.folder)
+    if request.json:
+        out.print(json.dumps(manifest.to_json(), indent=1), markup=False)
+        return
+    statistics = manifest.statistics
+    rows = {
+        "title": manifest.title,
+        "licence": manifest.licence or "unknown",
+        "samples": f"{statistics.samples} in {pluralize(len(manifest.shards), 'shard')}",
+        "size": f"{manifest.size_bytes / 1e6:.1f} MB",
+        "channels": ", ".join(manifest.channels) or "none",
+        "scenes": _counts(statistics.scenes),
+        "cameras": _counts(statistics.cameras),
+        "drawn again": str(statistics.redrawn),
+        "plan": manifest.plan,
+    }
+    for name, value in rows.items():
+        out.print(f"{name:12} {value}", markup=False)
+
+
+def check(request: DatasetCheckRequest) -> None:
+    """Compare the hashes of all shards."""
+    manifest = read_manifest(request.folder)
+    found = check_hashes(request.folder, manifest)
+    count = len(manifest.shards)
+    for _ in track(range(count), "check", count):
+        next(found)
+    out.print(f"{request.folder}: {pluralize(count, 'shard')}, as in {MANIFEST}", markup=False)
+
+
+def convert(request: DatasetConvertRequest) -> None:
+    """Write a data set in another layout."""
+    if request.to not in LAYOUTS:
+        raise OutputError(f"--to {request.to!r}: {did_you_mean(request.to, LAYOUTS)}")
+    settings = _coco_settings(request)
+    shards = Shards(request.folder)
+    if request.to == "coco":
+        steps = write_coco(shards, request.output, settings)
+    else:
+        steps = write_recordings(shards, request.to, request.output, print_note)
+    for _ in track(range(len(shards)), "convert", len(shards)):
+        next(steps)
+    next(steps, None)  # what comes after the last
+    out.print(f"{request.output}: {pluralize(len(shards), 'sample')}", markup=False)
+
+
+def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
+    """Settings of a COCO folder.
+
+    Raises:
+        OutputError: options of COCO with another layout, or shares that are not all of a data set.
+    """
+    for option, value in (
+        ("--min-area-px", request.min_area_px),
+        ("--min-visible", request.min_visible),
+        ("--polygons", request.polygons or None),
+        ("--split", request.split),
+    ):
+        if value is not None and request.to != "coco":
+            raise OutputError(f"{option}: expected with --to coco, got --to {request.to}")
+    if request.min_visible is not None and not 0.0 <= request.min_visible <= 1.0:  # NaN, too
+        raise OutputError(
+            f"--min-visible: expected a share from 0 to 1, got {request.min_visible:g}"
+        )
+    limits = BoxLimits(request.min_area_px or 1, request.min_visible)
+    return CocoSettings(limits, request.polygons, _splits(request.split))
+
+
+def _splits(text: str | None) -> dict[str, float]:
+    """Shares of splits by name."""
+    if text is None:
+        return {}
+    splits: dict[str, float] = {}
+    for part in text.split(","):
+        name, _, share = (word.strip() for word in part.partition("="))
+        try:
+            number = float(share)
+        except ValueError:
+            number = math.nan
+        if not (FOLDER_NAME.fullmatch(name) and 0.0 < number <= 1.0) or name in splits:
+            raise OutputError(
+                f"--split {text!r}: expected names with shares, such as train=0.8,val=0.2, got "
+                f"{part.strip()!r}"
+            )
+        splits[name] = number
+    if abs(sum(splits.values()) - 1.0) > 1e-6:
+        raise OutputError(
+            f"--split {text!r}: expected shares that add up to 1, got {sum(splits.values()):g}"
+        )
+    return splits
+
+
+def view(request: DatasetViewRequest) -> None:
+    """Write a sheet of samples and their channels."""
+    check_target(request.output)
+    check_distinct({"-o": request.output}, {"the manifest": request.folder / MANIFEST})
+    shards = Shards(request.folder)
+    rows = range(request.first, min(request.first + request.count, len(shards)))
+    if not rows:
+        raise OutputError(f"--first {request.first}: expected less than {len(shards)} samples")
+    samples = []
+    for row in track(rows, "view", len(rows)):
+        sample = shards[row]
+        first = sample if "rgb" in sample else next(iter(sample.values()))
+        names, metadata = shards.manifest.channels, sample["metadata"]
+        channels = [channel_tile(name, first[name]) for name in names]
+        title = f"{metadata['number']}: {metadata['scene']}, {metadata['camera']}"
+        samples.append(SampleTiles(title, [("rgb", first["rgb"]), *channels]))
+    write_image(request.output, sample_sheet(samples))
+    out.print(f"{request.output}: {pluralize(len(rows), 'sample')}", markup=False)
+
+
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items())

@@ -1,0 +1,213 @@
+"""`omnisim generate`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from omnisim.apps.cli.completion import ENGINES
+from omnisim.apps.cli.console import err, out, pluralize, print_note, track
+from omnisim.apps.cli.datasets.dataset_requests import GenerateRequest
+from omnisim.apps.cli.pictures.recording import RateColumn
+from omnisim.core.errors import OmnisimError, OutputError, PlanError, did_you_mean
+from omnisim.core.extras import require_extra
+from omnisim.core.files.atomic_file import check_distinct, check_target
+from omnisim.core.files.image_files import write_image
+from omnisim.datasets.generate.generate import Generation, estimate
+from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.datasets.generate.sample_renderer import SampleRenderer
+from omnisim.datasets.generate.workers import Made
+from omnisim.validation.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
+
+SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
+
+
+def run(request: GenerateRequest) -> None:
+    """Make a data set, or what comes before."""
+    if request.engine not in ENGINES:
+        raise PlanError(f"--engine {request.engine!r}: {did_you_mean(request.engine, ENGINES)}")
+    if request.address is not None and request.engine != "ray":
+        raise PlanError("--address: requires --engine ray")
+    only = {
+        "--check": request.check,
+        "--preview": request.preview,
+        "--map": request.map,
+        "--estimate": request.estimate,
+    }
+    asked = [option for option, value in only.items() if value]
+    if len(asked) > 1:
+        raise PlanError(f"{', '.join(asked)}: expected one of them")
+    if request.check:
+        _check(request)
+    elif request.preview is not None:
+        _preview(request, request.preview)
+    elif request.map:
+        _map(request)
+    elif request.estimate:
+        _estimate(request)
+    else:
+        _generate(request)
+
+
+def parse_shards(text: str | None) -> range | None:
+    """Parse --shards: `3` or `0:100`, the last excluded; None: all.
+
+    Raises:
+        PlanError: another text.
+    """
+    if text is None:
+        return None
+    match = SHARDS.fullmatch(text)
+    if match is None:
+        raise PlanError(f"--shards: expected FROM:TO or a number, got {text!r}")
+    first = int(match[1])
+    found = range(first, first + 1 if match[2] is None else int(match[2]))
+    if not found:
+        raise PlanError(f"--shards: expected FROM less than TO, got {text!r}")
+    return found
+
+
+def _check(request: GenerateRequest) -> None:
+    prepared = PreparedPlan.read(request.plan)
+    prepared.check()
+    plan = prepared.plan
+    for notice in prepared.notices():
+        print_note(notice)
+    for number in range(len(plan.scenes)):
+        scene = prepared.scene(number)
+        if plan.stand.where == "free":
+            free = prepared.free_space(number)
+            out.print(f"{scene.name}: {free.area_m2:.1f} m² of free floor", markup=False)
+    out.print(
+        f"{request.plan}: {pluralize(plan.pictures, 'sample')} in "
+        f"{pluralize(plan.shards, 'shard')}; plan {prepared.fingerprint}",
+        markup=False,
+    )
+
+
+def _preview(request: GenerateRequest, count: int) -> None:
+    if request.output is None or request.output.suffix.lower() not in (".png", ".jpg"):
+        raise OutputError("-o: expected a .png or .jpg for the preview's sheet")
+    check_target(request.output)
+    prepared = PreparedPlan.read(request.plan)
+    prepared.check_setups()
+    count = min(count, prepared.plan.pictures)
+    renderer = SampleRenderer(prepared, request.device)
+    samples: dict[int, SampleTiles] = {}
+    try:
+        for number in track(renderer.order(range(count)), "preview", count):
+            frame = next(iter(renderer.render(number).frames.values()))
+            channels = [
+                channel_tile(name, values, frame.labels) for name, values in frame.channels.items()
+            ]
+            samples[number] = SampleTiles(f"sample {number}", [("rgb", frame.rgb), *channels])
+    finally:
+        renderer.close()
+    sheet = sample_sheet([samples[number] for number in sorted(samples)])
+    write_image(request.output, sheet)
+    out.print(f"{request.output}: {pluralize(count, 'sample')}", markup=False)
+
+
+def _map(request: GenerateRequest) -> None:
+    require_extra("plots", "--map")
+    from omnisim.validation.plots.plan_map import plan_figure
+    from omnisim.validation.plots.plot_file import check_plot_target, write_plot
+
+    if request.output is None:
+        raise OutputError("-o: expected a .png, .pdf or .svg for the map")
+    check_plot_target(request.output)
+    check_distinct({"-o": request.output}, {"the plan": request.plan})
+    write_plot(request.output, plan_figure(PreparedPlan.read(request.plan)))
+    out.print(f"{request.output}: free floors and places", markup=False)
+
+
+def _estimate(request: GenerateRequest) -> None:
+    found = estimate(request.plan, request.workers, request.device)
+    hours = found.seconds / 3600.0
+    time = f"{hours:.1f} hours" if hours >= 1.0 else f"{found.seconds / 60.0:.1f} minutes"
+    if found.seconds < 60.0:
+        time = f"{found.seconds:.0f} seconds"
+    out.print(
+        f"{request.plan}: {pluralize(found.samples, 'sample')}, "
+        f"{found.samples * found.sample_bytes / 1e9:.3g} GB, {time} by "
+        f"{pluralize(request.workers, 'worker')}: {found.samples_per_s:.1f} samples/s after "
+        f"{found.start_s:.1f} s",
+        markup=False,
+    )
+
+
+def _generate(request: GenerateRequest) -> None:
+    if request.output is None:
+        raise OutputError("-o: expected the folder of the data set")
+    shards = parse_shards(request.shards)
+    generation = Generation(request.plan, request.output, shards, request.workers, request.device)
+    for notice in generation.prepared.notices():
+        print_note(notice)
+    _run(request, generation)
+    manifest = generation.finish()
+    made, there = len(generation.missing), len(generation.shards) - len(generation.missing)
+    before = f", {there} of them there before" if there else ""
+    total = generation.prepared.plan.shards
+    rest = "" if manifest else f"; others of the plan's {total} are missing"
+    size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
+    redrawn = manifest.statistics.redrawn if manifest else 0
+    again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
+    out.print(
+        f"{request.output}: {pluralize(made + there, 'shard')}{before}{size}{again}{rest}",
+        markup=False,
+    )
+
+
+def _run(request: GenerateRequest, generation: Generation) -> None:
+    if request.engine == "ray":
+        require_extra("ray", "omnisim generate --engine ray")
+        from omnisim.datasets.generate.ray_engine import make_shards_on_ray
+
+        steps = make_shards_on_ray(generation.job, generation.missing, request.address)
+    else:
+        steps = generation.run()
+    each = generation.prepared.plan.pictures_per_shard
+    total = each * len(generation.missing)
+    done: dict[int, int] = {}
+    try:
+        for _ in _counted(steps, done, each, total, request.plan):
+            pass
+    except KeyboardInterrupt:
+        whole = sum(count == each for count in done.values())
+        err.print(
+            f"{request.output}: {whole} of {pluralize(len(generation.missing), 'shard')} made: the "
+            "same command goes on",
+            markup=False,
+        )
+        raise
+    except OmnisimError:
+        generation.give_up()
+        raise
+
+
+def _counted(
+    steps: Iterator[Made], done: dict[int, int], each: int, total: int, plan: Path
+) -> Iterator[Made]:
+    """Steps below a progress bar, which only a terminal shows."""
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=32),
+        MofNCompleteColumn(),
+        RateColumn("samples"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        task = progress.add_task(plan.stem, total=total)
+        for made in steps:
+            done[made.shard] = each if made.is_whole else min(done.get(made.shard, 0) + 1, each)
+            progress.update(task, completed=sum(done.values()))
+            yield made

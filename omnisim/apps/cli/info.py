@@ -1,0 +1,107 @@
+"""`omnisim info`."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from rich.table import Table
+
+from omnisim.apps.cli.cameras.sensor import mesh_text
+from omnisim.apps.cli.console import out
+from omnisim.cameras.camera import summary
+from omnisim.core.errors import GraphicsError
+from omnisim.core.extras import (
+    EXTRAS,
+    REQUIRED,
+    install_hint,
+    is_installed,
+    missing_packages,
+    require_opengl,
+)
+from omnisim.core.version import __version__
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.robots.robot_lookup import builtin_robots
+from omnisim.scene.files.source import builtin_scenes
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def run() -> None:
+    """Print the installation, built-in scenes and robots, and the OpenGL devices.
+
+    Raises:
+        GraphicsError: there is no usable OpenGL; with the way to install one.
+    """
+    for name, text in _installation():
+        out.print(f"{name:9}{text}", markup=False)
+    _print_devices()
+
+
+def _installation() -> list[tuple[str, str]]:
+    """Names and values of everything but OpenGL."""
+    lines = [
+        ("omnisim", f"{__version__}, in {PACKAGE}"),
+        ("python", f"{platform.python_version()}, {sys.executable}"),
+        ("system", f"{_system()}, {platform.machine()}"),
+        ("packages", _versions(REQUIRED)),
+    ]
+    for extra, packages in EXTRAS.items():
+        missing = missing_packages(extra)
+        found = _versions({name: packages[name] for name in packages if name not in missing})
+        lacking = f"no {', '.join(missing)}: {install_hint(extra)}" if missing else ""
+        lines.append((extra, "; ".join(filter(None, (found, lacking)))))
+    lines += [
+        ("scenes", ", ".join(builtin_scenes()) or "none"),
+        ("robots", ", ".join(builtin_robots()) or "none"),
+        ("camera", _default_camera()),
+    ]
+    return lines
+
+
+def _default_camera() -> str:
+    """Camera where none is asked for, and how far its mirror's mesh is off."""
+    camera = OmniCamera()
+    return f"{summary(camera.model)}, {mesh_text(camera)}"
+
+
+def _system() -> str:
+    """Operating system with its kernel: Debian GNU/Linux 12 (bookworm), Linux 6.1.0."""
+    kernel = f"{platform.system()} {platform.release()}"
+    try:
+        return f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {kernel}"
+    except (OSError, KeyError):
+        return kernel
+
+
+def _versions(packages: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {_version(name, module)}" for name, module in packages.items())
+
+
+def _version(package: str, module: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # installed by other means, as OpenCV often is
+        return "of unknown version" if is_installed(module) else "missing"
+
+
+def _print_devices() -> None:
+    require_opengl("the list of devices")
+    from omnisim.rendering.opengl.context import GraphicsInfo, list_devices, open_context
+
+    devices = list_devices()
+    usable = [(number, found) for number, found in devices if isinstance(found, GraphicsInfo)]
+    for number, found in devices:
+        if isinstance(found, GraphicsError):
+            out.print(f"device {number} cannot be used: {found}", markup=False)
+    if not usable:
+        open_context().release()  # raises with the reason
+    table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")
+    for number, device in usable:
+        largest = f"{device.max_texture_size_px} px"
+        samples = str(device.max_samples)
+        table.add_row(str(number), device.renderer, device.vendor, device.version, largest, samples)
+    out.print(table)

@@ -1,0 +1,280 @@
+"""Cameras, scenes and numbers that the options of several commands name."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.cli.arguments import Backend
+from omnisim.apps.cli.console import print_note
+from omnisim.apps.cli.pictures.picture_requests import RenderRequest, ScanRequest
+from omnisim.apps.cli.runs.run_requests import DriveRequest
+from omnisim.core.errors import CalibrationError, OpticsError, OutputError, did_you_mean
+from omnisim.core.extras import require_extra
+from omnisim.core.poses import pose
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
+from omnisim.rendering.stage import BackendName
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.scene.model import Scene
+
+LABELLED = frozenset(("semantic", "instance"))  # channels whose files name classes
+
+LARGEST_S = 1e9  # of the world: some 30 years
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """Position and attitude, world."""
+
+    position_m: tuple[float, float, float]
+    yaw_deg: float
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+
+    @classmethod
+    def in_scene(cls, scene: Scene, request: RenderRequest | ScanRequest) -> Viewpoint:
+        """Take --at, --yaw, --pitch and --roll, by default level at the scene's start.
+
+        Raises:
+            OutputError: --at-camera beside one of these, or one that the scene does not have.
+        """
+        if isinstance(request, RenderRequest) and request.at_camera is not None:
+            return cls._at_camera(scene, request.at_camera, request)
+        start, at, yaw_deg = scene.start, request.at, request.yaw_deg
+        return cls(
+            position_m=start.position_m if at is None else at,
+            yaw_deg=start.yaw_deg if yaw_deg is None else yaw_deg,
+            pitch_deg=request.pitch_deg,
+            roll_deg=request.roll_deg,
+        )
+
+    @classmethod
+    def _at_camera(cls, scene: Scene, name: str, request: RenderRequest) -> Viewpoint:
+        others = {"--at": "at", "--yaw": "yaw_deg", "--pitch": "pitch_deg", "--roll": "roll_deg"}
+        refuse_options(request, others, "--at-camera has a pose of its own")
+        cameras = {one.name: one for one in scene.cameras}
+        if name not in cameras:
+            hint = did_you_mean(name, cameras) if cameras else "the scene's file has no cameras"
+            raise OutputError(f"--at-camera {name!r}: {hint}")
+        one = cameras[name]
+        return cls(one.position_m, one.yaw_deg, one.pitch_deg, one.roll_deg)
+
+    def __str__(self) -> str:
+        x, y, z = self.position_m
+        tilts = (("pitch", self.pitch_deg), ("roll", self.roll_deg))
+        tilt = "".join(f", {name} {angle:g}°" for name, angle in tilts if angle)
+        return f"({x:g}, {y:g}, {z:g}) m at yaw {self.yaw_deg:g}°{tilt}"
+
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Pose (4, 4) in the world."""
+        return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+
+    def base_of(self, camera: OmniCamera) -> NDArray[np.float64]:
+        """Pose (4, 4) world_from_base of a vehicle whose camera is here."""
+        return camera.base_pose(self.position_m, self.yaw_deg, self.pitch_deg, self.roll_deg)
+
+
+def read_sensor(path: Path | None) -> OmniCamera:
+    """Read the camera of a sensor file; by default the paper's.
+
+    Raises:
+        SensorFileError: naming file, key and value.
+    """
+    return OmniCamera() if path is None else OmniCamera.from_file(path)
+
+
+def read_camera(
+    sensor: Path | None,
+    calibration: Path | None,
+    camera_name: str | None,
+    mirrored: bool | None,
+    optics: Path | None = None,
+) -> OmniCamera:
+    """Read the camera of a sensor, calibration or optics file; by default the paper's.
+
+    Args:
+        sensor: a sensor file.
+        calibration: a calibration file.
+        camera_name: a camera of the calibration file; by default the first.
+        mirrored: it looks into a mirror; by default as in the file's metadata.
+        optics: an optics file.
+
+    Raises:
+        OmnisimError: several files, or a fault of one.
+    """
+    if optics is not None:
+        for option, path in (("--sensor", sensor), ("--camera", calibration)):
+            if path is not None:
+                raise OpticsError(f"{option}, --optics: expected one of them, got both")
+    if calibration is None:
+        for option, value in (("--camera-name", camera_name), ("--mirrored", mirrored)):
+            if value is not None:
+                raise CalibrationError(f"{option}: requires --camera")
+        if optics is not None:
+            from omnisim.cameras.optics.system_file import read_optics_file  # seldom asked for
+
+            return OmniCamera(read_optics_file(optics))
+        return read_sensor(sensor)
+    check_calibration_path(calibration, sensor)
+    # the time to import formats and fits is for those who use them
+    from omnisim.apps.cli.cameras.calibration import read_calibration, select_camera
+
+    read = read_calibration(calibration, camera_name, None, mirrored)
+    return OmniCamera(select_camera(read, camera_name).cameras[0].camera, polygons=None)
+
+
+def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
+    """Refuse a sensor file in the place of a calibration file, or beside it.
+
+    Raises:
+        CalibrationError: naming the options.
+    """
+    if sensor is not None:
+        raise CalibrationError("--sensor, --camera: expected one of them, got both")
+    if calibration.suffix.lower() == ".toml":
+        raise CalibrationError(
+            f"--camera: expected a calibration file, got the sensor file {calibration}: "
+            "pass it as --sensor"
+        )
+
+
+def check_seconds(option: str, seconds: float) -> float:
+    """Return a time in seconds, or an interval of two.
+
+    Raises:
+        OutputError: it is not finite, or beyond `LARGEST_S`; naming the option.
+    """
+    if not abs(seconds) <= LARGEST_S:  # NaN is not, either
+        raise OutputError(
+            f"{option}: expected a number of seconds up to {LARGEST_S:g}, got {seconds:g}"
+        )
+    return seconds
+
+
+def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: str) -> None:
+    """Refuse options that would have no effect.
+
+    Args:
+        request: of a command.
+        options: names of their fields in the request.
+        reason: for the message.
+
+    Raises:
+        OutputError: naming the first that is not at its default.
+    """
+    for option, name in options.items():
+        if getattr(request, name) != getattr(RenderRequest, name):
+            raise OutputError(f"{option}: {reason}")
+
+
+def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collection[str]) -> Scene:
+    """Load a scene with its labels, or with those of --labels; print its notices.
+
+    Args:
+        request: names the scene.
+        channels: requested ground truth; notices of labels are for those with classes only.
+
+    Raises:
+        OutputError: a label file that no channel needs.
+        SceneError: from the scene, or from the label file.
+    """
+    is_labelled = request.boxes_3d or not LABELLED.isdisjoint(channels)
+    if request.labels is not None and not is_labelled:
+        raise OutputError("--labels: requires --also semantic")
+    scene = load_requested_scene(request, request.sky, request.baked)
+    if request.no_shadows:
+        scene = scene.altered("no shadows", lighting=scene.lighting.without_shadows())
+    if request.labels is not None:
+        rules = read_label_file(request.labels)
+        scene = scene.altered(f"labels {rules}", labels=rules)
+    for notice in find_labels(scene).notices() if is_labelled else ():
+        print_note(notice)
+    return scene
+
+
+def checked_backend(request: RenderRequest | DriveRequest) -> BackendName:
+    """Back end of a request.
+
+    Raises:
+        OmnisimError: --device, or a package that is missing, with rays.
+    """
+    if request.backend is Backend.CUBE:
+        return "cube"
+    if request.device is not None:
+        raise OutputError("--device: expected --backend cube, got --backend rays")
+    require_extra("rays", "--backend rays")
+    return "rays"
+
+
+def load_requested_scene(
+    request: RenderRequest | ScanRequest | DriveRequest,
+    sky: str | None = None,
+    baked: Path | None = None,
+) -> Scene:
+    """Load a scene in the axes and the unit of the options; print its notices.
+
+    Args:
+        request: names the scene.
+        sky, baked: see `load_scene`.
+
+    Raises:
+        SceneError: it cannot be read.
+    """
+    scene = read_scene(
+        request.scene,
+        request.up_axis,
+        request.meters_per_unit,
+        request.resources or (),
+        sky=sky,
+        baked=baked,
+    )
+    for notice in scene.notices:
+        print_note(notice)
+    return scene
+
+
+def parse_channel_format(text: str | None, channels: Collection[str]) -> ChannelFormat:
+    """Parse --channel-format.
+
+    Raises:
+        OutputError: an unknown format, or one of no channels.
+    """
+    if text is not None and not channels:
+        raise OutputError("--channel-format: requires --also")
+    return ChannelFormat.parse(text)
+
+
+def read_preset(name: str | None) -> Degradation | None:
+    """Read the degradations of a preset; None leaves those of the sensor file.
+
+    Raises:
+        SensorFileError: there is no such preset, or its file has a fault.
+    """
+    return None if name is None else preset(name)
+
+
+def parse_polygons(text: str) -> Polygons:
+    """Parse a polygon count, or "auto"; None is "exact".
+
+    Raises:
+        OpticsError: none of these.
+    """
+    if text.lower() == "exact":
+        return None
+    if text.lower() == "auto":
+        return "auto"
+    try:
+        return int(text)
+    except ValueError:
+        raise OpticsError(
+            f"-n: expected a number of polygons, 'auto' or 'exact', got {text!r}"
+        ) from None

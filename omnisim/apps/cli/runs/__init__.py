@@ -1,0 +1,1 @@
+"""Commands of drives, runs and robots."""

@@ -1,0 +1,60 @@
+"""`omnisim export`."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.runs.run_requests import ExportRequest
+from omnisim.core.errors import OutputError
+from omnisim.datasets.export.export import export_run
+from omnisim.datasets.export.export_format import LARGEST_S, NANOSECONDS, ExportSettings
+
+
+def run(request: ExportRequest) -> None:
+    """Export a run for other tools."""
+    settings = ExportSettings(
+        parse_start_time(request.start_time), request.compressed, request.with_points
+    )
+    steps = export_run(
+        request.run, request.format, request.output, settings, request.camera_name, print_note
+    )
+    total = next(steps)
+    done = sum(1 for _ in track(steps, "exporting", total))
+    size_mb = folder_bytes(request.output) / 1e6
+    out.print(
+        f"{request.output}: {request.format}, {pluralize(done, 'step')}, {size_mb:.1f} MB",
+        markup=False,
+    )
+
+
+def parse_start_time(text: str) -> int:
+    """Nanoseconds since 1970 of seconds, or of a date and time by ISO 8601, UTC without a zone.
+
+    Raises:
+        OutputError: neither, or out of what stamps hold.
+    """
+    try:
+        whole, dot, decimals = text.strip().partition(".")
+        if whole.isdecimal() and (decimals.isdecimal() or not dot):
+            start_ns = int(whole) * NANOSECONDS + int(f"{decimals:0<9}"[:9])
+        else:
+            moment = datetime.fromisoformat(text.strip())
+            zoned = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+            since = zoned - datetime(1970, 1, 1, tzinfo=UTC)
+            start_ns = (since.days * 86_400 + since.seconds) * NANOSECONDS
+            start_ns += since.microseconds * 1000
+    except (ValueError, OverflowError):
+        start_ns = -1
+    if not 0 <= start_ns <= LARGEST_S * NANOSECONDS:
+        raise OutputError(
+            f"--start-time {text!r}: expected seconds since 1970, or a date such as "
+            "2026-01-31T12:00:00"
+        )
+    return start_ns
+
+
+def folder_bytes(folder: Path) -> int:
+    """Size of all files in a folder."""
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())

@@ -1,0 +1,103 @@
+"""`omnisim plot`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.cli.console import out, pluralize, print_note
+from omnisim.apps.cli.runs.run_requests import PlotRequest
+from omnisim.core.errors import SceneError
+from omnisim.core.files.image_files import read_image
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.robots.odometry_files import read_odometry
+from omnisim.runs.drive import scene_contents
+from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, PLOT, RunFolder
+from omnisim.scene.model import Scene
+from omnisim.validation.plots.plot_file import check_plot_target, write_plot
+from omnisim.validation.plots.run_plot import RunDrawing, run_figure, steps_to_show
+
+
+def run(request: PlotRequest) -> None:
+    """Plot a run from above, or the runs of robots that drove together."""
+    target = request.output or request.run / PLOT
+    runs = RunFolder.read_each(request.run)
+    check_plot_target(target)
+    drawings, titles, steps = [], [], []
+    for recorded in runs:
+        name = recorded.path.name if len(runs) > 1 else ""
+        drawing = _drawing(recorded, name)
+        done = recorded.steps_done()
+        title = _title(recorded, drawing.truth, drawing.reckoned, done)
+        drawings.append(drawing)
+        titles.append(f"{name}: {title}" if name else title)
+        steps.append(f"{done} of {pluralize(len(drawing.truth), 'step')}")
+    others = {name: other for one in runs for name, other in _others(one).items()}
+    for drawing in drawings:
+        others.pop(drawing.name, None)
+    scene = _scene(runs[0], request.scene)
+    write_plot(target, run_figure("\n".join(titles), scene, drawings, others))
+    out.print(f"{target}: {', '.join(steps)}", markup=False)
+
+
+def _drawing(run: RunFolder, name: str) -> RunDrawing:
+    """Paths of a run, and the pictures of its first camera."""
+    truth = read_trajectory(run.path / GROUND_TRUTH)
+    run.check_steps(GROUND_TRUTH, len(truth))
+    reckoned = _dead_reckoned(run)
+    if notice := run.unfinished():
+        print_note(notice)
+    pictures = {}
+    if run.manifest.cameras:
+        camera, done = run.camera(), run.steps_done()
+        shown = [step for step in steps_to_show(len(truth)) if step < done]
+        pictures = {step: _image(run, camera, step) for step in shown}
+    return RunDrawing(truth, reckoned, pictures, name)
+
+
+def _image(run: RunFolder, camera: str, step: int) -> NDArray[np.uint8]:
+    """Last image (height, width, 3) of a camera at a step."""
+    return read_image(run.file(camera, run.index_at(camera, step), ".png"))[0]
+
+
+def _others(run: RunFolder) -> dict[str, Trajectory]:
+    """Trajectories of other robots and of dynamic objects, by name."""
+    return {file.stem: read_trajectory(file) for file in sorted((run.path / OBJECTS).glob("*.tum"))}
+
+
+def _dead_reckoned(run: RunFolder) -> NDArray[np.float64] | None:
+    """Positions (n, 2) by the wheels, or None: the run is of a rig, which has none."""
+    if run.manifest.is_rig:
+        return None
+    positions_m = read_odometry(run.path / ODOMETRY).dead_reckoned().positions_m[:, :2]
+    run.check_steps(ODOMETRY, len(positions_m))
+    return positions_m
+
+
+def _title(
+    run: RunFolder, truth: Trajectory, reckoned: NDArray[np.float64] | None, done: int
+) -> str:
+    length_m = truth.path_length_m
+    there = "" if done == len(truth) else f" ({done} are there)"
+    title = f"{run.manifest.title}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{there}"
+    if reckoned is None:
+        return title
+    error_m = float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1]))
+    share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
+    return f"{title}; odometry ends {error_m:.2f} m off{share}"
+
+
+def _scene(run: RunFolder, scene: str | None) -> Scene | None:
+    """Load the run's scene; None with a note where it is missing."""
+    recorded = run.manifest.scene
+    try:
+        found = recorded.load(scene)
+    except SceneError as reason:
+        if scene is not None:
+            raise
+        print_note(f"drawn without a map: {reason}; pass --scene FILE")
+        return None
+    if scene_contents(found) != recorded.contents:
+        print_note(f"{found.name}: is not as it was in the run")
+    return found

@@ -1,0 +1,153 @@
+"""`omnisim robot`."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+
+from omnisim.apps.cli.console import out, print_note
+from omnisim.apps.cli.runs.robot_requests import CheckRequest, ImportRequest
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import check_target, write_text
+from omnisim.robots import usarsim
+from omnisim.robots.body_boxes import BodyBoxes
+from omnisim.robots.importers.importers import SUFFIXES, import_model
+from omnisim.robots.kinematics import Kinematics
+from omnisim.robots.odometry import OdometryErrors
+from omnisim.robots.robot_file import load_robot, parse_robot, read_robot
+from omnisim.robots.robot_lookup import builtin_robots, find_robot
+from omnisim.robots.vehicle import Vehicle
+from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
+from omnisim.sensors.sensor import MountedSensor
+
+
+def list_robots() -> None:
+    """Print a line for each built-in robot.
+
+    Raises:
+        RobotFileError: a robot file that is damaged.
+    """
+    robots = [load_robot(name) for name in builtin_robots()]
+    width = max((len(robot.name) for robot in robots), default=0)
+    for robot in robots:
+        sensors = ", ".join(robot.sensor_names) or "no sensors"
+        drive = _format_drive(robot.kinematics)
+        out.print(f"{robot.name:<{width}}  {robot.title}: {drive}; {sensors}", markup=False)
+
+
+def check_robot(request: CheckRequest) -> None:
+    """Load a robot with its body and sensors, and summarize it."""
+    robot = read_robot(find_robot(request.robot))
+    vehicle = Vehicle.from_robot(robot)
+    if vehicle.body is not None:
+        for notice in vehicle.body.notices:
+            print_note(notice)
+    out.print(f"{request.robot}: good", markup=False)
+    for line in _lines(vehicle, robot.body):
+        out.print(f"  {line}", markup=False)
+
+
+def import_robot(request: ImportRequest) -> None:
+    """Convert a robot of USARSim or of a simulator's model, and list what is in it and what not."""
+    output = request.output
+    if output.suffix.lower() != ".toml":
+        raise OutputError(f"--output: expected a .toml file, got {output}")
+    check_target(output)
+    if request.configuration.suffix.lower() in SUFFIXES:
+        _import_model(request)
+        return
+    if request.configuration.suffix.lower() != ".ini":
+        raise OutputError(
+            f"{request.configuration}: expected a configuration of USARSim (.ini) or a model "
+            f"({' '.join(SUFFIXES)})"
+        )
+    if request.resources:
+        raise OutputError("--resources: expected with a model of Gazebo's, URDF's or MuJoCo's only")
+    imported = usarsim.import_robot(
+        request.configuration,
+        request.robot_class,
+        request.unreal_units,
+        request.origin_height_m,
+    )
+    if output.exists() and output.samefile(request.configuration):
+        raise OutputError(f"--output: expected another name than the configuration's, got {output}")
+    robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
+    vehicle = Vehicle.from_robot(robot)
+    write_text(output, imported.text)
+    for notice in imported.notices:
+        print_note(notice)
+    sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
+    out.print(
+        f"{output}: {robot.name} of [{imported.section}], {sensors or 'no sensors'}", markup=False
+    )
+
+
+def _import_model(request: ImportRequest) -> None:
+    """Convert a model of a simulator; its cameras get a sensor file each."""
+    output = request.output
+    for option, value in (
+        ("--unreal-units", request.unreal_units),
+        ("--origin-height", request.origin_height_m),
+    ):
+        if value:
+            raise OutputError(f"{option}: expected with a configuration of USARSim's only")
+    imported = import_model(
+        request.configuration, output, request.robot_class, request.resources or ()
+    )
+    for name, text in imported.sensor_files.items():
+        write_text(output.with_name(name), text)
+    robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
+    vehicle = Vehicle.from_robot(robot)
+    write_text(output, imported.text)
+    drawn = () if vehicle.body is None else vehicle.body.notices
+    for notice in dict.fromkeys((*imported.notices, *drawn)):
+        print_note(notice)
+    sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
+    out.print(f"{output}: {robot.name}, {sensors or 'no sensors'}", markup=False)
+
+
+def _format_drive(kinematics: Kinematics | None) -> str:
+    if kinematics is None:
+        return "no kinematics"
+    drive = {"differential": "differential drive", "skid_steer": "skid steering"}[kinematics.drive]
+    turn_rate_degps = math.degrees(kinematics.max_turn_rate_radps)
+    return f"{drive}, {kinematics.max_speed_mps:g} m/s, {turn_rate_degps:g} °/s"
+
+
+def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
+    lines = [f"robot    {vehicle.name}, {vehicle.title}"]
+    if vehicle.body is None:
+        lines.append("body     none")
+    else:
+        nodes = len({instance.name for instance in vehicle.body.instances})
+        lines.append(f"body     {body}, {vehicle.body.triangle_count} triangles, {nodes} nodes")
+    lines.append(f"drive    {_format_drive(vehicle.kinematics)}")
+    is_perfect = vehicle.odometry == OdometryErrors()
+    lines.append(f"wheels   {'report the truth' if is_perfect else 'report with errors'}")
+    lines.append(f"size     {_format_size(BodyBoxes.of(vehicle))}")
+    return [*lines, *map(_sensor_line, vehicle.sensors)]
+
+
+def _format_size(box: BodyBoxes | None) -> str:
+    if box is None:
+        return "unknown: contacts with a scene are not looked for"
+    length_m, width_m, height_m = (box.high_m - box.low_m).tolist()
+    clearance = f"{box.clearance_m:g} m clear of the ground"
+    return f"{length_m:g} × {width_m:g} × {height_m:g} m, {clearance}"
+
+
+def _format_rate(mounted: MountedSensor) -> str:
+    """Rate of its own, where its summary has none."""
+    if mounted.rate is None or f"{mounted.rate.rate_hz:g} Hz" in mounted.summary():
+        return ""
+    return f"measures at {mounted.rate.rate_hz:g} Hz, "
+
+
+def _sensor_line(mounted: MountedSensor) -> str:
+    x, y, z = mounted.origin_m.tolist()
+    hidden = f", does not see {', '.join(mounted.hides)}" if mounted.hides else ""
+    mesh = f"{mounted.sensor.mesh_summary}, " if isinstance(mounted, MountedCamera) else ""
+    return (
+        f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, {mesh}{_format_rate(mounted)}"
+        f"{mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m{hidden}"
+    )

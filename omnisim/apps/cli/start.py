@@ -1,0 +1,55 @@
+"""Entry point: catches Ctrl-C before anything slow is imported.
+
+What it imports, Python itself has imported before.
+"""
+
+import _signal as signal  # type: ignore[import-not-found]  # signal imports enum, re and others
+import os
+import sys
+from io import TextIOWrapper
+
+from omnisim.apps.cli import INTERRUPTED
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from types import FrameType
+
+# imports swallow it, or abort; moderngl's C code calls Python and does not expect it
+_NOT_TO_INTERRUPT = {"_frozen_importlib", "importlib._bootstrap", "moderngl", "_moderngl"}
+
+
+def main() -> None:
+    """Run the command line; Ctrl-C is one line and exit status 130 at any moment."""
+    try:
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, by nohup
+            signal.signal(signal.SIGINT, _interrupt)
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):  # None where it was closed
+                stream.reconfigure(errors="backslashreplace")  # a console in ASCII has no ×
+        from omnisim.apps.cli.app import main as run
+
+        run()
+    except KeyboardInterrupt:
+        _end(signal.SIGINT, None)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done: no more to interrupt
+
+
+def _interrupt(signal_number: int, frame: "FrameType | None") -> None:
+    """Raise KeyboardInterrupt, but end at once inside of what does not stand it."""
+    signal.signal(signal.SIGINT, _end)  # whoever presses again does not want to wait
+    while frame is not None:
+        if frame.f_globals.get("__name__") in _NOT_TO_INTERRUPT:
+            _end(signal_number, frame)
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _end(signal_number: int, frame: "FrameType | None") -> None:
+    """End the process at once, without the files that it was writing."""
+    files = sys.modules.get("omnisim.core.files.atomic_file")
+    remove_partials = getattr(files, "remove_partials", None)  # None while it is being imported
+    if remove_partials is not None:
+        remove_partials()
+    os.write(2, b"interrupted\n")
+    os._exit(INTERRUPTED)

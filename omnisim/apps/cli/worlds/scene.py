@@ -1,0 +1,219 @@
+"""`omnisim scene`."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from omnisim.apps.cli.console import out, pluralize
+from omnisim.apps.cli.pictures.picture_requests import SceneRequest
+from omnisim.core.errors import printable
+from omnisim.core.extras import require_extra
+from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.scene.light.lighting import is_even, light_summary
+from omnisim.scene.model import LightKind, Scene
+from omnisim.scene.summary import (
+    floors,
+    instance_summaries,
+    memory_bytes,
+    scene_textures,
+    start_places,
+)
+
+SHOWN = 20  # instances of a table
+
+
+def run(request: SceneRequest) -> None:
+    """Print what is in a scene, as a table or as JSON, and plot it where that is asked for."""
+    if request.plot is not None:
+        require_extra("plots", "--plot")
+        from omnisim.validation.plots.plot_file import check_plot_target
+
+        check_plot_target(request.plot)
+    scene = read_scene(
+        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+    )
+    if request.labels is not None:
+        scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
+    document = describe(scene)
+    if request.json:
+        out.print(json.dumps(document, indent=2), markup=False)
+    else:
+        _print_tables(document, request.all)
+    if request.plot is not None:
+        from omnisim.validation.plots.plot_file import write_plot
+        from omnisim.validation.plots.scene_plot import scene_figure
+
+        write_plot(request.plot, scene_figure(scene))
+        if not request.json:
+            out.print(f"{request.plot}: the scene from above", markup=False)
+
+
+def describe(scene: Scene) -> dict[str, Any]:
+    """Describe a scene by numbers, texts, lists and dictionaries of them."""
+    labels = find_labels(scene)
+    mesh_bytes, texture_bytes = memory_bytes(scene)
+    low, high = scene.bounds_m()
+    paths = [(one.name, np.array(one.waypoints_m)) for one in scene.paths]
+    return {
+        "scene": scene.name,
+        "bounds_m": [low.tolist(), high.tolist()],
+        "triangles": scene.triangle_count,
+        "meshes": len(scene.meshes),
+        "materials": len(scene.materials),
+        "textures": len(scene_textures(scene)),
+        "mesh_bytes": mesh_bytes,
+        "texture_bytes": texture_bytes,
+        "gpu_bytes": gpu_bytes(scene),
+        "floors": [dataclasses.asdict(one) for one in floors(scene)],
+        "starts": [dataclasses.asdict(one) for one in start_places(scene)],
+        "cameras": [dataclasses.asdict(one) for one in scene.cameras],
+        "paths": [
+            {
+                "name": name,
+                "waypoints": len(points),
+                "length_m": float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()),
+            }
+            for name, points in paths
+        ],
+        "ambient": list(scene.lighting.ambient),
+        "exposure": scene.lighting.exposure,
+        "light": light_summary(scene.lighting),
+        "lights": [
+            {
+                "kind": one.kind.value,
+                "intensity": one.intensity,
+                "color": list(one.color),
+                "direction" if one.kind is LightKind.DIRECTIONAL else "position_m": (
+                    one.direction if one.kind is LightKind.DIRECTIONAL else one.position_m
+                ).tolist(),
+            }
+            for one in (() if is_even(scene.lighting) else scene.lighting.lights)
+        ],
+        "background": list(scene.background),
+        "classes": [
+            {
+                "id": one.id,
+                "name": one.name,
+                "instances": sum(label.class_id == one.id for label in labels.instances),
+            }
+            for one in labels.classes
+        ],
+        "classes_from": labels.source,
+        "landmarks": [
+            {"name": one.name, "position_m": list(one.position_m)} for one in scene.landmarks
+        ],
+        "dynamic_objects": [
+            {"name": one.name, "triangles": one.shape.triangle_count} for one in scene.objects
+        ],
+        "instances": [dataclasses.asdict(one) for one in instance_summaries(scene)],
+        "notices": list(scene.notices),
+    }
+
+
+def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
+    for name, text in _lines(document):
+        out.print(f"{name:11}{printable(text)}", markup=False)
+    ranked = sorted(document["instances"], key=lambda one: -one["triangles"])
+    shown = ranked if shows_all else ranked[:SHOWN]
+    rows = [_row(one) for one in shown]
+    table = Table(box=None, pad_edge=False)
+    table.add_column("instance", no_wrap=True)  # the only one that a narrow console cuts
+    for index, title in enumerate(("class", "triangles", "size (m)", "centre (m)", "textures"), 1):
+        width = max([len(title), *(len(row[index]) for row in rows)])
+        table.add_column(title, no_wrap=True, min_width=width, justify="right")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    out.print(table)
+    if len(shown) < len(ranked):
+        out.print(f"and {len(ranked) - len(shown)} smaller ones: --all", markup=False)
+    for notice in document["notices"]:
+        out.print(f"note: {printable(notice)}", markup=False)
+
+
+def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and values of everything but the instances."""
+    low, high = np.array(document["bounds_m"])
+    digits = _decimals(float((high - low).max()))
+    classes = [f"{one['name']} {one['instances']}" for one in document["classes"]]
+    lines = [
+        ("scene", document["scene"]),
+        ("instances", f"{len(document['instances'])}, {document['triangles']:,} triangles"),
+        (
+            "memory",
+            f"meshes {_megabytes(document['mesh_bytes'])}, "
+            f"{pluralize(document['textures'], 'texture')} "
+            f"{_megabytes(document['texture_bytes'])}; "
+            f"on the GPU about {_megabytes(document['gpu_bytes'])}",
+        ),
+        ("bounds", f"{_point(low, digits)} to {_point(high, digits)} m"),
+        ("floors", ", ".join(f"{one['height_m']:.2f} m" for one in document["floors"]) or "none"),
+    ]
+    for one in document["starts"]:
+        floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:.2f} m"
+        what = one["name"] or "of the camera"
+        lines.append(
+            (
+                "start",
+                f"{what}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°, {floor}",
+            )
+        )
+    for one in document["cameras"]:
+        place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°"
+        lines.append(("camera", f"{place}, pitch {one['pitch_deg']:g}°"))
+    for one in document["paths"]:
+        count = pluralize(one["waypoints"], "waypoint")
+        lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))
+    lines += [
+        ("lights", document["light"]),
+        ("classes", f"{', '.join(classes)} (by {document['classes_from']})"),
+    ]
+    names = (("landmarks", "landmarks"), ("moving", "dynamic_objects"))
+    return lines + [
+        (title, ", ".join(one["name"] for one in document[key]))
+        for title, key in names
+        if document[key]
+    ]
+
+
+def _row(one: dict[str, Any]) -> tuple[str, ...]:
+    """Cells of an instance."""
+    low, high = np.array(one["min_m"]), np.array(one["max_m"])
+    return (
+        printable(one["name"]),
+        printable(one["class_name"]),
+        f"{one['triangles']:,}",
+        "×".join(f"{size:.3g}" for size in high - low),
+        " ".join(f"{value:.3g}" for value in 0.5 * (low + high)),
+        _textures(one["textures_px"]),
+    )
+
+
+def _textures(sizes_px: list[tuple[int, int]]) -> str:
+    """The first texture's size, and how many more there are."""
+    if not sizes_px:
+        return ""
+    width, height = sizes_px[0]
+    return f"{width}×{height}" + (f" +{len(sizes_px) - 1}" if len(sizes_px) > 1 else "")
+
+
+def _decimals(size_m: float) -> int:
+    """Decimals that show a hundredth of a size, at least two."""
+    return 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
+
+
+def _point(values: Any, decimals: int) -> str:
+    # + 0.0: no "-0.00"
+    return "(" + ", ".join(f"{round(value, decimals) + 0.0:.{decimals}f}" for value in values) + ")"
+
+
+def _megabytes(count: int) -> str:
+    return f"{count / 1e6:.1f} MB"

@@ -1,0 +1,240 @@
+"""Camera of the live page as the table of its file, which is edited, saved and read back."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pydantic
+
+from omnisim.apps.live.scene_in_light import completed
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.optics.system_file import OpticsFile
+from omnisim.core.errors import SensorFileError
+from omnisim.core.files.inner_tables import table_in
+from omnisim.core.files.toml_file import read_toml, toml_text
+from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
+from omnisim.robots.sensor_toml import sensor_toml
+
+FILE_NAME = "camera.toml"  # of a saved file
+SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of a key's path
+SIZES_PX = (16, 2048)  # of the shorter side: what a page shows
+Table = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class CameraDocument:
+    """Sensor file of a camera, and the size of its picture.
+
+    Paths in it are absolute, and an optics file is part of it.
+
+    Attributes:
+        sensor: table of the sensor file.
+        size_px: of the shorter side; None: as the file has it.
+        light: tables of a scene's TOML, those of its light, sky and fog; empty: the scene's own.
+    """
+
+    sensor: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    size_px: int | None = None
+    light: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    @classmethod
+    def of_sensor_file(cls, path: Path) -> CameraDocument:
+        """Document of a sensor file, with its optics file, if it has one.
+
+        Raises:
+            SensorFileError: naming file, key, value and what was expected.
+        """
+        OmniCamera.from_file(path)
+        sensor, folder = _read(path), path.resolve().parent
+        _make_absolute(sensor.get("lens"), "calibration", folder)
+        name = sensor.get("degradation", {}).get("preset", "")
+        if name.endswith(".toml"):
+            _make_absolute(sensor["degradation"], "preset", folder)
+        optics = sensor.get("optics")
+        if optics is not None and "file" in optics:
+            sensor["optics"] = optics | _read_optics(folder / optics.pop("file"))
+        elif optics is not None:
+            _make_optics_absolute(optics, folder)
+        return cls(sensor)
+
+    @classmethod
+    def of_optics_file(cls, path: Path) -> CameraDocument:
+        """Document of an optics file.
+
+        Raises:
+            SensorFileError: naming file, key, value and what was expected.
+        """
+        read_toml(path, OpticsFile, SensorFileError)
+        return cls({"optics": _read_optics(path)})
+
+    @classmethod
+    def of_camera(cls, camera: OmniCamera) -> CameraDocument:
+        """Document of a sensor, without keys at their defaults.
+
+        A mirror that fills the picture stays so when it is changed.
+        """
+        sensor = tomllib.loads(sensor_toml(camera))
+        if isinstance(camera.model, HyperbolicCamera):
+            model, table = camera.model, sensor["camera"]
+            fitted = model.framed_on_rim(model.mirror, model.width_px, model.height_px)
+            if fitted.focal_length_px == model.focal_length_px:
+                del table["focal_length_px"]
+            if fitted.principal_point_px == model.principal_point_px:
+                del table["principal_point_px"]
+        return cls(_without_defaults(sensor, SensorFile))
+
+    def camera(self) -> OmniCamera:
+        """The sensor that the file describes.
+
+        Raises:
+            SensorFileError: naming key, value and what was expected.
+            OpticsError: a size that cannot be.
+        """
+        camera = OmniCamera.from_table(dict(self.sensor), FILE_NAME)
+        return camera if self.size_px is None else camera.resized(self.size_px)
+
+    @property
+    def text(self) -> str:
+        """Text of the file."""
+        return toml_text(self.sensor)
+
+    def checked_text(self) -> str:
+        """Text to save, read back as `--sensor` reads it; without any key the default file's.
+
+        Raises:
+            SensorFileError: naming key, value and what was expected.
+        """
+        text = self.text or DEFAULT_SENSOR_FILE.read_text(encoding="utf-8")
+        OmniCamera.from_table(tomllib.loads(text), FILE_NAME)
+        return text
+
+    def value(self, path: str) -> Any:
+        """Value at a path, such as `sensor.optics.surfaces.0.k`; None: not given."""
+        found: Any = {SENSOR: self.sensor, LIGHT: self.light, SIZE: self.size_px}
+        for name in path.split("."):
+            if isinstance(found, list):
+                found = found[int(name)] if name.isdecimal() and int(name) < len(found) else None
+            else:
+                found = found.get(name) if isinstance(found, Mapping) else None
+        return found
+
+    def with_value(self, path: str, value: Any) -> CameraDocument:
+        """Document with another value at a path; None takes the key away.
+
+        Raises:
+            SensorFileError: a path into something that is no table.
+        """
+        root, *names = path.split(".")
+        if root == SIZE and not names:
+            return self._with_size(value)
+        if root not in (SENSOR, LIGHT) or not names:
+            raise SensorFileError(f"{path}: expected a key of the camera's or the scene's file")
+        is_light = root == LIGHT
+        table = copy.deepcopy(dict(self.light if is_light else self.sensor))
+        at: Any = table
+        for name in names[:-1]:
+            if isinstance(at, list) and name.isdecimal() and int(name) < len(at):
+                at = at[int(name)]
+            elif isinstance(at, dict):
+                at = at.setdefault(name, {})
+            else:
+                at = None
+        if not isinstance(at, dict):
+            raise SensorFileError(f"{path}: expected a key of a table")
+        if value is None:
+            at.pop(names[-1], None)
+        else:
+            at[names[-1]] = value
+        if is_light:
+            return dataclasses.replace(self, light=completed(table))
+        return dataclasses.replace(self, sensor=table)
+
+    def with_lens(self, parameters: Mapping[str, Any]) -> CameraDocument:
+        """Document with a camera model in place of mirror, lens or optical system."""
+        return self._with_group("lens", dict(parameters))
+
+    def with_mirror(self) -> CameraDocument:
+        """Document with the paper's mirror and camera in place of lens or optical system."""
+        return self._with_group("mirror", {})
+
+    def with_optics(self, optics: Mapping[str, Any]) -> CameraDocument:
+        """Document with an optical system in place of mirror or lens."""
+        return self._with_group("optics", dict(optics))
+
+    def with_degradation(self, name: str) -> CameraDocument:
+        """Document with the effects of a preset, each with its keys, in place of its own.
+
+        Raises:
+            SensorFileError: there is no such preset.
+        """
+        tables = json.loads(json.dumps(preset(name).tables()))  # with lists, as a file has them
+        return self.with_value(f"{SENSOR}.degradation", tables or None)
+
+    def _with_size(self, value: Any) -> CameraDocument:
+        low, high = SIZES_PX
+        if value is not None and not (type(value) is int and low <= value <= high):
+            raise SensorFileError(f"size_px: expected {low} to {high} px, got {value!r}")
+        return dataclasses.replace(self, size_px=value)
+
+    def _with_group(self, group: str, table: Table) -> CameraDocument:
+        sensor = copy.deepcopy(dict(self.sensor))
+        groups = [sensor.pop(name, {}) for name in ("mirror", "lens", "optics")]
+        mounting = [one["mounting"] for one in groups if "mounting" in one]
+        if mounting:
+            table = {**table, "mounting": mounting[0]}
+        quality = {
+            key: value
+            for key, value in sensor.pop("camera", {}).items()
+            if key in ("quality", "supersampling")
+        }
+        sensor |= {group: table} if table else {}
+        sensor |= {"camera": quality} if quality else {}
+        return dataclasses.replace(self, sensor=sensor)
+
+
+def _without_defaults(table: Table, model: type[pydantic.BaseModel]) -> Table:
+    """Table without the values that its schema has anyway."""
+    kept: Table = {}
+    for key, value in table.items():
+        field = model.model_fields.get(key)
+        inner = None if field is None else table_in(field.annotation)
+        if inner is not None and isinstance(value, dict):
+            value = _without_defaults(value, inner.model)
+            if not value and key != "lens":
+                continue
+        elif field is not None and not field.is_required():
+            default = field.get_default(call_default_factory=True)
+            if value == (list(default) if isinstance(default, tuple) else default):
+                continue
+        kept[key] = value
+    return kept
+
+
+def _read(path: Path) -> Table:
+    return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+
+
+def _read_optics(path: Path) -> Table:
+    table = _read(path)
+    _make_optics_absolute(table, path.resolve().parent)
+    return table
+
+
+def _make_optics_absolute(table: Table, folder: Path) -> None:
+    _make_absolute(table.get("camera"), "calibration", folder)
+    for surface in table.get("surfaces", ()):
+        _make_absolute(surface, "file", folder)
+
+
+def _make_absolute(table: Table | None, key: str, folder: Path) -> None:
+    if table is not None and isinstance(table.get(key), str):
+        table[key] = str((folder / table[key]).resolve())

@@ -1,0 +1,352 @@
+"""Controls of a camera's parameters, made from the schemas that check its files."""
+
+from __future__ import annotations
+
+import math
+import re
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any, NamedTuple, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from omnisim.apps.live.camera_document import LIGHT, SENSOR, SIZE, CameraDocument
+from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.optics.surface_tables import SurfaceTable, shape_schemas
+from omnisim.cameras.optics.system_file import CameraTable as OpticsCamera
+from omnisim.cameras.optics.system_file import ObstacleTable, OpticsFile
+from omnisim.core.files.file_keys import Limit, attribute_docs, limits, summary
+from omnisim.core.files.inner_tables import table_in
+from omnisim.core.files.parameters import table_of
+from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_file import (
+    CameraTable,
+    MirrorTable,
+    MountingTable,
+    VirtualCamerasTable,
+)
+from omnisim.scene.light.light_tables import FogTable, LightTable, SkyTable
+from omnisim.scene.light.lighting import is_even
+from omnisim.scene.model import Scene
+
+Json = dict[str, Any]
+OPTICS = f"{SENSOR}.optics"
+_QUALITY = ("quality", "supersampling")  # keys of [camera] that go with any camera
+_UNITS = (
+    ("_mps2", "m/s²"), ("_mps", "m/s"), ("_deg", "°"), ("_px", "px"), ("_m", "m"), ("_s", "s"),
+    ("_e_per_s", "e⁻/s"), ("_e", "e⁻"), ("_db", "dB"), ("_ev", "EV"), ("_k", "K"),
+)  # fmt: skip
+_NUMBER = r"(-?\d+(?:\.\d+)?)"
+_TYPICAL = re.compile(rf"typically {_NUMBER} to {_NUMBER}")
+_TABLE_ROW = re.compile(r"^\| (\w+) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
+_MISALIGNED = {"decenter_m": 0.02, "tilt_deg": 15.0}  # reach of sliders to either side
+_NUMBERS = 12  # of a list that has a field each
+
+
+class _Kind(NamedTuple):
+    """Form of a value: a number, a choice, a list of numbers …, and the words that it may be."""
+
+    name: str
+    choices: tuple[Any, ...] = ()
+    length: int = 0
+
+
+def control_groups(
+    document: CameraDocument, camera: OmniCamera, scene: Scene | None = None
+) -> list[Json]:
+    """Groups of controls of a camera, each with those of the groups below it.
+
+    Args:
+        document: with the values that are given.
+        camera: of the document: values of the keys that are left out, or say "auto".
+        scene: of the document, for the controls of its light; None: there are none.
+    """
+    groups = _groups(document)
+    effective = _effective(camera)
+    if scene is not None:
+        groups += _light_groups(document, scene)
+        exposure, ambient = float(scene.lighting.exposure), map(float, scene.lighting.ambient)
+        effective = effective.with_value(f"{LIGHT}.light.exposure", exposure)
+        effective = effective.with_value(f"{LIGHT}.light.ambient", list(ambient))
+        shadows = any(one.casts_shadow for one in scene.lighting.lights)
+        effective = effective.with_value(f"{LIGHT}.light.shadows", shadows)
+    for control in [one for group in groups for one in group["controls"]]:
+        _add_effective(control, effective)
+    return groups
+
+
+def _effective(camera: OmniCamera) -> CameraDocument:
+    found = CameraDocument.of_camera(camera)
+    if isinstance(camera.model, HyperbolicCamera):
+        rim_m = float(camera.model.mirror.rim_radius_m)
+        found = found.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
+        found = found.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
+    short_px = min(camera.model.width_px, camera.model.height_px)
+    return found.with_value(SIZE, short_px)
+
+
+def _add_effective(control: Json, effective: CameraDocument) -> None:
+    value = _plain(effective.value(control["path"]))
+    control["effective"] = value
+    if control["value"] is None and not isinstance(control["default"], int | float | list):
+        low, high = (
+            None if control[side] is None else Limit(control[side], control[f"{side}_open"])
+            for side in ("low", "high")
+        )
+        control["soft"] = _soft(control | {"value": value, "default": None}, low, high)
+
+
+def _groups(document: CameraDocument) -> list[Json]:
+    groups: list[Json] = []
+    own = "mirror"
+    if "optics" in document.sensor:
+        own = "optics"
+        groups += _optics_groups(document)
+    elif "lens" in document.sensor:
+        own = "lens"
+        groups.append(_lens_group(document, f"{SENSOR}.lens", "Lens"))
+    else:
+        path = f"{SENSOR}.mirror"
+        groups.append(_group("Mirror", "", _keys(document, path, MirrorTable)))
+    names = None if own == "mirror" else _QUALITY
+    path = f"{SENSOR}.camera"
+    groups.append(_group("Camera", "", _keys(document, path, CameraTable, names)))
+    for title, path, table in (
+        ("Mounting", f"{SENSOR}.{own}.mounting", MountingTable),
+        ("Virtual cameras", f"{SENSOR}.virtual_cameras", VirtualCamerasTable),
+    ):
+        groups.append(_group(title, summary(table), _keys(document, path, table)))
+    groups.append(_group("Degradation", "Effects in the order in which light meets them.", []))
+    groups[-1]["groups"] = list(_effects(document))
+    return groups
+
+
+def _group(title: str, help_text: str, controls: list[Json], **more: Any) -> Json:
+    return {"title": title, "help": help_text, "controls": controls, "groups": [], **more}
+
+
+def _light_groups(document: CameraDocument, scene: Scene) -> list[Json]:
+    """Groups of a scene's light, sky and fog, as its TOML has them."""
+    about = summary(LightTable)
+    if scene.lighting.baked is not None:
+        about = "Baked: lamps and sky take its place where a value of light or sky is set."
+    elif is_even(scene.lighting):
+        about = "Even light, without shadows: the scene has no lamps."
+    keys = ("exposure", "ambient", "shadows", "shading")
+    groups = [_group("Light", about, _keys(document, f"{LIGHT}.light", LightTable, keys))]
+    tables: tuple[tuple[str, type, tuple[str, ...]], ...] = (
+        ("Sky", SkyTable, ("brightness", "turbidity", "sun_elevation_deg", "sun_azimuth_deg")),
+        ("Fog", FogTable, ("color", "visibility_m")),
+    )
+    for title, table, names in tables:
+        path = f"{LIGHT}.{title.lower()}"
+        is_on = document.value(path) is not None
+        controls = _keys(document, path, table, names) if is_on else []
+        groups.append(_group(title, summary(table), controls, switch=path, on=is_on))
+    return groups
+
+
+def _effects(document: CameraDocument) -> Iterator[Json]:
+    for name, effect in EFFECTS.items():
+        path = f"{SENSOR}.degradation.{name}"
+        given = document.value(path)
+        is_on = isinstance(given, Mapping) and given.get("enabled", True)
+        keys = _keys(document, path, table_of(effect), None, effect) if is_on else []
+        title = name.replace("_", " ").capitalize()
+        yield _group(title, summary(effect), keys, switch=path, on=bool(is_on))
+
+
+def _optics_groups(document: CameraDocument) -> Iterator[Json]:
+    names = ("medium", "looking", "origin_m", "color")
+    title = _group(
+        "Optical system", summary(OpticsFile), _keys(document, OPTICS, OpticsFile, names)
+    )
+    yield title
+    lens = _lens_group(document, f"{OPTICS}.camera", "Lens")
+    lens["controls"] += _keys(
+        document, f"{OPTICS}.camera", OpticsCamera, ("position_m", "decenter_m", "tilt_deg")
+    )
+    yield lens
+    shapes = {name: (table, source) for name, table, source in shape_schemas()}
+    for number, surface in enumerate(document.value(f"{OPTICS}.surfaces") or ()):
+        path, shape = f"{OPTICS}.surfaces.{number}", surface.get("shape")
+        keys = []
+        if shape in shapes:
+            table, source = shapes[shape]
+            keys = _keys(document, path, table, None, source)
+        fixed = ("name", "shape")
+        keys += [one for one in _keys(document, path, SurfaceTable) if one["label"] not in fixed]
+        name = surface.get("name") or shape
+        kind = "mirror" if surface.get("medium") is None else "boundary"
+        yield _group(f"Surface {number}: {name}", f"A {kind}.", keys)
+    for number, rod in enumerate(document.value(f"{OPTICS}.obstacles") or ()):
+        path = f"{OPTICS}.obstacles.{number}"
+        keys = [one for one in _keys(document, path, ObstacleTable) if one["label"] != "name"]
+        yield _group(f"Obstacle: {rod.get('name', number)}", summary(ObstacleTable), keys)
+
+
+def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
+    """Group of a camera model, whose parameters are keys of its table."""
+    table = document.value(path) or {}
+    model = str(table.get("model"))
+    if model not in CAMERA_MODELS:
+        return _group(title, f"Camera of {table.get('calibration', 'a calibration file')}.", [])
+    documented = import_module(CAMERA_MODELS[model].__module__).__doc__ or ""
+    rows = {
+        key: (unit.strip(), about.strip()) for key, unit, about in _TABLE_ROW.findall(documented)
+    }
+    choice = _control(f"{path}.model", "model", _Kind("choice", tuple(CAMERA_MODELS)), model, None)
+    choice["help"] = "Camera model; another one begins with an example of its own."
+    controls = [choice]
+    taken = {"model", "mounting", *OpticsCamera.model_fields}
+    for key, value in table.items():
+        if key in taken or not (kind_of := _kind_of_value(value)):
+            continue
+        control = _control(f"{path}.{key}", key, kind_of, value, None)
+        unit, about = rows.get(key, ("", ""))
+        control["unit"] = control["unit"] or ("" if unit in ("–", "degrees") else unit)
+        control["help"] = about and f"Typically {about}."
+        control["soft"] = _soft(control, None, None)
+        controls.append(control)
+    return _group(title, documented.split("\n\n")[0].replace("`", ""), controls)
+
+
+def _kind_of_value(value: Any) -> _Kind | None:
+    if isinstance(value, bool):
+        return _Kind("boolean")
+    if isinstance(value, str):
+        return _Kind("text")
+    if isinstance(value, int | float):
+        return _Kind("integer" if isinstance(value, int) else "number")
+    if isinstance(value, list | tuple) and 0 < len(value) <= _NUMBERS:
+        return _Kind("vector", length=len(value))
+    return None
+
+
+def _keys(
+    document: CameraDocument,
+    path: str,
+    model: type,
+    names: tuple[str, ...] | None = None,
+    source: type | None = None,
+) -> list[Json]:
+    """Controls of a table's own keys.
+
+    Args:
+        document: with the values.
+        path: of the table.
+        model: its schema.
+        names: of the keys; None: all.
+        source: class with the keys' help, where it is not the schema itself.
+    """
+    docs, found = attribute_docs(source or model), []
+    fields: dict[str, FieldInfo] = getattr(model, "model_fields")  # noqa: B009 - of pydantic's
+    for name, field in fields.items():
+        kind = _kind(field.annotation)
+        if kind is None or (names is not None and name not in names) or table_in(field.annotation):
+            continue
+        default = field.get_default(call_default_factory=True)
+        if default is PydanticUndefined:
+            default = None
+        key = f"{path}.{name}"
+        control = _control(key, name, kind, document.value(key), default)
+        low, high = limits(field)
+        control |= _limits(low, high)
+        control["help"] = docs.get(name, "")
+        control["soft"] = _soft(control, low, high)
+        found.append(control)
+    return found
+
+
+def _control(path: str, name: str, kind: _Kind, value: Any, default: Any) -> Json:
+    return {
+        "path": path,
+        "label": name,
+        "kind": kind.name,
+        "choices": list(kind.choices),
+        "length": kind.length,
+        "unit": next((unit for suffix, unit in _UNITS if name.endswith(suffix)), ""),
+        "value": _plain(value),
+        "default": _plain(default),
+        "low": None,
+        "high": None,
+        "low_open": False,
+        "high_open": False,
+        "help": "",
+        "soft": None,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Value as JSON has it: infinity as a word."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return "inf" if value > 0.0 else "-inf"
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return value
+
+
+def _limits(low: Limit | None, high: Limit | None) -> Json:
+    found: Json = {}
+    for name, limit in (("low", low), ("high", high)):
+        if limit is not None:
+            found |= {name: limit.value, f"{name}_open": limit.is_open}
+    return found
+
+
+def _kind(annotation: Any) -> _Kind | None:
+    """Form of an annotation's values; None: a table, or something that no control has."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is typing.Annotated:
+        return _kind(parts[0])
+    if origin is typing.Literal:
+        return _Kind("choice", parts)
+    if origin in (typing.Union, types.UnionType):
+        kinds = [one for part in parts if part is not type(None) and (one := _kind(part))]
+        choices = tuple(word for one in kinds for word in one.choices)
+        others = [one for one in kinds if one.name != "choice"]
+        if not others:
+            return _Kind("choice", choices) if choices else None
+        return others[0]._replace(choices=choices)
+    if origin is tuple and parts and parts[-1] is not Ellipsis:
+        return _Kind("vector", length=len(parts)) if _kind(parts[0]) else None
+    words = {float: "number", int: "integer", bool: "boolean", str: "text"}
+    return _Kind(words[annotation]) if annotation in words else None
+
+
+def _soft(control: Json, low: Limit | None, high: Limit | None) -> Json | None:
+    """Range of the slider: typical values, narrower than the limits where those are far apart."""
+    if control["kind"] not in ("number", "integer", "vector"):
+        return None
+    if match := _TYPICAL.search(control["help"]):
+        return _range(float(match[1]), float(match[2]), False)
+    if low is not None and high is not None and high.value - low.value <= 400.0:
+        return _range(low.value, high.value, False)
+    base = control["value"] if control["default"] in (None, "inf") else control["default"]
+    numbers = base if isinstance(base, list) else [base]
+    largest = max((abs(x) for x in numbers if isinstance(x, int | float)), default=0.0)
+    if control["label"] in _MISALIGNED:
+        reach = _MISALIGNED[control["label"]]
+        return _range(-reach, reach, False)
+    if control["unit"] == "°":
+        is_opening = control["label"].startswith(("theta", "half_angle"))
+        bottom = max(0.0 if is_opening else -180.0, -180.0 if low is None else low.value)
+        return _range(bottom, 180.0 if high is None else min(high.value, 180.0), False)
+    is_count = control["kind"] == "integer"
+    is_positive = (low is not None and low.value >= 0.0) or is_count or control["unit"] == "px"
+    if largest == 0.0:
+        return _range(0.0 if is_positive else -1.0, 10.0 if is_count else 1.0, False)
+    if is_positive and control["kind"] != "vector":
+        bottom = max(largest / 4.0, 0.0 if low is None else low.value)
+        top = largest * 4.0 if high is None else min(largest * 4.0, high.value)
+        return _range(bottom, top, True)
+    return _range(-2.0 * largest, 2.0 * largest, False)
+
+
+def _range(low: float, high: float, is_log: bool) -> Json:
+    return {"low": low, "high": high, "log": is_log and low > 0.0}

@@ -1,0 +1,321 @@
+"""Thread that draws: the only one that uses OpenGL, with the newest wish of the session."""
+
+from __future__ import annotations
+
+import io
+import math
+import threading
+import time
+import traceback
+import zipfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.live.camera_document import FILE_NAME
+from omnisim.apps.live.controls import control_groups
+from omnisim.apps.live.floor_map import FloorMap, draw_floor_map
+from omnisim.apps.live.live_messages import Part, Probe, Save, pack
+from omnisim.apps.live.live_source import LiveSource
+from omnisim.apps.live.probing import probe
+from omnisim.apps.live.profile import profile
+from omnisim.apps.live.run_source import RunSource
+from omnisim.apps.live.scene_in_light import SCENE_FILE
+from omnisim.apps.live.session import Draw, Job, Session
+from omnisim.apps.live.taken import Taken
+from omnisim.apps.live.view_maker import UNWARPED, ViewMaker
+from omnisim.core.errors import OmnisimError
+from omnisim.core.files.image_files import image_bytes, png_bytes
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.legends import legend
+from omnisim.ground_truth.previews import preview
+
+COARSE_JPEG, VIEW_JPEG = 85, 90  # qualities
+PROBED = ("range", "position", "semantic", "instance")  # channels that a probe reads
+SEEN_BINS = 120  # of the outline of what the camera sees, on the map
+MAP_INSIDE = 0.02  # share of the map: nearer to its edge than this it is drawn anew
+Publish = Callable[[str, bytes, int], None]  # kind, message, and the state that it shows
+AnySource = LiveSource | RunSource
+T = TypeVar("T")
+
+
+class Engine:
+    """Draws what a session asks for, until it stops.
+
+    Args:
+        session: whose wishes.
+        open_source: makes the source of pictures, in this thread.
+        publish: takes messages for all pages, in this thread.
+    """
+
+    def __init__(self, session: Session, open_source: Callable[[], AnySource], publish: Publish):
+        self._session, self._open_source, self._publish = session, open_source, publish
+        self._views = ViewMaker()
+        self._map: FloorMap | None = None
+        self._truth: tuple[int, Taken] | None = None  # of the last fine state
+        self._last: Taken | None = None
+        self._times_ms: dict[str, float] = {}
+        self._thread = threading.Thread(target=self._run, name="omnisim-engine", daemon=True)
+        self._error: BaseException | None = None
+        self._is_open = threading.Event()
+
+    def start(self) -> None:
+        """Begin, and return when the scene is on the GPU.
+
+        Raises:
+            OmnisimError: no OpenGL, or a scene past its limits.
+        """
+        self._thread.start()
+        self._is_open.wait()
+        if self._error is not None:
+            raise self._error
+
+    def about(self) -> dict[str, Any]:
+        """Names and steps of what is shown, once it is open."""
+        return self._source.about()
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """Channels of ground truth that it has, once it is open."""
+        return tuple(self._source.channel_names)
+
+    def stop(self, timeout_s: float) -> bool:
+        """End after the picture at hand; false where it has not ended in time."""
+        self._session.stop()
+        if self._thread.ident is not None:
+            self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        try:
+            self._source = self._open_source()
+        except BaseException as error:  # the caller raises it
+            self._error = error
+            return
+        finally:
+            self._is_open.set()
+        try:
+            while (work := self._session.next_work()) is not None:
+                try:
+                    if isinstance(work, Draw):
+                        self._draw(work)
+                    else:
+                        self._answer(work)
+                except OmnisimError as error:
+                    self._fail(work, error)
+                except Exception as error:  # a fault of ours must not end the page
+                    traceback.print_exc()
+                    self._fail(work, OmnisimError(f"{type(error).__name__}: {error}"))
+        finally:
+            self._source.close()
+
+    def _fail(self, work: Draw | Job, error: OmnisimError) -> None:
+        message = pack("error", {"text": str(error)})
+        if isinstance(work, Job):
+            work.reply(message)
+            return
+        self._publish("error", message, 0)
+        if not work.is_fine:  # its coarse picture could be drawn: the camera stays
+            self._session.reject(work.shown.document)
+        self._session.drawn(work)
+        self._session.ask()  # who asked has got no picture
+
+    def _draw(self, draw: Draw) -> None:
+        self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
+        source, shown = self._source, draw.shown
+        if isinstance(source, LiveSource) and self._timed(
+            "camera", lambda: source.use(shown.document)
+        ):
+            self._session.accept(shown.document)
+            is_new = True
+        wanted = [name for name in shown.views if name in source.channel_names]
+        if draw.is_fine and "map" in shown.views and "position" in source.channel_names:
+            wanted.append("position")
+        taken = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(wanted))))
+        self._last = taken
+        parts = self._parts(draw, taken)
+        seen = self._seen(taken) if draw.is_fine and "map" in shown.views else None
+        self._truth = (shown.change, taken) if draw.is_fine else None
+        viewpoint = taken.viewpoint
+        content = {
+            "change": shown.change,
+            "is_fine": draw.is_fine,
+            "place": _place(shown.place),
+            "viewpoint": _place(viewpoint),
+            "time_s": shown.time_s,
+            "step": shown.step,
+            "look": dict(shown.gaze),
+            "seen_m": seen,
+            "blocked_by": self._session.blocked_by,
+            "history": self._session.history,
+            "times_ms": {name: round(ms, 1) for name, ms in self._times_ms.items()},
+        }
+        if draw.is_fine:
+            content["command"] = source.command(shown, taken)
+        self._publish("frame", pack("frame", content, parts), shown.change)
+        self._session.drawn(draw, time.perf_counter() - begin_s)
+        if is_new:  # after the picture, which is waited for
+            self._publish_camera(draw)
+        if draw.is_fine and "map" in shown.views:
+            self._renew_map(taken)
+
+    def _parts(self, draw: Draw, taken: Taken) -> list[Part]:
+        """Camera's picture, and the views beside it; one that cannot be has a reason instead."""
+        if taken.png is not None:
+            first = Part("camera", "image/png", taken.png, {})
+        else:
+            first = self._timed("encode", lambda: _jpeg("camera", taken.rgb, COARSE_JPEG))
+        parts = [first]
+        for name in draw.shown.views:
+            try:
+                if name in UNWARPED:
+                    parts.append(self._timed(name, partial(self._view, name, draw, taken)))
+                elif name in CHANNELS:
+                    parts.append(self._timed(name, partial(_channel, name, draw, taken)))
+            except OmnisimError as reason:
+                parts.append(Part(name, "", b"", {"reason": str(reason)}))
+        return parts
+
+    def _view(self, name: str, draw: Draw, taken: Taken) -> Part:
+        height_m = taken.viewpoint.position_m[2] - self._ground_m
+        gaze = draw.shown.gaze
+        return _jpeg(
+            name, self._views.picture(name, taken, gaze, height_m, draw.is_fine), VIEW_JPEG
+        )
+
+    @property
+    def _ground_m(self) -> float:
+        return 0.0 if self._map is None else self._map.ground_m
+
+    def _seen(self, taken: Taken) -> list[list[float]]:
+        """Outline on the map of the farthest points that the camera sees, by direction."""
+        points = taken.channels.get("position")
+        if points is None:
+            return []
+        eye = np.array(taken.viewpoint.position_m)
+        offsets = points[::2, ::2].reshape(-1, 3) - eye
+        offsets = offsets[np.isfinite(offsets).all(axis=1)]
+        distances = np.hypot(offsets[:, 0], offsets[:, 1])
+        share = np.arctan2(offsets[:, 1], offsets[:, 0]) / (2.0 * math.pi) % 1.0
+        farthest = np.zeros(SEEN_BINS)
+        np.maximum.at(farthest, (share * SEEN_BINS).astype(np.intp) % SEEN_BINS, distances)
+        angles = (np.arange(SEEN_BINS) + 0.5) * (2.0 * math.pi / SEEN_BINS)
+        outline = eye[:2] + farthest[:, None] * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+        rounded: list[list[float]] = np.round(outline, 2).tolist()
+        return rounded
+
+    def _renew_map(self, taken: Taken) -> None:
+        """Draw the map where there is none, or where the viewpoint has left it."""
+        position_m = taken.viewpoint.position_m
+        at = np.array(position_m[:2])
+        if self._map is not None:
+            margin = MAP_INSIDE * (self._map.high_m - self._map.low_m)
+            inside = (at >= self._map.low_m + margin) & (at <= self._map.high_m - margin)
+            if np.all(inside):
+                return
+        found = draw_floor_map(self._source.stage, position_m)
+        self._map = found
+        about = {
+            "low_m": found.low_m.tolist(), "high_m": found.high_m.tolist(),
+            "ground_m": found.ground_m,
+        }  # fmt: skip
+        self._publish("map", pack("map", about, [_jpeg("map", found.rgb, VIEW_JPEG)]), 0)
+
+    def _publish_camera(self, draw: Draw) -> None:
+        source = self._source
+        assert isinstance(source, LiveSource)
+        model = source.camera.model
+        content = {
+            "groups": control_groups(
+                draw.shown.document, source.camera, source.scene if source.has_light else None
+            ),
+            "profile": profile(model),
+            "text": draw.shown.document.text,
+            "width_px": model.width_px,
+            "height_px": model.height_px,
+            "model": model.model_name,
+            "mesh": source.camera.mesh_summary,
+        }
+        self._publish("camera", pack("camera", content), 0)
+
+    def _answer(self, job: Job) -> None:
+        source = self._source
+        draw = Draw(job.shown, True)
+        if isinstance(job.message, Save):
+            if job.message.what == "toml":
+                files = {FILE_NAME: job.shown.document.checked_text().encode()}
+                if isinstance(source, LiveSource) and job.shown.document.light:
+                    files[SCENE_FILE] = source.scene_text(job.shown.document).encode()
+            else:
+                files = source.files(draw)
+            name, media_type, data = _bundle(files)
+            job.reply(pack("saved", {"name": name}, [Part(name, media_type, data, {})]))
+            return
+        assert isinstance(job.message, Probe)
+        taken = self._probed(job)
+        if taken is None:
+            return
+        height_m = taken.viewpoint.position_m[2] - self._ground_m
+        found = probe(job.message, taken, self._views, job.shown.gaze, height_m)
+        job.reply(pack("probe", found))
+        if job.message.follow and "yaw_deg" in found and job.message.view != "perspective":
+            self._session.look_at(found["yaw_deg"], found["pitch_deg"])
+
+    def _probed(self, job: Job) -> Taken | None:
+        """Picture with the channels of a probe, as far as it rests; they are made once."""
+        if self._truth is None or self._truth[0] != job.shown.change:
+            return self._last
+        change, taken = self._truth
+        names = [name for name in PROBED if name in self._source.channel_names]
+        if not set(names) <= set(taken.channels):
+            taken = self._source.take(Draw(job.shown, True), (*names, *taken.channels))
+            self._truth = (change, taken)
+        return taken
+
+    def _timed(self, name: str, work: Callable[[], T]) -> T:
+        begin_s = time.perf_counter()
+        try:
+            return work()
+        finally:
+            self._times_ms[name] = 1e3 * (time.perf_counter() - begin_s)
+
+
+def _place(place: Any) -> dict[str, Any]:
+    return {
+        "position_m": [round(value, 6) for value in place.position_m],
+        "yaw_deg": round(place.yaw_deg, 6),
+        "pitch_deg": round(place.pitch_deg, 6),
+        "roll_deg": round(place.roll_deg, 6),
+    }
+
+
+def _jpeg(name: str, rgb: NDArray[np.uint8], quality: int) -> Part:
+    return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), rgb, None, quality), {})
+
+
+def _channel(name: str, draw: Draw, taken: Taken) -> Part:
+    """Preview of a channel with its legend; lossless where it rests."""
+    if name not in taken.channels:
+        return Part(name, "", b"", {"reason": "not recorded at this step"})
+    values = taken.channels[name]
+    colors = preview(name, values, taken.labels)
+    about = {"legend": legend(name, values, taken.labels)}
+    if draw.is_fine:
+        return Part(name, "image/png", png_bytes(colors), about)
+    return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), colors, None, VIEW_JPEG), about)
+
+
+def _bundle(files: dict[str, bytes]) -> tuple[str, str, bytes]:
+    """Name, media type and contents of one file, or of an archive of several."""
+    if len(files) == 1:
+        ((name, data),) = files.items()
+        return name, "application/octet-stream", data
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_STORED) as target:
+        for name, data in files.items():
+            target.writestr(zipfile.ZipInfo(name), data)
+    return "omnisim.zip", "application/zip", archive.getvalue()

@@ -1,0 +1,80 @@
+"""Floor and obstacles of a scene for a robot that is driven by hand."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.robots.body_boxes import BodyBoxes
+from omnisim.runs.contacts import meet_box
+from omnisim.scene.model import Scene
+from omnisim.scene.space.floor import HeightField
+from omnisim.scene.space.triangles import TriangleBvh, Triangles, triangles_within
+
+MAX_TRIANGLES = 500_000  # beyond, looking for contacts would take seconds at the first step
+
+
+class _Posed(Protocol):
+    @property
+    def pose(self) -> NDArray[np.float64]: ...
+
+
+class Ground:
+    """Heights below a robot, and contacts with its body.
+
+    Args:
+        scene: static scene; what moves is not looked at.
+        boxes: of the robot's body, or None: no contacts.
+    """
+
+    def __init__(self, scene: Scene, boxes: BodyBoxes | None):
+        self._scene, self._boxes = scene, boxes
+        self._is_small = scene.triangle_count <= MAX_TRIANGLES
+
+    @cached_property
+    def _triangles(self) -> Triangles:
+        everywhere = np.full(3, np.inf)
+        return triangles_within(self._scene, -everywhere, everywhere)
+
+    @cached_property
+    def _bvh(self) -> TriangleBvh:
+        return TriangleBvh(self._triangles.corners_m)
+
+    @cached_property
+    def _field(self) -> HeightField:
+        return HeightField(self._scene, np.full(2, -np.inf), np.full(2, np.inf))
+
+    def height_m(self, point_m: tuple[float, float], near_m: float) -> float:
+        """Height of the floor at (x, y): the highest surface within the robot's clearance.
+
+        Where there is none it is `near_m`.
+        """
+        if not self._is_small:
+            return near_m
+        reach_m = 0.05 if self._boxes is None else self._boxes.clearance_m
+        heights = self._field.heights_m(np.array(point_m)[None, None]).ravel()
+        near = heights[np.abs(heights - near_m) <= reach_m]
+        return float(near.max()) if len(near) else near_m
+
+    def contact(self, now: _Posed, there: _Posed) -> str:
+        """Name of an instance that the body meets there and not now; empty: none."""
+        if self._boxes is None or not self._is_small:
+            return ""
+        new = self._touched(there.pose) - self._touched(now.pose)
+        return min((self._scene.instances[one].name for one in new), default="")
+
+    def _touched(self, world_from_base: NDArray[np.float64]) -> set[int]:
+        assert self._boxes is not None
+        found: set[int] = set()
+        for low, high in self._boxes.parts_m:
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            center = world_from_base[:3, :3] @ middle + world_from_base[:3, 3]
+            extent = np.abs(world_from_base[:3, :3]) @ half
+            _, hit = self._bvh.overlaps((center - extent)[None], (center + extent)[None])
+            corners = self._triangles.corners_m[hit] - world_from_base[:3, 3]
+            touching = meet_box(corners @ world_from_base[:3, :3] - middle, half)
+            found.update(self._triangles.instances[hit[touching]].tolist())
+        return found

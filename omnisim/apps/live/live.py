@@ -1,0 +1,186 @@
+"""Live page from start to end: what is shown, the thread that draws, and the server."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from omnisim.apps.live import live_messages as messages
+from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.apps.live.engine import AnySource, Engine
+from omnisim.apps.live.ground import Ground
+from omnisim.apps.live.live_source import LiveSettings, LiveSource, start_place
+from omnisim.apps.live.presets import preset_lists
+from omnisim.apps.live.run_source import RunSource
+from omnisim.apps.live.server import LiveServer, is_local, new_token
+from omnisim.apps.live.session import Session
+from omnisim.apps.live.viewpoint_motion import FreeFlight, Pilot, Place, WheelDrive
+from omnisim.core.errors import OutputError
+from omnisim.core.version import __version__
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.robots.body_boxes import BodyBoxes
+
+STOP_S = 1.0  # that the picture at hand may take to be done with
+
+
+class LivePage:
+    """Page that is served: session, engine and server.
+
+    Args:
+        source: what it shows.
+        host, port: address to listen on.
+        at: place at the start; None: the scene's.
+        time_s: of the world at the start.
+
+    Raises:
+        OmnisimError: no OpenGL, a scene past its limits, or a robot without limits of its motion.
+    """
+
+    def __init__(
+        self,
+        source: LiveSettings | Callable[[], RunSource],
+        host: str = "localhost",
+        port: int = 0,
+        at: Place | None = None,
+        time_s: float = 0.0,
+    ):
+        about: dict[str, Any] = {"version": __version__}
+        last_step: int | None = None
+        open_source: Callable[[], AnySource]
+        if isinstance(source, LiveSettings):
+            settings = source
+            pilot, document = _pilot(settings, start_place(settings, at)), settings.document
+            open_source = lambda: LiveSource(settings)  # noqa: E731
+        else:
+            pilot, document, open_source = (
+                FreeFlight(Place((0.0, 0.0, 0.0))),
+                CameraDocument(),
+                source,
+            )
+            last_step = 10**9  # the source has no more steps than it has
+        self.session = Session(document, pilot, last_step, time_s)
+        self.engine = Engine(self.session, open_source, self._publish)
+        token = None if is_local(host) else new_token()
+        self.server = LiveServer(self.session, about, host, port, token)
+        self._about = about
+
+    def _publish(self, kind: str, data: bytes, change: int) -> None:
+        self.server.publish(kind, data, change)
+
+    def open(self) -> None:
+        """Bring the scene to the GPU.
+
+        Raises:
+            OmnisimError: no OpenGL, or a scene past its limits.
+        """
+        self.engine.start()
+        self._about.update(self.engine.about())
+        self._about.update(
+            presets=preset_lists(),
+            channels={name: CHANNELS[name].about for name in self.engine.channel_names},
+            views=[view for view in messages.VIEWS if view not in CHANNELS],
+        )
+
+    async def serve(self, until: asyncio.Event, is_open: Callable[[], None]) -> None:
+        """Serve until an event is set.
+
+        Args:
+            until: the end.
+            is_open: called when the page can be opened.
+
+        Raises:
+            OmnisimError: the port is taken, or as `open`.
+        """
+        try:
+            await self.server.open()
+            await asyncio.get_running_loop().run_in_executor(None, self.open)
+            is_open()
+            await until.wait()
+        finally:
+            await self.server.close()
+
+    def stop(self) -> bool:
+        """End the thread that draws; false where it has not ended in time."""
+        return self.engine.stop(STOP_S)
+
+
+def run(page: LivePage, is_open: Callable[[], None]) -> bool:
+    """Serve a page until Ctrl-C or SIGTERM; false where a picture had to be left unfinished.
+
+    Raises:
+        OmnisimError: as `LivePage.serve`.
+    """
+
+    async def serve() -> None:
+        until, loop = asyncio.Event(), asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, until.set)
+        await page.serve(until, is_open)
+
+    try:
+        asyncio.run(serve())
+    finally:
+        is_done = page.stop()
+    return is_done
+
+
+class BackgroundPage:
+    """Page that is served by threads of its own, as in a notebook, until it is closed.
+
+    Raises:
+        OmnisimError: as `LivePage.serve`.
+    """
+
+    def __init__(self, page: LivePage):
+        self._page = page
+        self._loop = asyncio.new_event_loop()
+        self._until = asyncio.Event()
+        self._is_open = threading.Event()
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="omnisim-live", daemon=True)
+        self._thread.start()
+        self._is_open.wait()
+        if self._error is not None:
+            raise self._error
+
+    @property
+    def url(self) -> str:
+        """Address for a browser."""
+        return self._page.server.url
+
+    def close(self) -> None:
+        """Stop serving, and free the GPU memory; a second time does nothing."""
+        with suppress(RuntimeError):  # the loop is closed already
+            self._loop.call_soon_threadsafe(self._until.set)
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._page.serve(self._until, self._is_open.set))
+        except BaseException as error:  # the caller raises it
+            self._error = error
+        finally:
+            self._page.stop()
+            self._is_open.set()
+            self._loop.close()
+
+
+def run_source(
+    folder: Path, scene: str | None, camera_name: str | None, device: int | None
+) -> Callable[[], RunSource]:
+    """Opener of a recorded run, for the thread that draws."""
+    return lambda: RunSource(folder, scene, camera_name, device)
+
+
+def _pilot(settings: LiveSettings, place: Place) -> Pilot:
+    vehicle = settings.vehicle
+    if vehicle is None:
+        return FreeFlight(place)
+    if vehicle.kinematics is None:
+        raise OutputError(f"robot {vehicle.name!r}: expected [kinematics], to be driven by hand")
+    return WheelDrive(place, vehicle.kinematics, Ground(settings.scene, BodyBoxes.of(vehicle)))

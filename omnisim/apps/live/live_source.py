@@ -1,0 +1,302 @@
+"""Pictures of the live page by the renderer: coarse and fine, of a camera that is edited."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import shlex
+import tempfile
+import time
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from omnisim.apps.live.camera_document import FILE_NAME, CameraDocument
+from omnisim.apps.live.scene_in_light import SCENE_FILE, SceneInLight, scene_text, without_overruled
+from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.taken import Taken
+from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
+from omnisim.cameras.camera import NonCentralCamera
+from omnisim.core.errors import OmnisimError, SceneError
+from omnisim.core.files.image_files import image_bytes
+from omnisim.core.poses import inverse
+from omnisim.core.world import WorldState
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.robots.vehicle import Vehicle
+from omnisim.scene.model import Scene
+
+ADVANCE_M = 0.1  # to the next picture, for flow, as `omnisim render` has it
+SCALES = (1.0, 0.7, 0.5)  # of coarse pictures
+SLOW_S, QUICK_S = 0.14, 0.035  # of a coarse picture: smaller then, or larger
+COARSE = "fast"  # capture quality
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """Scene and camera at the start.
+
+    Attributes:
+        scene: that is seen.
+        document: of the camera.
+        vehicle: robot that carries the camera; None: free flight.
+        camera_name: of the robot's cameras; None: the first.
+        scene_words: scene, robot and their options, as a command line has them.
+        camera_words: options of the camera as it is at the start; None: its file says all.
+        light: reads the scene in another light; None: it stays in its own.
+        device: number of the GPU.
+        unlit: show plain base colors, without lights.
+    """
+
+    scene: Scene
+    document: CameraDocument
+    vehicle: Vehicle | None = None
+    camera_name: str | None = None
+    scene_words: tuple[str, ...] = ()
+    camera_words: tuple[str, ...] | None = ()
+    device: int | None = None
+    unlit: bool = False
+    light: SceneInLight | None = None
+
+
+class LiveSource:
+    """Renderers of the camera at hand; only the thread that made it may use it.
+
+    Raises:
+        OmnisimError: no OpenGL, or a scene past its limits.
+    """
+
+    channel_names = tuple(CHANNELS)
+
+    def __init__(self, settings: LiveSettings):
+        self._settings, self.scene = settings, settings.scene
+        self._light: Mapping[str, Any] = {}
+        vehicle = settings.vehicle
+        self._hidden: tuple[str, ...] = ()
+        if vehicle is not None:
+            self._hidden = tuple(vehicle.camera(settings.camera_name).hides)
+        self.stage = self._open(settings.scene)
+        self._document: CameraDocument | None = None
+        self._camera = OmniCamera()
+        self._renderers: dict[float | None, Renderer] = {}  # by the coarse scale; None: fine
+        self._scale, self._slow = 0, 0
+
+    @property
+    def camera(self) -> OmniCamera:
+        """Camera of the last document."""
+        return self._camera
+
+    def use(self, document: CameraDocument) -> bool:
+        """Take the camera of a document; true where it is another one.
+
+        Raises:
+            OmnisimError: it cannot be; the one before stays.
+        """
+        if document == self._document:
+            return False
+        camera = document.camera()
+        before = self._camera, self._renderers, self.stage, self.scene
+        self._camera, self._renderers = camera, {}
+        try:
+            if document.light != self._light:
+                self.scene = self._in_light(document.light)
+                self.stage = self._open(self.scene)
+            self._renderer(self._coarse_scale)  # or the GPU refuses it
+        except OmnisimError:
+            if self.stage is not before[2]:
+                self.stage.close()
+            self._camera, self._renderers, self.stage, self.scene = before
+            raise
+        for renderer in before[1].values():
+            renderer.close()
+        if self.stage is not before[2]:
+            before[2].close()
+        self._document, self._light = document, document.light
+        return True
+
+    def _open(self, scene: Scene) -> Stage:
+        vehicle = self._settings.vehicle
+        body = None if vehicle is None else vehicle.body
+        return Stage(scene, body, device=self._settings.device)
+
+    def _in_light(self, tables: Mapping[str, Any]) -> Scene:
+        if not tables:
+            return self._settings.scene
+        if self._settings.light is None:
+            raise SceneError("scene: expected its own light: it was not read from a file")
+        return self._settings.light.scene(tables)
+
+    @property
+    def has_light(self) -> bool:
+        """The scene can be put in another light, which then shows."""
+        return self._settings.light is not None and not self._settings.unlit
+
+    def scene_text(self, document: CameraDocument) -> str:
+        """Text of a scene's TOML with the light of a document.
+
+        Raises:
+            SceneError: the scene was not read from a file.
+        """
+        if self._settings.light is None:
+            raise SceneError("scene: expected its own light: it was not read from a file")
+        return scene_text(self._settings.light.source, document.light)
+
+    def take(self, draw: Draw, channels: Collection[str]) -> Taken:
+        """Render a state."""
+        self.use(draw.shown.document)
+        begin_s = time.monotonic()
+        scale = None if draw.is_fine else self._coarse_scale
+        renderer = self._renderer(scale)
+        frame = self._render(renderer, draw, channels)
+        if scale is not None:
+            self._adapt(time.monotonic() - begin_s)
+        camera = renderer.camera
+        png = image_bytes(Path("picture.png"), frame.rgb, frame.metadata) if draw.is_fine else None
+        base = self._base(renderer, draw.shown.place)
+        return Taken(
+            camera.model, camera.base_from_optical, base, frame.rgb, png, frame.channels,
+            frame.labels,
+        )  # fmt: skip
+
+    def files(self, draw: Draw) -> dict[str, bytes]:
+        """Picture with all channels, as `omnisim render --also all` writes them."""
+        self.use(draw.shown.document)
+        frame = self._render(self._renderer(None), draw, tuple(CHANNELS))
+        with tempfile.TemporaryDirectory() as folder:
+            frame.save(Path(folder) / "picture.png", previews=True)
+            return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+
+    def command(self, shown: Shown, taken: Taken) -> str:
+        """Shell commands that render the same picture, with the camera's file if it was changed."""
+        document = shown.document
+        scene_words, lines = self._settings.scene_words, []
+        if document.light:
+            text = self.scene_text(document)
+            lines.append(f"cat > {SCENE_FILE} <<'END'\n{text.rstrip()}\nEND\n")
+            scene_words = (SCENE_FILE, *without_overruled(scene_words[1:], document.light))
+        words = ["omnisim", "render", *scene_words]
+        given = self._settings.camera_words
+        if replace(document, light={}) == self._settings.document and given is not None:
+            words += given
+        else:
+            lines.append(f"cat > {FILE_NAME} <<'END'\n{document.text.rstrip()}\nEND\n")
+            words += ["--sensor", FILE_NAME]
+            if document.size_px is not None:
+                words += ["--size", str(document.size_px)]
+        at = self._viewpoint(shown.place)
+        words += ["--at", *(f"{value!r}" for value in at.position_m)]
+        for option, angle in (
+            ("--yaw", at.yaw_deg),
+            ("--pitch", at.pitch_deg),
+            ("--roll", at.roll_deg),
+        ):
+            if angle or option == "--yaw":
+                words += [option, f"{angle!r}"]
+        if shown.time_s:
+            words += ["--time", f"{shown.time_s!r}"]
+        words += ["-o", "picture.png"]
+        return "".join(lines) + shlex.join(words)
+
+    def about(self) -> dict[str, Any]:
+        """Names of scene and robot, and the robot's outline."""
+        vehicle = self._settings.vehicle
+        size = None if vehicle is None else vehicle.footprint
+        return {
+            "scene": self.scene.name,
+            "robot": None if vehicle is None else vehicle.title,
+            "outline_m": None if size is None else [size.length_m, size.width_m],
+            "steps": None,
+            "has_clock": bool(self.scene.objects) or self.scene.deforms,
+            "is_editable": True,
+        }
+
+    def close(self) -> None:
+        """Free the GPU memory."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self.stage.close()
+
+    def _renderer(self, scale: float | None) -> Renderer:
+        if scale not in self._renderers:
+            camera = self._camera
+            if scale is not None:
+                camera = camera.with_quality(COARSE)
+                if self._is_slow:
+                    camera = dataclasses.replace(camera, supersampling=1)
+                shorter_px = min(camera.model.width_px, camera.model.height_px)
+                if scale < 1.0:
+                    camera = camera.resized(max(1, round(shorter_px * scale)))
+            self._renderers[scale] = Renderer(
+                self.stage, camera, hidden=self._hidden, unlit=self._settings.unlit
+            )
+        return self._renderers[scale]
+
+    @property
+    def _is_slow(self) -> bool:
+        """True for cameras whose every sample has a ray to be found: few samples are coarse."""
+        return isinstance(self._camera.model, NonCentralCamera)
+
+    @property
+    def _coarse_scale(self) -> float:
+        return SCALES[-1] if self._is_slow else SCALES[self._scale]
+
+    def _adapt(self, seconds: float) -> None:
+        """Smaller coarse pictures where two in a row were slow, larger ones where all are quick."""
+        if self._is_slow:  # another size would cost more than it saves
+            return
+        self._slow = self._slow + 1 if seconds > SLOW_S else 0
+        if self._slow >= 2 and self._scale + 1 < len(SCALES):
+            self._scale, self._slow = self._scale + 1, 0
+        elif seconds < QUICK_S and self._scale > 0:
+            self._scale -= 1
+
+    def _base(self, renderer: Renderer, place: Place) -> Any:
+        at = self._viewpoint(place)
+        angles = (at.yaw_deg, at.pitch_deg, at.roll_deg)
+        return renderer.camera.base_pose(at.position_m, *angles)
+
+    def _viewpoint(self, place: Place) -> Place:
+        """Effective viewpoint at a place, in the digits of a command line."""
+        if self._settings.vehicle is None:
+            return place
+        rig = place.pose @ self._camera.base_from_rig
+        x, y, z = (round(float(value), DIGITS_M) + 0.0 for value in rig[:3, 3])
+        return dataclasses.replace(place, position_m=(x, y, z))
+
+    def _render(self, renderer: Renderer, draw: Draw, channels: Collection[str]) -> Frame:
+        base, time_s = self._base(renderer, draw.shown.place), draw.shown.time_s
+        states = {}
+        for other, way_m in (("next", ADVANCE_M), ("previous", -ADVANCE_M)):
+            moved = base.copy()
+            moved[:3, 3] += way_m * base[:3, 0]
+            states[other] = WorldState({renderer.vehicle: moved}, time_s)
+        return renderer.render(
+            WorldState({renderer.vehicle: base}, time_s),
+            also=channels,
+            next_state=states["next"],
+            previous_state=states["previous"],
+        )
+
+
+def start_place(settings: LiveSettings, at: Place | None) -> Place:
+    """Place at the start: as given, or the scene's; of a robot that of its base."""
+    scene, vehicle = settings.scene, settings.vehicle
+    if vehicle is None:
+        start = scene.start
+        return at or Place(start.position_m, start.yaw_deg)
+    if at is None:
+        if scene.starts:
+            first = scene.starts[0]
+            return Place(first.position_m, first.yaw_deg)
+        start = scene.start
+        x, y, _ = start.position_m
+        return Place((x, y, 0.0), start.yaw_deg)
+    base_from_rig = vehicle.camera(settings.camera_name).sensor.base_from_rig
+    base = at.pose @ inverse(base_from_rig)
+    x, y, z = base[:3, 3].tolist()
+    yaw_deg = math.degrees(math.atan2(base[1, 0], base[0, 0]))
+    return Place((x, y, z), yaw_deg)

@@ -1,0 +1,54 @@
+"""Cameras of the gallery and optical systems of the examples, one click away.
+
+`make gallery` writes their parameters into `presets.json`.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.core.errors import OutputError, did_you_mean
+from omnisim.rendering.camera.degradations.degradation_file import preset_names
+
+PRESETS_FILE = Path(__file__).with_name("presets.json")
+PAPER, HYPERBOLIC = "paper", "hyperbolic"  # the same camera
+KINDS = ("lens", "optics", "degradation")
+
+
+@cache
+def _presets() -> dict[str, dict[str, Any]]:
+    content: dict[str, dict[str, Any]] = json.loads(PRESETS_FILE.read_text(encoding="utf-8"))
+    return content
+
+
+def preset_lists() -> dict[str, list[str]]:
+    """Names of the presets by kind."""
+    read = _presets()
+    return {
+        "lens": [PAPER, *(name for name in read["lens"] if name != HYPERBOLIC)],
+        "optics": list(read["optics"]),
+        "degradation": preset_names(),
+    }
+
+
+def with_preset(document: CameraDocument, kind: str, name: str) -> CameraDocument:
+    """Document with a camera, an optical system or the effects of a preset.
+
+    Raises:
+        OutputError: there is no such kind or preset.
+    """
+    names = preset_lists().get(kind)
+    if names is None:
+        raise OutputError(f"preset {kind!r}: {did_you_mean(kind, KINDS)}")
+    if name not in names:
+        raise OutputError(f"preset {name!r}: {did_you_mean(name, names)}")
+    if kind == "degradation":
+        return document.with_degradation(name)
+    if name == PAPER:
+        return document.with_mirror()
+    table = _presets()[kind][name]
+    return document.with_optics(table) if kind == "optics" else document.with_lens(table)

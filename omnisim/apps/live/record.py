@@ -1,0 +1,67 @@
+"""Film of a drive around the start: the page's views side by side, without a browser."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.live.live_source import LiveSettings, LiveSource, start_place
+from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.view_maker import ViewMaker
+from omnisim.apps.live.viewpoint_motion import Place
+from omnisim.ground_truth.previews import preview
+from omnisim.validation.plots.video_file import check_video_target, write_video
+
+RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
+
+
+def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
+    """Write a film, and return the number of its pictures.
+
+    Raises:
+        OmnisimError: a file that cannot be written, or as `LiveSource`.
+    """
+    check_video_target(path)
+    source = LiveSource(settings)
+    try:
+        return write_video(path, _pictures(source, settings, start_place(settings, at)), RATE_HZ)
+    finally:
+        source.close()
+
+
+def _pictures(
+    source: LiveSource, settings: LiveSettings, start: Place
+) -> Iterator[NDArray[np.uint8]]:
+    """Camera, and beside it range, on a circle that begins at the start; below the panorama."""
+    views, count = ViewMaker(), round(RATE_HZ * SECONDS)
+    x, y, z = start.position_m
+    yaw = math.radians(start.yaw_deg)
+    middle = (x - RADIUS_M * math.sin(yaw), y + RADIUS_M * math.cos(yaw))
+    for number in range(count):
+        angle = 2.0 * math.pi * number / count
+        there = (
+            middle[0] + RADIUS_M * math.sin(yaw + angle),
+            middle[1] - RADIUS_M * math.cos(yaw + angle),
+            z,
+        )
+        place = Place(there, start.yaw_deg + math.degrees(angle)).rounded()
+        draw = Draw(Shown(settings.document, place), True)
+        taken = source.take(draw, ("range",))
+        depth = preview("range", taken.channels["range"], taken.labels)
+        top = np.concatenate((taken.rgb, depth), axis=1)
+        panorama = views.picture("panorama", taken, draw.shown.gaze, z, True)
+        yield np.concatenate((top, _fitted(panorama, top.shape[1])))
+
+
+def _fitted(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """Picture in the middle of rows of a width, or its middle."""
+    height, own = picture.shape[:2]
+    rows = np.zeros((height, width, 3), dtype=np.uint8)
+    shown = min(width, own)
+    left, from_left = (width - shown) // 2, (own - shown) // 2
+    rows[:, left : left + shown] = picture[:, from_left : from_left + shown]
+    return rows

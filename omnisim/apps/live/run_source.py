@@ -1,0 +1,106 @@
+"""Pictures of a recorded run, to be replayed and scrubbed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.taken import Taken
+from omnisim.core.errors import RunError
+from omnisim.core.poses import pose_from_rotation
+from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.picture_file import read_picture
+from omnisim.rendering.stage import Stage
+from omnisim.runs.run_folder import GROUND_TRUTH, RunFolder
+
+
+class RunSource:
+    """Pictures of a run's camera, with the channels that were recorded.
+
+    Args:
+        folder: of the run.
+        scene: file or name of its scene, where it is not where it was.
+        camera_name: of its cameras; None: the first.
+        device: number of the GPU, for the map.
+
+    Raises:
+        OmnisimError: no run, no camera, no picture yet, or a damaged file.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        scene: str | None = None,
+        camera_name: str | None = None,
+        device: int | None = None,
+    ):
+        self._run = RunFolder.read(folder)
+        self._camera_name = self._run.camera(camera_name)
+        recorded = self._run.manifest.scene
+        self.scene = recorded.load(scene)
+        self.steps = self._run.measurements_done(self._camera_name)
+        if self.steps == 0:
+            raise RunError(f"{folder}: has no pictures yet: run its command again to go on")
+        first = read_picture(self._picture(0))
+        self.camera = OmniCamera(first.camera, polygons=None)
+        self.channel_names = self._run.channels_at(0, self._camera_name)
+        self.stage = Stage(self.scene, device=device)
+
+    def take(self, draw: Draw, channels: Collection[str]) -> Taken:
+        """Read the picture of a step, and those of the channels that it has."""
+        path = self._picture(min(draw.shown.step, self.steps - 1))
+        taken = read_picture(path)
+        stored = StoredChannels(path, taken.metadata)
+        names = [name for name in stored.names if name in set(channels)]
+        base = np.eye(4) if taken.world_from_base is None else taken.world_from_base
+        arm_m = np.zeros(3)
+        if taken.world_from_optical is not None:
+            arm_m = base[:3, :3].T @ (taken.world_from_optical[:3, 3] - base[:3, 3])
+        return Taken(
+            self.camera.model,
+            pose_from_rotation(taken.base_from_optical, arm_m),
+            base,
+            taken.pixels,
+            path.read_bytes() if draw.is_fine else None,
+            stored.read(tuple(names)) if names else {},
+            stored.labels if names else None,
+        )
+
+    def files(self, draw: Draw) -> dict[str, bytes]:
+        """Files of the camera at a step."""
+        stem = self._run.stem(self._camera_name, min(draw.shown.step, self.steps - 1))
+        return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
+
+    def command(self, shown: Shown, taken: Taken) -> str:
+        """Name of the picture's file."""
+        return f"# {self._picture(min(shown.step, self.steps - 1))}"
+
+    def about(self) -> dict[str, Any]:
+        """Title and steps, and the path that was driven."""
+        path: list[list[float]] = []
+        if self._run.has(GROUND_TRUTH):
+            truth: NDArray[np.float64] = read_trajectory(self._run.path / GROUND_TRUTH).positions_m
+            path = np.round(truth[:, :2], 3).tolist()
+        return {
+            "scene": self.scene.name,
+            "robot": self._run.manifest.title,
+            "outline_m": None,
+            "steps": self.steps,
+            "driven_m": path,
+            "has_clock": False,
+            "is_editable": False,
+        }
+
+    def close(self) -> None:
+        """Free the GPU memory."""
+        self.stage.close()
+
+    def _picture(self, step: int) -> Path:
+        return self._run.file(self._camera_name, step, ".png")

@@ -1,0 +1,304 @@
+"""Server of the live page: its files, and the stream to and from it (the home of websockets)."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import gzip
+import hmac
+import http
+import itertools
+import secrets
+import socket
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from omnisim.apps.live import live_messages as messages
+from omnisim.apps.live.session import Session
+from omnisim.core.errors import OmnisimError, OutputError
+
+PAGE = Path(__file__).with_name("page")
+STREAM = "/stream"
+LOCAL = ("localhost", "127.0.0.1", "::1")
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".jpg": "image/jpeg",
+}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'; frame-ancestors *",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+IDLE_S = 3.0  # of the one who drives, after which another page may
+MAX_PAGES = 64
+KEPT = ("camera", "map", "frame")  # kinds of messages that a new page gets at once
+
+
+def is_local(host: str) -> bool:
+    """True for names of this machine alone."""
+    return host in LOCAL
+
+
+class _Page:
+    """One open page."""
+
+    _numbers = itertools.count(1)
+
+    def __init__(self, connection: ServerConnection):
+        self.connection, self.number = connection, next(self._numbers)
+        self.is_ready, self.has_seen = False, 0
+        self.sending = asyncio.Lock()
+
+
+class LiveServer:
+    """Serves the page to browsers, and their wishes to a session.
+
+    Args:
+        session: takes the wishes.
+        about: first message of each page.
+        host: address to listen on.
+        port: 0 takes a free one.
+        token: that the page must know; None: none is asked for.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        about: dict[str, Any],
+        host: str = "localhost",
+        port: int = 0,
+        token: str | None = None,
+    ):
+        self._session, self._about = session, about
+        self._host, self._port, self._token = host, port, token
+        self._pages: list[_Page] = []
+        self._driver: _Page | None = None
+        self._driven_s = 0.0
+        self._kept: dict[str, bytes] = {}
+        self._frames = 0
+        self._change = -1  # state in the last frame
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._server: Server | None = None
+
+    @property
+    def port(self) -> int:
+        """Port that it listens on."""
+        return self._port
+
+    @property
+    def url(self) -> str:
+        """Address for a browser, with the token."""
+        host = "localhost" if self._host in ("", "0.0.0.0", "::") else self._host
+        shown = f"[{host}]" if ":" in host else host
+        token = "" if self._token is None else f"?token={self._token}"
+        return f"http://{shown}:{self._port}/{token}"
+
+    async def open(self) -> None:
+        """Listen.
+
+        Raises:
+            OutputError: the port is taken, or the address is not this machine's.
+        """
+        self._loop = asyncio.get_running_loop()
+        try:
+            self._server = await serve(
+                self._serve_page, self._host, self._port,
+                process_request=self._serve_file, max_size=messages.MAX_MESSAGE_BYTES,
+                compression=None, ping_interval=20.0, ping_timeout=60.0, close_timeout=0.2,
+                server_header=None,
+            )  # fmt: skip
+        except (OSError, OverflowError) as reason:
+            words = getattr(reason, "strerror", None) or str(reason)
+            raise OutputError(
+                f"--port {self._port}: cannot listen on {self._host}: {words}"
+            ) from None
+        first: socket.socket = next(iter(self._server.sockets))
+        self._port = int(first.getsockname()[1])
+
+    async def close(self) -> None:
+        """Close all pages and stop listening."""
+        if self._server is not None:
+            self._server.close()
+            await asyncio.wait([asyncio.ensure_future(self._server.wait_closed())], timeout=0.5)
+
+    def publish(self, kind: str, data: bytes, change: int = 0) -> None:
+        """Send a message to all pages, from any thread; `change`: the state that a frame shows."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._spread, kind, data, change)
+
+    def _spread(self, kind: str, data: bytes, change: int) -> None:
+        if kind in KEPT:
+            self._kept[kind] = data
+        if kind != "frame":
+            for page in self._pages:
+                self._send(page, data)
+            return
+        self._frames += 1
+        self._change = change
+        for page in self._pages:
+            if page.is_ready:
+                self._send_frame(page)
+
+    def _send_frame(self, page: _Page) -> None:
+        page.is_ready, page.has_seen = False, self._frames
+        self._send(page, self._kept["frame"])
+
+    def _send(self, page: _Page, data: bytes) -> None:
+        task = asyncio.ensure_future(self._send_in_order(page, data))
+        task.add_done_callback(lambda done: done.exception())
+
+    async def _send_in_order(self, page: _Page, data: bytes) -> None:
+        async with page.sending:
+            try:
+                await page.connection.send(data)
+            except ConnectionClosed:
+                return
+
+    def _serve_file(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request for a file of the page; None: a stream that may open."""
+        parts = urlsplit(request.path)
+        if not self._is_expected_host(request.headers.get("Host", "")):
+            return _refusal(http.HTTPStatus.FORBIDDEN, "expected the name of this machine as host")
+        if parts.path == STREAM:
+            return self._refuse_stream(request, parse_qs(parts.query))
+        name = parts.path.removeprefix("/") or "index.html"
+        content = _page_files().get(name)
+        if content is None:
+            return _refusal(http.HTTPStatus.NOT_FOUND, "no such file")
+        headers = Headers(HEADERS)
+        headers["Content-Type"] = MEDIA_TYPES[Path(name).suffix]
+        if "gzip" in request.headers.get("Accept-Encoding", "") and not name.endswith(".jpg"):
+            content = gzip.compress(content, 6, mtime=0)
+            headers["Content-Encoding"] = "gzip"
+        headers["Content-Length"] = str(len(content))
+        return Response(200, "OK", headers, content)
+
+    def _is_expected_host(self, host: str) -> bool:
+        """Refuse names that somebody else's page had resolved to this machine."""
+        return self._token is not None or is_local(urlsplit(f"//{host}").hostname or "")
+
+    def _refuse_stream(self, request: Request, query: dict[str, list[str]]) -> Response | None:
+        origin = request.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != request.headers.get("Host"):
+            return _refusal(http.HTTPStatus.FORBIDDEN, "expected this server's own page as origin")
+        given = query.get("token", [""])[0]
+        if self._token is not None and not hmac.compare_digest(
+            given.encode(), self._token.encode()
+        ):
+            return _refusal(http.HTTPStatus.UNAUTHORIZED, "expected the token of the address")
+        if len(self._pages) >= MAX_PAGES:
+            return _refusal(http.HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open")
+        return None
+
+    async def _serve_page(self, connection: ServerConnection) -> None:
+        page = _Page(connection)
+        self._pages.append(page)
+        if self._driver is None:
+            self._driver = page
+        self._send(page, messages.pack("hello", {**self._about, "page": page.number}))
+        for kind in ("camera", "map"):
+            if kind in self._kept:
+                self._send(page, self._kept[kind])
+        self._tell_roles()
+        try:
+            async for text in connection:
+                self._take(page, text)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._pages.remove(page)
+            if self._driver is page:
+                self._session.rest()
+                self._driver = self._pages[0] if self._pages else None
+            self._tell_roles()
+
+    def _take(self, page: _Page, text: str | bytes) -> None:
+        """Take a message of a page; one that cannot be is answered in words."""
+        try:
+            message = messages.parse_message(text)
+            reply = functools.partial(self._reply, page)
+            if isinstance(message, messages.Ask):
+                self._ask(page)
+            elif isinstance(message, messages.TakeWheel):
+                self._take_wheel(page)
+            elif isinstance(message, messages.Save):
+                self._session.look_up(message, reply)
+            elif isinstance(message, messages.Probe):
+                is_driver = page is self._driver
+                self._session.look_up(
+                    message if is_driver else message.model_copy(update={"follow": False}), reply
+                )
+            elif page is not self._driver:
+                raise OutputError("somebody else drives: press “Take the wheel”")
+            else:
+                self._driven_s = self._now_s()
+                self._session.apply(message)
+        except OmnisimError as error:
+            self._send(page, messages.pack("error", {"text": str(error)}))
+
+    def _reply(self, page: _Page, data: bytes) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._send, page, data)
+
+    def _ask(self, page: _Page) -> None:
+        if page.has_seen < self._frames and self._change == self._session.shown.change:
+            self._send_frame(page)
+        else:
+            page.is_ready = True
+            self._session.ask()
+
+    def _take_wheel(self, page: _Page) -> None:
+        if self._driver is page:
+            return
+        if self._driver is not None and self._now_s() - self._driven_s < IDLE_S:
+            raise OutputError("somebody else is driving just now")
+        self._session.rest()
+        self._driver = page
+        self._tell_roles()
+
+    def _tell_roles(self) -> None:
+        for page in self._pages:
+            content = {"drives": page is self._driver, "pages": len(self._pages)}
+            self._send(page, messages.pack("roles", content))
+
+    def _now_s(self) -> float:
+        return asyncio.get_running_loop().time()
+
+
+def new_token() -> str:
+    """Random token, 128 bits."""
+    return secrets.token_urlsafe(16)
+
+
+@functools.cache
+def _page_files() -> dict[str, bytes]:
+    """Files of the page by their names in its address."""
+    return {
+        path.relative_to(PAGE).as_posix(): path.read_bytes()
+        for path in sorted(PAGE.rglob("*"))
+        if path.suffix in MEDIA_TYPES
+    }
+
+
+def page_bytes() -> int:
+    """Size of all files of the page, uncompressed."""
+    return sum(map(len, _page_files().values()))
+
+
+def _refusal(status: http.HTTPStatus, words: str) -> Response:
+    body = f"omnisim live: {words}\n".encode()
+    headers = Headers(
+        {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
+    )
+    return Response(status.value, status.phrase, headers, body)

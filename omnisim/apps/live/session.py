@@ -1,0 +1,322 @@
+"""Wishes of those who drive, and the next piece of work for the thread that draws.
+
+Nothing queues: the newest wish is drawn, coarse while something moves, fine when it rests.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from omnisim.apps.live import live_messages as messages
+from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.apps.live.presets import with_preset
+from omnisim.apps.live.viewpoint_motion import Pilot, Place, Wish
+from omnisim.core.errors import OutputError, SceneError
+
+REST_S, LONGEST_REST_S = 0.12, 1.5  # after the last change until the fine picture
+HELD_S = 1.0  # after which keys count as let go: the page repeats them
+SAME_EDIT_S = 1.5  # changes of one key within this time are undone together
+UNDO_STEPS = 200
+MAX_JOBS = 8
+
+
+@dataclass(frozen=True)
+class Shown:
+    """All that a picture depends on.
+
+    Attributes:
+        document: of the camera.
+        place: of the viewpoint, or of the robot's base.
+        views: names beside the camera.
+        gaze: of the perspective view.
+        time_s: of the world.
+        step: of a replayed run.
+        change: number of this state.
+    """
+
+    document: CameraDocument
+    place: Place
+    views: tuple[str, ...] = ()
+    gaze: messages.Gaze = field(default_factory=lambda: messages.Gaze(yaw_deg=0.0, pitch_deg=10.0))
+    time_s: float = 0.0
+    step: int = 0
+    change: int = 0
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Picture to draw: coarse while something moves, or fine."""
+
+    shown: Shown
+    is_fine: bool
+
+
+@dataclass(frozen=True)
+class Job:
+    """Work for somebody who waits for it: a file, or a point."""
+
+    message: messages.Message
+    shown: Shown
+    reply: Callable[[bytes], None]
+
+
+class Session:
+    """State of the page, shared by the server's thread and the one that draws.
+
+    Args:
+        document: of the camera.
+        pilot: of the viewpoint or the robot.
+        last_step: of a replayed run; None: no run.
+        time_s: of the world at the start.
+    """
+
+    def __init__(
+        self,
+        document: CameraDocument,
+        pilot: Pilot,
+        last_step: int | None = None,
+        time_s: float = 0.0,
+    ):
+        self._condition = threading.Condition()
+        self._first = self._good = document
+        self._shown = Shown(document, pilot.place.rounded(), time_s=time_s)
+        pilot.place = self._shown.place
+        self._pilot, self._last_step = pilot, last_step
+        self._is_running = False
+        self._undo: deque[CameraDocument] = deque(maxlen=UNDO_STEPS)
+        self._redo: list[CameraDocument] = []
+        self._edit = ("", 0.0)  # key and time of the last one
+        self._jobs: deque[Job] = deque()
+        self._probe: Job | None = None
+        self._coarse = self._fine = -1  # states drawn
+        self._rest_s = REST_S
+        self._changed_s = self._advanced_s = self._driven_s = time.monotonic()
+        self._is_asked = self._is_stopping = False
+
+    @property
+    def shown(self) -> Shown:
+        """State now."""
+        with self._condition:
+            return self._shown
+
+    @property
+    def history(self) -> tuple[int, int]:
+        """Numbers of steps that can be undone and done again."""
+        with self._condition:
+            return len(self._undo), len(self._redo)
+
+    @property
+    def blocked_by(self) -> str:
+        """Instance that the robot has driven against; empty: none."""
+        return self._pilot.blocked_by
+
+    def ask(self) -> None:
+        """Somebody has drawn the last picture and takes another."""
+        with self._condition:
+            self._is_asked = True
+            self._condition.notify()
+
+    def rest(self) -> None:
+        """Nobody drives any more: keys are let go."""
+        with self._condition:
+            self._pilot.stop()
+            self._is_running = False
+
+    def stop(self) -> None:
+        """End `next_work`."""
+        with self._condition:
+            self._is_stopping = True
+            self._condition.notify()
+
+    def apply(self, message: messages.Message) -> None:
+        """Take a message of the one who drives.
+
+        Raises:
+            OmnisimError: a value that cannot be; nothing changes then.
+        """
+        with self._condition:
+            self._apply(message)
+            self._condition.notify()
+
+    def look_up(
+        self, message: messages.Probe | messages.Save, reply: Callable[[bytes], None]
+    ) -> None:
+        """Take a question of anybody, about what is shown.
+
+        Raises:
+            OutputError: too many wait already.
+        """
+        with self._condition:
+            job = Job(message, self._shown, reply)
+            if isinstance(message, messages.Probe):
+                self._probe = job  # the mouse has gone on since the one before
+            elif len(self._jobs) >= MAX_JOBS:
+                raise OutputError("save: expected fewer at once, others are being written")
+            else:
+                self._jobs.append(job)
+            self._condition.notify()
+
+    def accept(self, document: CameraDocument) -> None:
+        """The camera of a document could be made."""
+        with self._condition:
+            self._good = document
+
+    def reject(self, document: CameraDocument) -> None:
+        """The camera of a document could not be made: go back to the last that could."""
+        with self._condition:
+            if self._undo and self._undo[-1] == self._good:
+                self._undo.pop()
+            if self._shown.document == document:
+                self._change(document=self._good)
+
+    def next_work(self) -> Draw | Job | None:
+        """Wait for work; None: the end."""
+        with self._condition:
+            while not self._is_stopping:
+                work, wait_s = self._work(time.monotonic())
+                if work is not None:
+                    return work
+                self._condition.wait(wait_s)
+            return None
+
+    def drawn(self, draw: Draw, seconds: float = 0.0) -> None:
+        """A picture is done, in a time: the longer the fine ones take, the later they begin."""
+        with self._condition:
+            if draw.is_fine:
+                self._rest_s = min(max(REST_S, 0.3 * seconds), LONGEST_REST_S)
+            self._coarse = max(self._coarse, draw.shown.change)
+            if draw.is_fine:
+                self._fine = draw.shown.change
+
+    def look_at(self, yaw_deg: float, pitch_deg: float) -> None:
+        """Turn the perspective view, which follows the mouse."""
+        with self._condition:
+            old = self._shown.gaze
+            gaze = messages.Gaze(
+                yaw_deg=round(yaw_deg, 2), pitch_deg=round(pitch_deg, 2), fov_deg=old.fov_deg
+            )
+            if gaze != old:
+                self._change(gaze=gaze)
+
+    def _work(self, now_s: float) -> tuple[Draw | Job | None, float | None]:
+        """Next piece of work, or seconds to wait for it; None: until something happens."""
+        if self._jobs:
+            return self._jobs.popleft(), None
+        if now_s - self._driven_s > HELD_S and not self._pilot.wish.is_rest:
+            self._pilot.wish = Wish()
+        is_moving = self._pilot.is_moving or self._is_running
+        if self._is_asked and (is_moving or self._coarse < self._shown.change):
+            self._advance(now_s, is_moving)
+            self._is_asked = False
+            return Draw(self._shown, False), None
+        if not is_moving:
+            self._advanced_s = now_s
+        wait_s: float | None = None
+        if not is_moving and self._is_asked and self._fine < self._shown.change:
+            wait_s = self._changed_s + self._rest_s - now_s
+            if wait_s <= 0.0:
+                self._is_asked = False
+                return Draw(self._shown, True), None
+        if self._probe is not None and (self._fine == self._shown.change or is_moving):
+            job, self._probe = self._probe, None
+            return replace(job, shown=self._shown), None
+        return None, wait_s
+
+    def _advance(self, now_s: float, is_moving: bool) -> None:
+        seconds = now_s - self._advanced_s
+        self._advanced_s = now_s
+        if not is_moving:
+            return
+        self._pilot.advance(seconds)
+        time_s = self._shown.time_s
+        if self._is_running:
+            time_s = round(time_s + min(seconds, 0.2), 3)
+        if self._pilot.place != self._shown.place or time_s != self._shown.time_s:
+            self._change(place=self._pilot.place, time_s=time_s)
+        else:
+            self._change()  # a robot that pushes against a wall
+
+    def _change(self, **changes: object) -> None:
+        self._shown = replace(self._shown, change=self._shown.change + 1, **changes)  # type: ignore[arg-type]
+        self._changed_s = time.monotonic()
+
+    def _apply(self, message: messages.Message) -> None:
+        pilot, shown = self._pilot, self._shown
+        match message:
+            case messages.Drive():
+                # a key that is pressed and let go while a picture is drawn counts, too
+                self._advance(time.monotonic(), pilot.is_moving)
+                self._driven_s = time.monotonic()
+                pilot.wish = Wish(**dict(message))
+            case messages.Go():
+                pilot.goal_m = (message.x, message.y)
+                self._advanced_s = time.monotonic()
+            case messages.Turn():
+                pilot.turn(message.yaw_deg, message.pitch_deg)
+                self._change(place=pilot.place)
+            case messages.SetPlace():
+                pilot.stop()
+                at = (message.x, message.y, message.z)
+                pilot.place = Place(
+                    at, message.yaw_deg, message.pitch_deg, message.roll_deg
+                ).rounded()
+                self._change(place=pilot.place)
+            case messages.SetValue():
+                if message.path.endswith("lens.model") or message.path.endswith("camera.model"):
+                    raise OutputError(f"{message.path}: choose a preset of the model")
+                self._edit_camera(
+                    shown.document.with_value(message.path, message.value), message.path
+                )
+            case messages.Preset():
+                self._edit_camera(with_preset(shown.document, message.kind, message.name), "")
+            case messages.Reset():
+                self._edit_camera(self._first, "")
+            case messages.Undo():
+                self._take_back(self._undo, self._redo)
+            case messages.Redo():
+                self._take_back(self._redo, self._undo)
+            case messages.Views():
+                unknown = set(message.names) - set(messages.VIEWS)
+                if unknown:
+                    raise OutputError(f"views: unknown view {min(unknown)!r}")
+                self._change(views=tuple(dict.fromkeys(message.names)))
+            case messages.Gaze():
+                self._change(gaze=message)
+            case messages.Replay():
+                if self._last_step is None:
+                    raise OutputError("replay: expected a run, see --run")
+                self._change(step=min(message.step, self._last_step))
+            case messages.Clock():
+                self._is_running = message.running
+                self._advanced_s = time.monotonic()
+                if message.time_s is not None:
+                    self._change(time_s=message.time_s)
+            case _:
+                raise SceneError(f"{type(message).__name__}: not a message of the driver")
+
+    def _edit_camera(self, document: CameraDocument, key: str) -> None:
+        old = self._shown.document
+        if document == old:
+            return
+        now_s = time.monotonic()
+        is_same = key and key == self._edit[0] and now_s - self._edit[1] < SAME_EDIT_S
+        self._edit = (key, now_s)
+        if not is_same:
+            self._undo.append(self._good)
+        self._redo.clear()
+        self._change(document=document)
+
+    def _take_back(
+        self,
+        taken: deque[CameraDocument] | list[CameraDocument],
+        kept: deque[CameraDocument] | list[CameraDocument],
+    ) -> None:
+        if not taken:
+            return
+        kept.append(self._shown.document)
+        self._edit = ("", 0.0)
+        self._change(document=taken.pop())

@@ -1,0 +1,128 @@
+"""Views beside the camera's picture: unwarped, each with its own camera at the same viewpoint."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.live.live_messages import Gaze
+from omnisim.apps.live.taken import Taken
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.errors import OpticsError
+from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.views import (
+    View,
+    birdseye_view,
+    cylinder_view,
+    highest_elevation_deg,
+    perspective_view,
+)
+
+UNWARPED = ("panorama", "perspective", "birdseye")
+PANORAMA_PX, LOWEST_RAD = 720, math.radians(-45.0)
+PERSPECTIVE_PX = (480, 360)
+BIRDSEYE_PX, EXTENT_PER_HEIGHT = 360, 4.0
+LEAST_HEIGHT_M = 0.02
+FINE_SAMPLES = 2  # to a side of a pixel: a table has 24 bytes of each
+_KEPT = 8  # remap tables, coarse and fine
+
+
+class _Key(NamedTuple):
+    """Camera, its rotation on the vehicle and view that a remap table is of."""
+
+    model: int
+    rotation: bytes
+    name: str
+    view: tuple[float, ...]
+    is_fine: bool
+
+
+class ViewMaker:
+    """Makes views of pictures; keeps their remap tables while the camera stays."""
+
+    def __init__(self) -> None:
+        # with the camera itself, or another may have its identity later
+        self._tables: dict[_Key, tuple[CentralCamera, Unwarping]] = {}
+        self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
+
+    def view(self, name: str, taken: Taken, gaze: Gaze, height_m: float) -> View:
+        """Camera of a view.
+
+        Args:
+            name: one of `UNWARPED`.
+            taken: picture that it is of.
+            gaze: direction of the perspective view.
+            height_m: of the viewpoint above the ground.
+
+        Raises:
+            OpticsError: a camera that sees no horizon has no panorama.
+        """
+        if name == "panorama":
+            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest_rad(taken))
+        if name == "perspective":
+            fov_rad, yaw_rad, pitch_rad = np.radians((gaze.fov_deg, gaze.yaw_deg, gaze.pitch_deg))
+            return perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
+        height_m = max(height_m, LEAST_HEIGHT_M)
+        return birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
+
+    def picture(
+        self, name: str, taken: Taken, gaze: Gaze, height_m: float, is_fine: bool
+    ) -> NDArray[np.uint8]:
+        """Unwarped picture (height, width, 3), see `view`; fine ones have four samples a pixel.
+
+        Raises:
+            OpticsError: the camera sees nothing of it, or its rays do not meet in one point.
+        """
+        rotation = taken.base_from_optical[:3, :3]
+        numbers: tuple[float, ...] = ()
+        if name == "perspective":
+            numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
+        # of a map: its extent grows with the height, and its picture stays
+        key = _Key(id(taken.model), rotation.tobytes(), name, numbers, is_fine)
+        if key not in self._tables:
+            view = self.view(name, taken, gaze, height_m)
+            if len(self._tables) >= _KEPT:
+                del self._tables[next(iter(self._tables))]
+            table = Unwarping(
+                taken.model,
+                view.camera,
+                rotation.T @ view.base_from_view,
+                samples=FINE_SAMPLES if is_fine else 1,
+            )
+            self._tables[key] = (taken.model, table)
+        picture: NDArray[np.uint8] = self._tables[key][1](taken.rgb)
+        return picture
+
+    def _highest_rad(self, taken: Taken) -> float:
+        rotation = taken.base_from_optical[:3, :3]
+        key = _Key(id(taken.model), rotation.tobytes(), "panorama", (), False)
+        if key not in self._highest:
+            if len(self._highest) >= _KEPT:
+                self._highest.clear()
+            found = math.radians(max(highest_elevation_deg(taken.model, rotation), 5.0))
+            self._highest[key] = (taken.model, found)
+        return self._highest[key][1]
+
+
+def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
+    """Direction (3,) in the vehicle's base of a place in a view, as shares of its sides.
+
+    Raises:
+        OpticsError: the view has no ray there.
+    """
+    pixel = np.array((u * view.camera.width_px - 0.5, v * view.camera.height_px - 0.5))
+    rays = view.camera.ray_from_pixel(pixel)
+    if not rays.valid:
+        raise OpticsError("no ray here: outside of the lens or the mirror")
+    direction: NDArray[np.float64] = view.base_from_view @ rays.directions
+    return direction
+
+
+def place_in(view: View, direction: NDArray[np.float64]) -> tuple[float, float] | None:
+    """Shares of a view's sides where a direction (3,) in the base is seen; None: nowhere."""
+    pixels = view.camera.pixel_from_ray(view.base_from_view.T @ direction)
+    u, v = ((pixels.positions_px + 0.5) / (view.camera.width_px, view.camera.height_px)).tolist()
+    return (u, v) if pixels.valid and 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else None

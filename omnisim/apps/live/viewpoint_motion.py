@@ -1,0 +1,236 @@
+"""Motion of the viewpoint: free flight, or a robot on wheels, by keys and to clicked points."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.live.ground import Ground
+from omnisim.core.poses import pose, wrap_angle
+from omnisim.robots.kinematics import Kinematics
+
+FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # of free flight at full keys
+SPEED_UP_S = 0.15  # to full speed in free flight
+NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # of a point that is reached
+LONGEST_STEP_S = 0.2  # of a motion between two pictures: a pause is no jump
+FARTHEST_M = 1e5
+# Digits of positions in metres and angles in degrees: what a command line is to repeat.
+DIGITS_M, DIGITS_DEG = 4, 3
+
+
+@dataclass(frozen=True)
+class Wish:
+    """Motion that keys ask for, each from −1 to 1.
+
+    Attributes:
+        ahead, left, up: of the position.
+        turn: to the left.
+        tilt: of the front downwards.
+        fast: factor of all.
+    """
+
+    ahead: float = 0.0
+    left: float = 0.0
+    up: float = 0.0
+    turn: float = 0.0
+    tilt: float = 0.0
+    fast: float = 1.0
+
+    @property
+    def is_rest(self) -> bool:
+        """True where nothing is asked for."""
+        return not (self.ahead or self.left or self.up or self.turn or self.tilt)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Position in metres and attitude in degrees, world."""
+
+    position_m: tuple[float, float, float]
+    yaw_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Pose (4, 4) in the world."""
+        return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+
+    def rounded(self) -> Place:
+        """Place in the digits of a command line, angles within ±180°."""
+        x, y, z = (
+            round(min(max(value, -FARTHEST_M), FARTHEST_M), DIGITS_M) + 0.0
+            for value in self.position_m
+        )
+        yaw, pitch, roll = (
+            round(math.degrees(wrap_angle(math.radians(angle))), DIGITS_DEG) + 0.0
+            for angle in (self.yaw_deg, self.pitch_deg, self.roll_deg)
+        )
+        return Place((x, y, z), yaw, pitch, roll)
+
+
+class Pilot(ABC):
+    """Position and speeds of what is driven.
+
+    Attributes:
+        place: now.
+        wish: of the keys.
+        goal_m: clicked point (x, y) on the ground, or None.
+        blocked_by: instance that the robot has driven against; empty: none.
+    """
+
+    def __init__(self, place: Place):
+        self.place = place
+        self.wish = Wish()
+        self.goal_m: tuple[float, float] | None = None
+        self.blocked_by = ""
+
+    @property
+    @abstractmethod
+    def is_moving(self) -> bool:
+        """True while a next moment shows another place."""
+
+    @abstractmethod
+    def advance(self, seconds: float) -> None:
+        """Move on."""
+
+    def stop(self) -> None:
+        """Forget keys and goal."""
+        self.wish, self.goal_m = Wish(), None
+
+    def turn(self, yaw_deg: float, pitch_deg: float) -> None:
+        """Turn at once, as a drag does."""
+        pitch = min(max(self.place.pitch_deg + pitch_deg, -89.0), 89.0)
+        self.place = replace(
+            self.place, yaw_deg=self.place.yaw_deg + yaw_deg, pitch_deg=pitch
+        ).rounded()
+
+
+class FreeFlight(Pilot):
+    """Viewpoint without a body, along its own heading, through anything."""
+
+    def __init__(self, place: Place):
+        super().__init__(place)
+        self._speeds = np.zeros(5)  # ahead, left, up in m/s; yaw, pitch in °/s
+
+    @property
+    def is_moving(self) -> bool:
+        """True while keys are held or speed is left."""
+        return not self.wish.is_rest or self.goal_m is not None or bool(np.any(self._speeds))
+
+    def stop(self) -> None:
+        """Forget keys, goal and speed."""
+        super().stop()
+        self._speeds[:] = 0.0
+
+    def advance(self, seconds: float) -> None:
+        """Move on; speeds follow the keys within a fraction of a second."""
+        seconds = min(seconds, LONGEST_STEP_S)
+        wish, place = self.wish, self.place
+        asked = np.array((wish.ahead, wish.left, wish.up, wish.turn, wish.tilt)) * wish.fast
+        asked *= (FLIGHT_MPS, FLIGHT_MPS, FLIGHT_MPS, TURN_DEGPS, TURN_DEGPS)
+        if not wish.is_rest:
+            self.goal_m = None
+        self._speeds += (asked - self._speeds) * min(1.0, seconds / SPEED_UP_S)
+        if wish.is_rest and np.all(np.abs(self._speeds) < (0.02, 0.02, 0.02, 1.0, 1.0)):
+            self._speeds[:] = 0.0
+        x, y, z = place.position_m
+        yaw = math.radians(place.yaw_deg)
+        ahead, left, up, yaw_rate, pitch_rate = (self._speeds * seconds).tolist()
+        x += math.cos(yaw) * ahead - math.sin(yaw) * left
+        y += math.sin(yaw) * ahead + math.cos(yaw) * left
+        if self.goal_m is not None:
+            way = np.subtract(self.goal_m, (x, y))
+            length = float(np.hypot(*way))
+            step = min(length, 2.0 * FLIGHT_MPS * seconds)
+            x, y = (np.array((x, y)) + way * (step / max(length, 1e-9))).tolist()
+            if length - step < 1e-6:
+                self.goal_m = None
+        pitch = min(max(place.pitch_deg + pitch_rate, -89.0), 89.0)
+        self.place = Place(
+            (x, y, z + up), place.yaw_deg + yaw_rate, pitch, place.roll_deg
+        ).rounded()
+
+
+class WheelDrive(Pilot):
+    """Robot with its own limits of speed and acceleration, level on the floor below its base."""
+
+    def __init__(self, place: Place, kinematics: Kinematics, ground: Ground):
+        super().__init__(place)
+        self._limits, self._ground = kinematics, ground
+        self._speed_mps = self._rate_radps = 0.0
+
+    @property
+    def is_moving(self) -> bool:
+        """True while keys are held, a goal is ahead, or speed is left."""
+        has_speed = bool(self._speed_mps or self._rate_radps)
+        return not self.wish.is_rest or self.goal_m is not None or has_speed
+
+    def stop(self) -> None:
+        """Forget keys and goal, and stand."""
+        super().stop()
+        self._speed_mps = self._rate_radps = 0.0
+
+    def turn(self, yaw_deg: float, pitch_deg: float) -> None:
+        """Turn at once; a robot does not tilt."""
+        super().turn(yaw_deg, 0.0)
+
+    def advance(self, seconds: float) -> None:
+        """Move on along an arc; a contact stops the robot."""
+        seconds = min(seconds, LONGEST_STEP_S)
+        if seconds <= 0.0:
+            return
+        limits = self._limits
+        speed, rate = self._asked()
+        self._speed_mps = _towards(self._speed_mps, speed, limits.max_acceleration_mps2 * seconds)
+        self._rate_radps = _towards(
+            self._rate_radps, rate, limits.max_turn_acceleration_radps2 * seconds
+        )
+        if not (self._speed_mps or self._rate_radps):
+            return
+        x, y, z = self.place.position_m
+        yaw = math.radians(self.place.yaw_deg)
+        middle = yaw + 0.5 * self._rate_radps * seconds
+        x += self._speed_mps * seconds * math.cos(middle)
+        y += self._speed_mps * seconds * math.sin(middle)
+        z = self._ground.height_m((x, y), z)
+        there = Place((x, y, z), math.degrees(yaw + self._rate_radps * seconds)).rounded()
+        self.blocked_by = self._ground.contact(self.place, there)
+        if self.blocked_by:
+            self._speed_mps = self._rate_radps = 0.0
+            self.goal_m = None
+        else:
+            self.place = there
+
+    def _asked(self) -> tuple[float, float]:
+        """Speed and turn rate that keys or the goal ask for."""
+        limits, wish = self._limits, self.wish
+        most_radps = min(limits.max_turn_rate_radps, math.radians(120.0))
+        if not wish.is_rest:
+            self.goal_m = None
+            share = min(1.0, wish.fast)
+            turn = min(max(wish.turn + wish.left, -1.0), 1.0)
+            return wish.ahead * limits.max_speed_mps * share, 0.6 * turn * most_radps * share
+        if self.goal_m is None:
+            return 0.0, 0.0
+        way = np.subtract(self.goal_m, self.place.position_m[:2])
+        length = float(np.hypot(*way))
+        if length < NEAR_M:
+            self.goal_m = None
+            return 0.0, 0.0
+        bearing = math.atan2(way[1], way[0]) - math.radians(self.place.yaw_deg)
+        off = wrap_angle(bearing)
+        rate = min(max(3.0 * off, -most_radps), most_radps)
+        if abs(off) > 0.3:
+            return 0.0, rate
+        braking = math.sqrt(2.0 * limits.max_acceleration_mps2 * length)
+        return min(limits.max_speed_mps, braking, 2.0 * length), rate
+
+
+def _towards(value: float, wanted: float, step: float) -> float:
+    """Value that goes on to another by at most a step."""
+    return min(value + step, wanted) if wanted > value else max(value - step, wanted)

@@ -1,0 +1,206 @@
+"""Calibrations: the cameras of a calibration file, read from it and written to another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+from omnisim.cameras.calibration.calibration_formats import format_named
+from omnisim.cameras.calibration.encode import encode_cameras
+from omnisim.cameras.calibration.kitti360_folder import FORMAT, read_kitti360_folder
+from omnisim.cameras.calibration.read import read_cameras
+from omnisim.cameras.camera import CameraSensor, CentralCamera, summary
+from omnisim.core.errors import CalibrationError, OutputError
+from omnisim.core.files.atomic_file import atomic_write, check_target
+from omnisim.core.short_repr import short_repr
+
+# Other usual suffixes of the same text.
+_ALSO = {".yaml": (".yml",), ".sdf": (".xml", ".world", ".urdf")}
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The cameras of a calibration file, in its order.
+
+    Attributes:
+        cameras: at least one; no two have the same name.
+        format: name of the file's format.
+        source: the file, for messages.
+    """
+
+    cameras: tuple[CalibratedCamera, ...]
+    format: str = "omnisim"
+    source: str = "calibration"
+
+    def __repr__(self) -> str:
+        cameras = [f"{camera.name}: {summary(camera.camera)}" for camera in self.cameras]
+        return short_repr(self, repr(self.source), self.format, *cameras)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the cameras."""
+        return [camera.name for camera in self.cameras]
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes of all cameras for the reader of the file, a sentence each."""
+        several = len(self.cameras) > 1
+        return [
+            f"{camera.name}: {note}" if several else note
+            for camera in self.cameras
+            for note in camera.notes
+        ]
+
+    def camera(self, name: str | None = None) -> CalibratedCamera:
+        """Camera of a name, by default the first.
+
+        Raises:
+            CalibrationError: the file has no such camera.
+        """
+        if name is None:
+            return self.cameras[0]
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        names = ", ".join(self.names)
+        raise CalibrationError(f"{self.source}: camera: expected one of {names}, got {name!r}")
+
+    def only_camera(self) -> CalibratedCamera:
+        """Camera of a calibration that has no other.
+
+        Raises:
+            CalibrationError: it has several.
+        """
+        if len(self.cameras) > 1:
+            raise CalibrationError(
+                f"{self.source}: expected one camera, got {', '.join(self.names)}: "
+                "expected calibration.camera(name)"
+            )
+        return self.cameras[0]
+
+    def only(self, name: str) -> Calibration:
+        """Calibration of one of the cameras.
+
+        Raises:
+            CalibrationError: the file has no such camera.
+        """
+        return Calibration((self.camera(name),), self.format, self.source)
+
+    def save(self, path: str | Path, format: str, model: str | None = None) -> Calibration:
+        """Write a calibration file; see `save_calibration`.
+
+        Raises:
+            CalibrationError: the format has no place for one of the cameras, with the reason.
+            OutputError: the file cannot be written.
+        """
+        return save_calibration(self, path, format, model)
+
+
+def calibration_of(camera: CentralCamera | CameraSensor, name: str = "cam0") -> Calibration:
+    """Calibration of a camera, to save it.
+
+    Args:
+        camera: a camera model, or the sensor of a renderer.
+        name: of the camera in the file.
+
+    Raises:
+        CalibrationError: neither.
+    """
+    model = camera.model if isinstance(camera, CameraSensor) else camera
+    if not isinstance(model, CentralCamera):
+        kind = type(camera).__name__
+        raise CalibrationError(f"calibration: expected a camera model or a sensor, got {kind}")
+    return Calibration((CalibratedCamera(name, model),))
+
+
+def load_calibration(
+    path: str | Path,
+    format: str | None = None,
+    camera: str | None = None,
+    mirrored: bool | None = None,
+) -> Calibration:
+    """Read a calibration file.
+
+    Args:
+        path: the file, or the folder of KITTI-360's calibrations.
+        format: name of its format, one of `FORMATS`; by default found by its content.
+        camera: name of the only camera to keep; by default all.
+        mirrored: True if the cameras look into mirrors; by default by omnisim's metadata in the
+            file, and False without these.
+
+    Raises:
+        CalibrationError: naming file, key, the expected value and the one found.
+    """
+    path = Path(path)
+    try:
+        is_folder = path.is_dir()
+    except OSError as reason:  # a name too long
+        raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
+    if is_folder:
+        cameras, format = read_kitti360_folder(path, mirrored), FORMAT
+    else:
+        cameras, format = read_cameras(path, format, mirrored)
+    calibration = Calibration(cameras, format, str(path))
+    return calibration if camera is None else calibration.only(camera)
+
+
+def save_calibration(
+    calibration: Calibration, path: str | Path, format: str, model: str | None = None
+) -> Calibration:
+    """Write a calibration file, and return the cameras in it.
+
+    Args:
+        calibration: the cameras; a format for one camera takes no more.
+        path: the file.
+        format: name of the format, one of `FORMATS`.
+        model: name of the model to write by; by default one that is the same lens, or else the
+            one whose largest residual is smallest.
+
+    Raises:
+        CalibrationError: the format has no place for one of the cameras, with the reason.
+        OutputError: the file cannot be written, or its suffix is of another kind of file.
+    """
+    path = Path(path)
+    check_calibration_suffix(path, format)
+    check_target(path)
+    text, written = calibration_text(calibration, format, model)
+    with atomic_write(path) as partial:
+        try:
+            partial.write_text(text, encoding="utf-8")
+        except OSError as reason:
+            raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+    return written
+
+
+def check_calibration_suffix(path: Path, format: str) -> None:
+    """Refuse a suffix of another kind of file than the format's.
+
+    Raises:
+        CalibrationError: there is no such format.
+        OutputError: naming the file and its format's suffixes; a name without one passes.
+    """
+    form = format_named(format)
+    known = (form.suffix, *_ALSO.get(form.suffix, ()))
+    if path.suffix and path.suffix.lower() not in known:
+        raise OutputError(
+            f"{path}: expected {' or '.join(known)} for {form.name}, got {path.suffix}"
+        )
+
+
+def calibration_text(
+    calibration: Calibration, format: str, model: str | None = None
+) -> tuple[str, Calibration]:
+    """Text of a calibration file, and the cameras in it.
+
+    Raises:
+        CalibrationError: the format has no place for one of the cameras, with the reason.
+    """
+    form = format_named(format)
+    if len(calibration.cameras) > 1 and not form.several:
+        raise CalibrationError(
+            f"{calibration.source}: {len(calibration.cameras)} cameras, and a {form.name} file "
+            "holds one: pass --camera-name with one of " + ", ".join(calibration.names)
+        )
+    text, written = encode_cameras(calibration.cameras, form, model, calibration.source)
+    return text, Calibration(written, form.name, calibration.source)

@@ -1,0 +1,95 @@
+"""Registry of the file formats."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+from omnisim.cameras.calibration.formats.basalt import Basalt
+from omnisim.cameras.calibration.formats.camodocal import Camodocal
+from omnisim.cameras.calibration.formats.colmap import Colmap
+from omnisim.cameras.calibration.formats.format import Format
+from omnisim.cameras.calibration.formats.foxglove import Foxglove
+from omnisim.cameras.calibration.formats.gazebo import Gazebo
+from omnisim.cameras.calibration.formats.kalibr import Kalibr
+from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
+from omnisim.cameras.calibration.formats.ocamcalib import Ocamcalib
+from omnisim.cameras.calibration.formats.omnisim_json import OmnisimJson
+from omnisim.cameras.calibration.formats.opencv import OpencvFisheye, OpencvOmnidir, OpencvPinhole
+from omnisim.cameras.calibration.formats.ros import Ros
+from omnisim.cameras.calibration.formats.woodscape import Woodscape
+from omnisim.core.errors import CalibrationError, did_you_mean
+
+# In the order in which their signatures are looked for.
+FORMATS: dict[str, Format[Any]] = {
+    one.name: one
+    for one in (
+        OmnisimJson(),
+        Kalibr(),
+        Camodocal(),
+        OpencvOmnidir(),
+        OpencvFisheye(),
+        OpencvPinhole(),
+        Ros(),
+        Basalt(),
+        Woodscape(),
+        Nerfstudio(),
+        Foxglove(),
+        Ocamcalib(),
+        Colmap(),
+        Gazebo(),
+    )
+}
+
+
+def format_named(name: str) -> Format[Any]:
+    """Format of a name.
+
+    Raises:
+        CalibrationError: there is none.
+    """
+    if name not in FORMATS:
+        raise CalibrationError(f"format {name!r}: {did_you_mean(name.lower(), FORMATS)}")
+    return FORMATS[name]
+
+
+def detect_format(text: str, source: str, name: str | None = None) -> Format[Any]:
+    """Format of a text: the named one, or the first whose signature is in the text.
+
+    Raises:
+        CalibrationError: there is no format of that name, the text has no signature, or another's.
+    """
+    alike = [form for form in FORMATS.values() if form.looks_like(text)]
+    if name is None:
+        if alike:
+            reason = alike[0].ambiguity(text, source)
+            if reason is not None:
+                raise CalibrationError(f"{source}: {reason}")
+            return alike[0]
+        if _is_sensor_file(text):
+            raise CalibrationError(
+                f"{source}: this looks like a sensor file: pass --sensor {source}"
+            )
+        raise CalibrationError(
+            f"{source}: expected a calibration in one of the formats {', '.join(FORMATS)}"
+        )
+    form = format_named(name)
+    # the user's word tells OpenCV's three apart
+    foreign = [one for one in alike if _family(one) != _family(form)]
+    if foreign and not form.looks_like(text) and len(foreign) == len(alike):
+        raise CalibrationError(
+            f"{source}: this looks like a {foreign[0].name} file ({foreign[0].title}): "
+            f"pass --format {foreign[0].name}"
+        )
+    return form
+
+
+def _is_sensor_file(text: str) -> bool:
+    try:
+        return bool({"lens", "mirror", "virtual_cameras"} & tomllib.loads(text).keys())
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return False
+
+
+def _family(form: Format[Any]) -> str:
+    return form.name.partition("_")[0]

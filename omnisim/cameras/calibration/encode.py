@@ -1,0 +1,287 @@
+"""Texts of calibration files: exact where the format has the model, else by the best fit."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, NamedTuple
+
+import numpy as np
+
+from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, Residuals
+from omnisim.cameras.calibration.equivalents import equivalent
+from omnisim.cameras.calibration.file_frame import (
+    camera_from_lens,
+    camera_metadata,
+    is_catadioptric,
+    lens_of,
+)
+from omnisim.cameras.calibration.fit import Fit, fit_camera
+from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
+from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.mirrored import MirroredCamera
+from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
+from omnisim.core.errors import CalibrationError, OmnisimError
+
+MIN_COVERED = 0.95  # of the picture's pixels; a fit that shows fewer is another camera
+MAX_RESIDUAL = 0.02  # of the picture's shorter side; a fit further off is no calibration
+GRID = 65
+GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less
+
+
+class Encoded(NamedTuple, Generic[LensT]):
+    """A camera by a model of a format.
+
+    Attributes:
+        lens: in the format's model.
+        metadata: of the camera.
+        residuals: of the fit, if the lens is one.
+    """
+
+    lens: LensT
+    metadata: CameraMetadata
+    residuals: Residuals | None
+
+
+def encode_cameras(
+    cameras: Sequence[CalibratedCamera], form: Format[LensT], model: str | None, source: str
+) -> tuple[str, tuple[CalibratedCamera, ...]]:
+    """Text of a file of a format, and the cameras in it.
+
+    Args:
+        cameras: to write; as many as the format takes.
+        form: the format.
+        model: name of the model to write by, or None for the nearest.
+        source: names the cameras' file in messages.
+
+    Raises:
+        CalibrationError: the format has no place for one of the cameras, with the reason.
+    """
+    parsed, metadata, written = [], [], []
+    for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
+        encoded = encode(named, form, f"{source}: {camera.name}", model)
+        parsed.append(ParsedCamera(named.name, encoded.lens, named.poses))
+        metadata.append(encoded.metadata.with_poses(named.poses))
+        written.append(
+            dataclasses.replace(
+                named,
+                camera=camera_from_lens(encoded.lens, encoded.metadata),
+                residuals=encoded.residuals,
+                notes=caveats(encoded.lens, form),
+                file_model=encoded.lens.model_name,
+            )
+        )
+    text = embed_metadata(form.encode(parsed), metadata, form.metadata_place)
+    return text, tuple(written)
+
+
+def encode(
+    camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None = None
+) -> Encoded[LensT]:
+    """A camera by a model of a format; `place` names file and camera in messages.
+
+    Raises:
+        CalibrationError: no model is near, with the reason.
+    """
+    source = camera.camera
+    reasons: list[str] = []
+    exact = _encode_exactly(camera, form, place, model, reasons)
+    if exact is not None:
+        return exact
+    target = model_named(model, form)
+    if isinstance(source, CylindricalCamera | EquirectangularCamera):
+        raise CalibrationError(
+            f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
+        )
+    fit = _best_fit(source, form, place, target, reasons)
+    limit_rad = fit.camera.domain_limit_rad or source.domain_limit_rad
+    # what the source itself was off from optics without one viewpoint stays
+    at_distances = () if camera.residuals is None else camera.residuals.at_distances
+    fitted = dataclasses.replace(
+        fit.residuals, source_model=source.model_name, at_distances=at_distances
+    )
+    metadata = camera_metadata(camera.name, source, limit_rad, fitted)
+    return Encoded(fit.camera, metadata, fitted)
+
+
+def encode_exactly(
+    camera: CalibratedCamera, form: Format[LensT], place: str
+) -> Encoded[LensT] | None:
+    """A camera by a model of a format that is the same lens; None: it has none."""
+    try:
+        return _encode_exactly(camera, form, place, None, [])
+    except CalibrationError:  # it ends before the camera does
+        return None
+
+
+def _encode_exactly(
+    camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None, reasons: list[str]
+) -> Encoded[LensT] | None:
+    """The same lens; None where there is none, with the reasons added to `reasons`.
+
+    Raises:
+        CalibrationError: the format ends before the camera does.
+    """
+    source = camera.camera
+    native = form.native(source)
+    if native is not None and model in (None, source.model_name):
+        metadata = camera_metadata(camera.name, None, None, camera.residuals)
+        return Encoded(native, metadata, camera.residuals)
+    target = model_named(model, form)
+    _check_cone(source, form, place)
+    lens = lens_of(source)
+    for one in form.models:
+        same = equivalent(lens, one) if lens is not None and target in (None, one) else None
+        reason = None if same is None else form.unsupported(same)
+        if same is not None and reason is None:
+            limit_rad, residuals = source.domain_limit_rad, camera.residuals
+            metadata = camera_metadata(camera.name, source, limit_rad, residuals)
+            return Encoded(same, metadata, residuals)
+        if reason is not None and reason not in reasons:
+            reasons.append(reason)
+    return None
+
+
+def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | None:
+    """Model of a name that a format has; None for None.
+
+    Raises:
+        CalibrationError: it has none of that name.
+    """
+    target = None if model is None else CAMERA_MODELS.get(model)
+    if model is not None and target not in form.models:
+        names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
+        known = ", ".join(names[one] for one in form.models)
+        raise CalibrationError(f"--model {model}: {form.name} has {known}")
+    return target
+
+
+def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:
+    """Cameras by the names that they have in a format, in their poses too."""
+    names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
+    if len(set(names)) < len(names):
+        names = [form.camera_name(index, "") for index in range(len(names))]
+    new = {camera.name: name for camera, name in zip(cameras, names, strict=True)}
+    return [
+        dataclasses.replace(
+            camera,
+            name=new[camera.name],
+            poses=tuple(
+                dataclasses.replace(
+                    pose,
+                    target=new.get(pose.target, pose.target),
+                    source=new.get(pose.source, pose.source),
+                )
+                for pose in camera.poses
+            ),
+        )
+        for camera in cameras
+    ]
+
+
+def caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
+    """Notes where others interpret the file differently."""
+    if not form.caveat or isinstance(lens, EquirectangularCamera):
+        return ()
+    widest = _widest_rad(lens)
+    if widest <= form.caveat_theta_rad:
+        return ()
+    return (f"sees {math.degrees(widest):.1f}° from its axis: {form.caveat}",)
+
+
+def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:
+    if math.isinf(form.max_theta_rad):
+        return
+    widest = _widest_rad(camera)
+    if form.max_theta_rad > widest > form.max_theta_rad - GRID_MARGIN_RAD:
+        widest = largest_theta_rad(camera)  # to the last bit, which takes its time
+    if widest >= form.max_theta_rad:
+        raise CalibrationError(
+            f"{place}: sees {math.degrees(widest):.1f}° from its axis: {form.name} ends before "
+            f"{math.degrees(form.max_theta_rad):g}°"
+        )
+
+
+def _widest_rad(camera: CentralCamera) -> float:
+    """Largest angle from the axis that a grid over the picture, border included, shows."""
+    steps = np.linspace(0.0, 1.0, GRID)
+    u, v = np.meshgrid(steps * camera.width_px - 0.5, steps * camera.height_px - 0.5)
+    rays = camera.ray_from_pixel(np.stack((u, v), axis=-1))
+    axis = optical_axis(camera)
+    return float(angles_from_axis(rays.directions[rays.valid], axis).max(initial=0.0))
+
+
+def _best_fit(
+    camera: CentralCamera,
+    form: Format[LensT],
+    place: str,
+    model: type[CentralCamera] | None,
+    reasons: list[str],
+) -> Fit[LensT]:
+    """Fit with the smallest largest residual, of those that show the whole picture."""
+    # a mirrored lens is fitted as the lens that it is
+    source = camera.lens if isinstance(camera, MirroredCamera) else camera
+    mirrored = source is camera and is_catadioptric(camera)
+
+    def fit(target: type[LensT], fixed: Fixed) -> Fit[LensT]:
+        return fit_camera(source, target, mirrored=mirrored, fixed=fixed)
+
+    return nearest_fit(camera, form, place, model, fit, reasons)
+
+
+def nearest_fit(
+    camera: CentralCamera,
+    form: Format[LensT],
+    place: str,
+    model: type[CentralCamera] | None,
+    fit_model: Callable[[type[LensT], Fixed], Fit[LensT]],
+    reasons: list[str],
+) -> Fit[LensT]:
+    """Fit with the smallest largest residual by the models of a format.
+
+    Args:
+        camera: the source.
+        form: the format.
+        place: names file and camera in messages.
+        model: the only one to fit by; None: all.
+        fit_model: the fit by a model with the attributes that the format fixes.
+        reasons: why others were refused so far, for messages; more are added.
+
+    Raises:
+        CalibrationError: no model is near, with the reasons.
+    """
+    middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
+    centred = {"principal_point_px": middle} if form.centred else {}
+    fits = []
+    for target, fixed in form.fits:
+        if model not in (None, target):
+            continue
+        try:
+            with np.errstate(all="ignore"):  # a step too far of a fit is taken back
+                fit = fit_model(target, {**fixed, **centred})
+        except OmnisimError as error:
+            reasons.append(str(error).removeprefix("camera: "))
+            continue
+        reason = form.unsupported(fit.camera)
+        if reason is None:
+            fits.append(fit)
+        elif reason not in reasons:
+            reasons.append(reason)
+    failure = f"{place}: {form.name} cannot represent model {camera.model_name!r}"
+    if not fits:
+        reason = "; ".join(dict.fromkeys(reasons)) or "none of its models is one"
+        raise CalibrationError(f"{failure}: {reason}")
+    best = min(fits, key=lambda fit: (fit.covered < MIN_COVERED, fit.residuals.max_px))
+    side = min(camera.width_px, camera.height_px)
+    if best.covered < MIN_COVERED or best.residuals.max_px > MAX_RESIDUAL * side:
+        raise CalibrationError(
+            f"{failure}: the nearest, {best.camera.model_name!r}, is up to "
+            f"{best.residuals.max_px:.3g} px off and shows {100.0 * best.covered:.1f} % of its "
+            "pixels" + "".join(f"; {reason}" for reason in reasons)
+        )
+    return best

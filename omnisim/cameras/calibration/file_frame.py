@@ -1,0 +1,114 @@
+"""Conversion between the optical frame and the frame of files, where cameras look along +z.
+
+A mirror's rays are (x, y, −z) in a file. The way back finds the mirror's own model where the
+file's model, the picture and the rim's angle suffice, and else a `MirroredCamera`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from omnisim.cameras.calibration.calibrated_camera import Residuals
+from omnisim.cameras.calibration.equivalents import equivalent, is_plain
+from omnisim.cameras.calibration.metadata import CameraMetadata
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.mirrored import MirroredCamera
+from omnisim.cameras.mirrors.elliptic import EllipticCamera
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors.parabolic import ParabolicCamera
+from omnisim.cameras.mirrors.planar import PlanarCamera
+from omnisim.cameras.models.field_of_view import optical_axis
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.stereographic import StereographicCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.errors import OpticsError
+
+
+def is_catadioptric(camera: CentralCamera) -> bool:
+    """True for a camera that looks down −z of its optical frame, as those under mirrors do."""
+    return isinstance(camera, MirroredCamera) or optical_axis(camera) < 0.0
+
+
+def lens_of(camera: CentralCamera) -> CentralCamera | None:
+    """Lens with the rays of a camera, or (x, y, −z) of a mirror's, or None."""
+    size, centre = (camera.width_px, camera.height_px), camera.principal_point_px
+    match camera:
+        case MirroredCamera(lens=lens):
+            return lens
+        case PlanarCamera(focal_length_px=focal):
+            return PerspectiveCamera(*size, focal, centre)
+        case ParabolicCamera(horizon_radius_px=radius, theta_max_rad=limit):
+            return StereographicCamera(*size, 0.5 * radius, centre, limit)
+        case EllipticCamera(half_angle_ratio=ratio):
+            xi = (ratio * ratio - 1.0) / (ratio * ratio + 1.0)
+            gamma = camera.focal_length_px * (1.0 + xi) / ratio
+            return UnifiedCamera(*size, (gamma, gamma), centre, xi)
+        case HyperbolicCamera(unified_focal_length_px=gamma):
+            return UnifiedCamera(*size, (gamma, gamma), centre, camera.mirror.xi)
+    return None if is_catadioptric(camera) else camera
+
+
+def camera_metadata(
+    name: str, camera: CentralCamera | None, limit_rad: float | None, residuals: Residuals | None
+) -> CameraMetadata:
+    """Metadata of a camera that a file describes by `lens_of`, or natively (None).
+
+    Args:
+        name: of the camera in the file.
+        camera: the camera.
+        limit_rad: angle from the axis where the domain ends, if at all.
+        residuals: of the lens in the file, if it is a fit.
+    """
+    return CameraMetadata(
+        camera=name,
+        mirrored=camera is not None and is_catadioptric(camera),
+        turned=isinstance(camera, EllipticCamera),
+        theta_max_rad=limit_rad,
+    ).with_residuals(residuals)
+
+
+def camera_from_lens(lens: CentralCamera, metadata: CameraMetadata) -> CentralCamera:
+    """Camera that a file describes by a lens."""
+    mirrored, limit_rad = metadata.mirrored, metadata.theta_max_rad
+    if limit_rad is not None and isinstance(lens, ParametricCamera):
+        ended = lens.ending_at(limit_rad)
+        if ended is not None:
+            lens, limit_rad = ended, None
+    special = _special_camera(lens, mirrored, metadata.turned, limit_rad)
+    if special is not None:
+        return special
+    return MirroredCamera(lens) if mirrored else lens
+
+
+def _special_camera(
+    lens: CentralCamera, mirrored: bool, turned: bool, limit_rad: float | None
+) -> CentralCamera | None:
+    """Special case of the unified model that the parameters are of, if any."""
+    unified = equivalent(lens, UnifiedCamera)
+    if unified is None or not is_plain(unified):
+        return None
+    gamma, other = unified.focal_lengths_px
+    # what a rounded sum or product leaves behind is no second focal length
+    if abs(gamma - other) > 4e-16 * gamma:
+        return None
+    size, centre, xi = (lens.width_px, lens.height_px), lens.principal_point_px, unified.xi
+    if limit_rad is None:
+        return PlanarCamera(*size, gamma, centre) if mirrored and xi == 0.0 else None
+    try:
+        if abs(xi - 1.0) < 1e-15:
+            if mirrored:
+                return ParabolicCamera(*size, gamma, centre, limit_rad)
+            return StereographicCamera(*size, 0.5 * gamma, centre, limit_rad)
+        root = math.sqrt(max((1.0 - xi) * (1.0 + xi), 0.0))
+        if mirrored and turned and 0.0 < xi < 1.0:
+            focal = gamma / root  # γ K/(1 + ξ)
+            return EllipticCamera(*size, focal, centre, xi / (1.0 + root), limit_rad)
+        if mirrored and xi < 1.0:
+            k = 1.0 + 1.0 / root
+            mirror = HyperbolicMirror(k=k, theta_max_rad=limit_rad)
+            return HyperbolicCamera(*size, gamma * (k - 1.0), centre, mirror)
+    except OpticsError:  # a rim that this mirror cannot have
+        return None
+    return None

@@ -1,0 +1,346 @@
+"""Best fit of one camera model to another, and its reprojection residuals.
+
+A fit minimises the sum of squared reprojection errors, in pixels, over pixels spread evenly over
+what the source shows, its edge included. Where both models can be the same lens, the linear
+initialisation (`linear_fit`) already is the answer; otherwise Levenberg and Marquardt's method
+refines it. The residuals that a fit states are of other pixels than it was made from.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras.calibration.calibrated_camera import Residuals
+from omnisim.cameras.calibration.linear_fit import (
+    FITTED,
+    FREE,
+    MIN_SAMPLES,
+    STEEPEST_RAD,
+    Bounds,
+    Samples,
+    linear_fit,
+    radial_profile,
+)
+from omnisim.cameras.camera import CentralCamera, check_central
+from omnisim.cameras.models.field_of_view import corner_pixels, edge_pixels, optical_axis
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.errors import CalibrationError, OpticsError
+
+EXACT_PX = 1e-10  # rounding of a projection
+MARGIN_RAD = 1e-9  # the source's edge, rounded, is still seen
+MIN_COVERED = 0.05  # of the source's pixels; less is no picture of it
+MAX_RMS = 0.02  # as a share of the picture's longer side; more is another kind of picture
+WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # from the axis, of the first lenses tried
+INNER = 0.85  # of the picture's radius
+LEAST_SHARE = 0.3  # of the area samples that see something; else there are more of them
+AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
+PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
+
+CameraT = TypeVar("CameraT", bound=CentralCamera)
+FITTED_MODELS = {model.model_name: model for model in FITTED}
+
+
+class Fit(NamedTuple, Generic[CameraT]):
+    """A camera in another model.
+
+    Attributes:
+        camera: fitted to the source.
+        residuals: over the source's valid cone, at pixels that the fit was not made from.
+        covered: share of the source's valid pixels that the fitted camera shows.
+        rotation: (3, 3) target_from_source of the axes; the identity, unless it was fitted, too.
+    """
+
+    camera: CameraT
+    residuals: Residuals
+    covered: float
+    rotation: NDArray[np.float64]
+
+
+def fit_camera(
+    camera: CentralCamera,
+    model: type[CameraT],
+    *,
+    mirrored: bool = False,
+    fixed: Mapping[str, Any] | None = None,
+    rotated: bool = False,
+) -> Fit[CameraT]:
+    """Fit a model to a camera.
+
+    Args:
+        camera: the source.
+        model: the target's class, one of `FITTED_MODELS`, or the source's own.
+        mirrored: take the source's rays in a mirrored frame, see `mirrored_frame`: mirrors look
+            down −z of their optical frame, where most models see nothing.
+        fixed: attributes of the target that are given: `{"xi": 0.0}` makes the unified model a
+            pinhole camera with radial and tangential distortion.
+        rotated: fit the orientation of the axes, too, where the source's z is not its axis.
+
+    Raises:
+        CalibrationError: a model that cannot be fitted, or one that cannot see what the source
+            shows.
+        OpticsError: a camera without one viewpoint.
+    """
+    check_central(camera, "fit")
+    fixed = dict(fixed or {})
+    upright = np.eye(3)
+    if isinstance(camera, model) and type(camera) is model and not mirrored and not fixed:
+        return _evaluate(camera, camera, mirrored, upright)
+    target = next((one for one in FITTED if one is model), None)
+    if target is None:
+        names = ", ".join(FITTED_MODELS)
+        raise _failure(camera, model, f"expected one of {names}")
+    samples = samples_of(camera, mirrored)
+    try:
+        axis = _axis_of(camera, mirrored) if rotated else None
+        fitted, rotation = _fitted(camera, target, samples, fixed, axis)
+    except OpticsError as reason:
+        raise _failure(camera, model, f"{reason}{_hint(camera, mirrored)}") from None
+    assert isinstance(fitted, model)
+    fit: Fit[CameraT] = _evaluate(camera, fitted, mirrored, rotation)
+    if fit.covered < MIN_COVERED:
+        share = f"it would show {100.0 * fit.covered:.1f} % of the valid pixels"
+        raise _failure(camera, model, share + _hint(camera, mirrored))
+    if fit.residuals.rms_px > MAX_RMS * max(camera.width_px, camera.height_px):
+        rms = f"the best found is off by {fit.residuals.rms_px:.3g} px RMS"
+        raise _failure(camera, model, rms)
+    return fit
+
+
+@lru_cache(maxsize=4)  # one camera is fitted by several models
+def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Samples:
+    """Pixels that see something, evenly all over the picture and on the edge, and their rays.
+
+    Args:
+        camera: the camera.
+        mirrored: rays in `mirrored_frame`.
+        phase: another number, from 0 to 1, gives others.
+    """
+    inner = _spread_pixels(camera, AREA_SAMPLES, phase)
+    share = float(camera.ray_from_pixel(inner).valid.mean())
+    if 0.0 < share < LEAST_SHARE:
+        inner = _spread_pixels(camera, round(AREA_SAMPLES / share), phase)
+    edge = edge_pixels(camera, EDGE_SAMPLES, phase)
+    pixels = np.concatenate((inner, edge, corner_pixels(camera)))
+    rays = camera.ray_from_pixel(pixels)
+    directions = rays.directions @ mirrored_frame(camera).T if mirrored else rays.directions
+    on_area = np.arange(len(pixels)) < len(inner)
+    return Samples(pixels, directions, on_area).subset(rays.valid)
+
+
+def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> NDArray[np.float64]:
+    """Pixels (count, 2) evenly all over a picture."""
+    steps = np.arange(1, count + 1)[:, None] / np.array([PLASTIC, PLASTIC**2]) + phase
+    pixels: NDArray[np.float64] = steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
+    return pixels
+
+
+def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
+    """Matrix (3, 3) from a mirror's optical frame to one in which its picture is a lens's.
+
+    (x, y, −z), a reflection as the mirror itself is one; (−x, −y, −z) where the picture is also
+    upside down, as the elliptic mirror's. It is its own inverse.
+    """
+    beside = source.ray_from_pixel(np.add(source.principal_point_px, (0.25, 0.0))).directions
+    sign = -1.0 if beside[0] < 0.0 else 1.0
+    return np.diag([sign, sign, -1.0])
+
+
+class _Axis(NamedTuple):
+    """Optical axis of a source, about which its rays are nearly symmetric."""
+
+    rotation: NDArray[np.float64]  # (3, 3) to axes whose z it is
+    centre_px: tuple[float, float]
+
+
+@lru_cache(maxsize=4)  # one camera is fitted by several models
+def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
+    """Axis of a source by a Kannala-Brandt lens, which takes any angle, with its rotation free."""
+    samples = samples_of(camera, mirrored)
+    samples = samples.subset(samples.on_area)
+    if len(samples.pixels_px) == 0:
+        return _Axis(np.eye(3), camera.principal_point_px)
+    axis = _equidistant_axis(camera, samples)
+    radii = np.linalg.norm(samples.pixels_px - axis.centre_px, axis=1)
+    samples = samples.subset(radii < INNER * radii.max())  # a ball's outline is a fold
+    turned = samples.rotated(axis.rotation)
+    try:
+        profile = radial_profile(camera, turned, axis.centre_px)
+        start = linear_fit(KannalaBrandtCamera, profile, False)
+        seen = turned.subset(start.pixel_from_ray(turned.directions).valid)
+        with np.errstate(all="ignore"):
+            lens, turn = _refined(start, seen, FITTED[KannalaBrandtCamera].free, {}, True)
+    except OpticsError:  # a picture that is inside out, as a cone's, is none of such a lens
+        return axis
+    return _Axis(turn @ axis.rotation, lens.principal_point_px)
+
+
+def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
+    """Axis of the equidistant lens that is nearest to the samples, of some.
+
+    Source: Kabsch 1976, for the rotation between their directions.
+    """
+    u, v = samples.pixels_px.mean(axis=0).tolist()
+    best, found = -math.inf, _Axis(np.eye(3), source.principal_point_px)
+    for centre_px in (source.principal_point_px, (u, v)):
+        offsets = samples.pixels_px - centre_px
+        radii = np.linalg.norm(offsets, axis=1)
+        for widest_rad in np.radians(WIDEST_DEG):
+            theta = widest_rad * radii / max(float(radii.max()), 1e-9)
+            across = offsets * (np.sin(theta) / np.maximum(radii, 1e-9))[:, None]
+            lens = np.column_stack((across, np.cos(theta)))
+            left, sizes, right = np.linalg.svd(lens.T @ samples.directions)
+            signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+            if float(sizes @ signs) > best:  # the sum of all cosines
+                best, found = float(sizes @ signs), _Axis((left * signs) @ right, centre_px)
+    return found
+
+
+def _fitted(
+    source: CentralCamera,
+    model: type[ParametricCamera],
+    samples: Samples,
+    fixed: Mapping[str, Any],
+    axis: _Axis | None,
+) -> tuple[ParametricCamera, NDArray[np.float64]]:
+    """Camera of a model with the smallest residuals, and its rotation, near an axis if any."""
+    rotation = np.eye(3) if axis is None else axis.rotation
+    centre_px = None if axis is None else axis.centre_px
+    samples = samples.rotated(rotation)
+    is_pinhole = model is UnifiedCamera and fixed.get("xi") == 0.0
+    profile = radial_profile(source, samples, fixed.get("principal_point_px", centre_px))
+    camera = dataclasses.replace(linear_fit(model, profile, is_pinhole), **fixed)
+    seen = camera.pixel_from_ray(samples.directions)
+    if not (seen.valid.all() and np.abs(seen.positions_px - samples.pixels_px).max() <= EXACT_PX):
+        used = seen.valid
+        if is_pinhole or model is PerspectiveCamera:  # near 90° a plane's pixels are far out
+            used &= samples.theta_rad <= STEEPEST_RAD
+        if used.sum() < MIN_SAMPLES:
+            raise OpticsError("it sees nothing, or next to nothing, of what that shows")
+        free = FITTED[model].free
+        camera, turn = _refined(camera, samples.subset(used), free, fixed, axis is not None)
+        rotation, samples = turn @ rotation, samples.rotated(turn)
+    # past the source's own domain the fit means nothing
+    limit = min(float(samples.theta_rad.max(initial=0.0)) + MARGIN_RAD, model.largest_theta_rad)
+    return camera.ending_at(limit) or camera, rotation
+
+
+def _refined(
+    start: ParametricCamera,
+    samples: Samples,
+    free: Mapping[str, Bounds],
+    fixed: Mapping[str, Any],
+    rotated: bool,
+) -> tuple[ParametricCamera, NDArray[np.float64]]:
+    """Local minimum of the sum of squared reprojection errors near `start`, and its rotation."""
+    names = [name for name in free if name not in fixed]
+    values = [np.atleast_1d(getattr(start, name)).astype(np.float64) for name in names]
+    lengths = [len(value) for value in values]
+    units = np.concatenate(
+        [_units(name, value, start) for name, value in zip(names, values, strict=True)]
+    )
+    turns = [np.zeros(3)] if rotated else []
+    first = np.concatenate([np.concatenate(values) / units, *turns])
+    limits = [free[name] for name in names] + [FREE] * len(turns)
+    low, high = np.repeat(limits, lengths + [3] * len(turns), axis=0).T
+    penalty = np.full(2 * len(samples.pixels_px), float(start.width_px + start.height_px))
+
+    def camera_of(vector: NDArray[np.float64]) -> ParametricCamera:
+        parts = np.split(vector[: len(units)] * units, np.cumsum(lengths)[:-1])
+        changes: dict[str, Any] = {
+            name: tuple(part.tolist())
+            if isinstance(getattr(start, name), tuple)
+            else float(part[0])
+            for name, part in zip(names, parts, strict=True)
+        }
+        return dataclasses.replace(start, **changes)
+
+    def turn_of(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        turn = vector[len(units) :]
+        return Rotation.from_rotvec(turn).as_matrix() if rotated else np.eye(3)
+
+    def errors_px(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        directions = samples.directions @ turn_of(vector).T if rotated else samples.directions
+        try:
+            seen = camera_of(vector).pixel_from_ray(directions)
+        except OpticsError:
+            return penalty  # no camera at all
+        errors: NDArray[np.float64] = seen.positions_px - samples.pixels_px
+        errors[~seen.valid] = penalty[0]
+        return errors.ravel()
+
+    inside = np.clip(first, low + 1e-12, high - 1e-12)
+    with np.errstate(all="ignore"):  # a step too far is no camera, and is taken back
+        # parameters differ by many powers of ten: scaled by the columns of the Jacobian
+        found = least_squares(
+            errors_px, inside, bounds=(low, high), x_scale="jac",
+            ftol=1e-10, xtol=1e-14, gtol=1e-15, max_nfev=100,
+        )  # fmt: skip
+    before = errors_px(first)
+    if not 2.0 * found.cost < float(before @ before):
+        return start, np.eye(3)
+    return camera_of(found.x), turn_of(found.x)
+
+
+def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> NDArray[np.float64]:
+    """Units (n,) of a parameter's values, in which steps of all are about as long.
+
+    Those of a polynomial of the image radius are of its powers.
+    """
+    if name != "polynomial":
+        return np.ones(len(values))
+    radius_px = 0.5 * max(camera.width_px, camera.height_px)
+    units: NDArray[np.float64] = radius_px ** -np.arange(len(values), dtype=np.float64)
+    return units
+
+
+def _evaluate(
+    source: CentralCamera, target: CameraT, mirrored: bool, rotation: NDArray[np.float64]
+) -> Fit[CameraT]:
+    """Fit with its residuals, at pixels that it was not made from.
+
+    Raises:
+        CalibrationError: the target sees nothing of what the source shows.
+    """
+    samples = samples_of(source, mirrored, phase=0.5).rotated(rotation)
+    seen = target.pixel_from_ray(samples.directions)
+    if not seen.valid.any():
+        raise CalibrationError(
+            f"camera: a {target.model_name} sees nothing of what a {source.model_name} shows"
+            + _hint(source, mirrored)
+        )
+    errors_px = np.linalg.norm(seen.positions_px - samples.pixels_px, axis=-1)
+    # the edge's samples would count for more than their share of the picture
+    on_area = errors_px[seen.valid & samples.on_area]
+    residuals = Residuals(
+        float(np.sqrt(np.mean(on_area * on_area))) if len(on_area) else math.inf,
+        float(errors_px[seen.valid].max()),
+        float(samples.theta_rad[seen.valid].max()),
+        source.model_name,
+    )
+    shown = seen.valid[samples.on_area] if samples.on_area.any() else seen.valid
+    return Fit(target, residuals, float(np.mean(shown)), rotation)
+
+
+def _failure(camera: CentralCamera, model: type[CentralCamera], reason: str) -> CalibrationError:
+    names = (name for name, one in CAMERA_MODELS.items() if one is model)
+    target = next(names, model.__name__)
+    source = camera.model_name
+    return CalibrationError(f"camera: model {source!r} cannot be fitted by {target}: {reason}")
+
+
+def _hint(source: CentralCamera, mirrored: bool) -> str:
+    is_mirror = optical_axis(source) < 0.0
+    return "; a mirror's rays have to be mirrored" if is_mirror and not mirrored else ""

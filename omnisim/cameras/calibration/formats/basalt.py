@@ -1,0 +1,192 @@
+"""Basalt's calibration json.
+
+| camera_type | intrinsics | model |
+| --- | --- | --- |
+| pinhole | fx fy cx cy | perspective, unified with ξ = 0 |
+| ucm | fx fy cx cy alpha | EUCM with β = 1 |
+| eucm | … alpha beta | eucm |
+| ds | … xi alpha | double_sphere |
+| kb4 | … k1 k2 k3 k4 | kannala_brandt |
+
+`T_imu_cam` takes the camera to the IMU; where it is unknown the first camera stands for the IMU,
+which a key of omnisim's states. Pixels count from the first one's centre, as ours.
+
+Source: basalt-headers, calibration and camera models; Usenko et al. 2018.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
+from omnisim.cameras.calibration.documents import parse_json
+from omnisim.cameras.calibration.fields import (
+    ForeignTable,
+    Size,
+    check_choice,
+    counted,
+    parse,
+    unexpected,
+)
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    Format,
+    MetadataPlace,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
+from omnisim.cameras.calibration.formats.quaternion_pose import (
+    pose_from_quaternion,
+    position_and_quaternion,
+)
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.double_sphere import DoubleSphereCamera
+from omnisim.cameras.models.eucm import EucmCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.files.parameters import Number
+
+FOCAL = "fx fy cx cy"
+INTRINSICS = {
+    "pinhole": FOCAL,
+    "ucm": f"{FOCAL} alpha",
+    "eucm": f"{FOCAL} alpha beta",
+    "ds": f"{FOCAL} xi alpha",
+    "kb4": f"{FOCAL} k1 k2 k3 k4",
+}
+POSES_UNKNOWN = "omnisim_poses_not_known"
+BasaltLens = DoubleSphereCamera | KannalaBrandtCamera | EucmCamera | UnifiedCamera
+
+
+class _Intrinsics(ForeignTable):
+    camera_type: str
+    intrinsics: dict[str, Number]
+
+
+class _Pose(ForeignTable):
+    px: Number
+    py: Number
+    pz: Number
+    qx: Number
+    qy: Number
+    qz: Number
+    qw: Number
+
+
+class _Value(ForeignTable):
+    T_imu_cam: tuple[dict[str, Any], ...] = ()
+    intrinsics: list[dict[str, Any]]
+    resolution: list[list[Size]]
+
+
+class Basalt(Format[BasaltLens]):
+    """The format of Basalt's calibration tool."""
+
+    name = "basalt"
+    title = "Basalt: calibration json"
+    suffix = ".json"
+    models = (DoubleSphereCamera, KannalaBrandtCamera, EucmCamera, UnifiedCamera)
+    fits = ((DoubleSphereCamera, ANY), (KannalaBrandtCamera, ANY), (EucmCamera, ANY))
+    signature = re.compile(r'"value0"\s*:')
+    metadata_place = MetadataPlace.KEY
+    several = True
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """Cameras of `value0`."""
+        data = parse_json(text, source)
+        place = f"{source}: value0"
+        value = parse(data.get("value0"), _Value, place)
+        if not value.intrinsics or len(value.resolution) != len(value.intrinsics):
+            counts = f"{len(value.intrinsics)} and {len(value.resolution)}"
+            expected = "intrinsics and a resolution for every camera"
+            raise unexpected(place, expected, counts)
+        cameras = []
+        for index, (part, size) in enumerate(zip(value.intrinsics, value.resolution, strict=True)):
+            name = f"cam{index}"
+            lens = _lens(part, size, f"{place}.intrinsics.{index}")
+            poses: tuple[NamedPose, ...] = ()
+            if index < len(value.T_imu_cam) and data.get(POSES_UNKNOWN) is not True:
+                where = f"{place}.T_imu_cam.{index}"
+                at = parse(value.T_imu_cam[index], _Pose, where)
+                quaternion = (at.qx, at.qy, at.qz, at.qw)
+                matrix = pose_from_quaternion((at.px, at.py, at.pz), quaternion, where)
+                poses = (NamedPose("imu", name, matrix),)
+            cameras.append(ParsedCamera(name, lens, poses))
+        return cameras
+
+    def encode(self, cameras: Sequence[ParsedCamera[BasaltLens]]) -> str:
+        """Text with `value0`."""
+        poses = [pose for camera in cameras for pose in camera.poses]
+        has_imu = any("imu" in (pose.target, pose.source) for pose in poses)
+        body = "imu" if has_imu else cameras[0].name
+        entries = []
+        for camera in cameras:
+            pose = find_pose(poses, body, camera.name)
+            position, quaternion = position_and_quaternion(np.eye(4) if pose is None else pose)
+            keys = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+            entries.append(dict(zip(keys, (*position, *quaternion), strict=True)))
+        data: dict[str, Any] = {
+            "value0": {
+                "T_imu_cam": entries,
+                "intrinsics": [_intrinsics(camera.lens) for camera in cameras],
+                "resolution": [[camera.lens.width_px, camera.lens.height_px] for camera in cameras],
+            }
+        }
+        if not poses:
+            data[POSES_UNKNOWN] = True
+        return json.dumps(data, indent=4) + "\n"
+
+    def unsupported(self, lens: BasaltLens) -> str | None:
+        """Refuses pinhole cameras with distortion."""
+        if isinstance(lens, UnifiedCamera) and (any(lens.distortion) or lens.skew_px or lens.xi):
+            return "its pinhole camera has no distortion, no skew and no ξ"
+        return None
+
+    def camera_name(self, index: int, name: str) -> str:
+        """Name by the index alone."""
+        return f"cam{index}"
+
+
+def _lens(part: dict[str, Any], size: Sequence[int], place: str) -> CentralCamera:
+    fields = parse(part, _Intrinsics, place)
+    model = fields.camera_type
+    check_choice(model, INTRINSICS, f"{place}: camera_type")
+    names = INTRINSICS[model].split()
+    if set(names) != fields.intrinsics.keys():
+        raise unexpected(f"{place}: intrinsics", ", ".join(names), ", ".join(fields.intrinsics))
+    width, height = counted(size, "width height", f"{place}: resolution")
+    fx, fy, cx, cy, *shape = (fields.intrinsics[name] for name in names)
+    intrinsics = Intrinsics(int(width), int(height), (fx, fy), (cx, cy))
+    with error_context(place):
+        if model == "pinhole":
+            return pinhole(intrinsics)
+        if model == "ucm":
+            return EucmCamera(*intrinsics, shape[0], 1.0)
+        if model == "eucm":
+            return EucmCamera(*intrinsics, *shape)
+        if model == "ds":
+            return DoubleSphereCamera(*intrinsics, *shape)
+        return KannalaBrandtCamera(*intrinsics, tuple(shape))
+
+
+def _intrinsics(lens: BasaltLens) -> dict[str, Any]:
+    model, shape = "pinhole", tuple[float, ...]()
+    if isinstance(lens, DoubleSphereCamera):
+        model, shape = "ds", (lens.xi, lens.alpha)
+    elif isinstance(lens, EucmCamera):
+        model, shape = "eucm", (lens.alpha, lens.beta)
+        if lens.beta == 1.0:
+            model, shape = "ucm", (lens.alpha,)
+    elif isinstance(lens, KannalaBrandtCamera):
+        model, shape = "kb4", lens.coefficients
+    values = (*lens.focal_lengths_px, *lens.principal_point_px, *shape)
+    return {
+        "camera_type": model,
+        "intrinsics": dict(zip(INTRINSICS[model].split(), values, strict=True)),
+    }

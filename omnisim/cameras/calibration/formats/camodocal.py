@@ -1,0 +1,165 @@
+"""KITTI-360's fisheye yaml, which is camodocal's, and VINS's too.
+
+| model_type | parameters | model |
+| --- | --- | --- |
+| MEI | xi; k1 k2 p1 p2; gamma1 gamma2 u0 v0 | unified |
+| PINHOLE | k1 k2 p1 p2; fx fy cx cy | perspective, unified with ξ = 0 |
+| KANNALA_BRANDT | k2 k3 k4 k5 mu mv u0 v0 | kannala_brandt, k1 … k4 |
+
+Pixels count from the first one's centre, as ours. There are no poses.
+
+Source: camodocal's camera_models; KITTI-360's documentation, "2D fisheye images".
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from omnisim.cameras.calibration.documents import parse_yaml
+from omnisim.cameras.calibration.fields import ForeignTable, Size, check_choice, parse
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    NO_SKEW,
+    Format,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
+from omnisim.cameras.calibration.formats.yaml_text import yaml_float
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.files.parameters import Number, Table
+
+CamodocalLens = UnifiedCamera | KannalaBrandtCamera
+
+
+class _Mirror(Table):
+    xi: Number
+
+
+class _Distortion(Table):
+    k1: Number
+    k2: Number
+    p1: Number
+    p2: Number
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        return self.k1, self.k2, self.p1, self.p2
+
+
+class _Gammas(Table):
+    gamma1: Number
+    gamma2: Number
+    u0: Number
+    v0: Number
+
+
+class _Focal(Table):
+    fx: Number
+    fy: Number
+    cx: Number
+    cy: Number
+
+
+class _KannalaBrandt(Table):
+    k2: Number
+    k3: Number
+    k4: Number
+    k5: Number
+    mu: Number
+    mv: Number
+    u0: Number
+    v0: Number
+
+
+class _Head(ForeignTable):
+    model_type: str
+    camera_name: str = "camera"
+    image_width: Size
+    image_height: Size
+
+
+class _Mei(_Head):
+    mirror_parameters: _Mirror
+    distortion_parameters: _Distortion
+    projection_parameters: _Gammas
+
+
+class _Pinhole(_Head):
+    distortion_parameters: _Distortion
+    projection_parameters: _Focal
+
+
+class _Fisheye(_Head):
+    projection_parameters: _KannalaBrandt
+
+
+class Camodocal(Format[CamodocalLens]):
+    """The format of KITTI-360 and camodocal."""
+
+    name = "kitti360"
+    title = "KITTI-360 and camodocal: MEI yaml"
+    suffix = ".yaml"
+    models = (UnifiedCamera, KannalaBrandtCamera)
+    fits = ((UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY))
+    signature = re.compile(r"""^[ \t]*["']?model_type["']?[ \t]*:""", re.M)
+    unified_terms = frozenset({"ξ"})
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """The camera."""
+        data = parse_yaml(text, source)
+        if not isinstance(data.get("camera_name", ""), str):  # KITTI-360's is a word, 00 is not
+            data["camera_name"] = str(data["camera_name"])
+        head = parse(data, _Head, source)
+        with error_context(source):
+            return [ParsedCamera(head.camera_name or "camera", _lens(head, data, source))]
+
+    def encode(self, cameras: Sequence[ParsedCamera[CamodocalLens]]) -> str:
+        """Text of the camera."""
+        (camera,) = cameras
+        lens = camera.lens
+        (fu, fv), (u, v) = lens.focal_lengths_px, lens.principal_point_px
+        parts: dict[str, dict[str, float]] = {}
+        if isinstance(lens, KannalaBrandtCamera):
+            model = "KANNALA_BRANDT"
+            named = dict(zip(("k2", "k3", "k4", "k5"), lens.coefficients, strict=True))
+            parts["projection_parameters"] = {**named, "mu": fu, "mv": fv, "u0": u, "v0": v}
+        else:
+            model, keys = "PINHOLE", ("fx", "fy", "cx", "cy")
+            if lens.xi:
+                model, keys = "MEI", ("gamma1", "gamma2", "u0", "v0")
+                parts["mirror_parameters"] = {"xi": lens.xi}
+            named = dict(zip(("k1", "k2", "p1", "p2"), lens.distortion, strict=False))
+            parts["distortion_parameters"] = named
+            parts["projection_parameters"] = dict(zip(keys, (fu, fv, u, v), strict=True))
+        text = f"%YAML:1.0\n---\nmodel_type: {model}\ncamera_name: {json.dumps(camera.name)}\n"
+        text += f"image_width: {lens.width_px}\nimage_height: {lens.height_px}\n"
+        for name, values in parts.items():
+            text += f"{name}:\n"
+            text += "".join(f"   {key}: {yaml_float(value)}\n" for key, value in values.items())
+        return text
+
+
+def _lens(head: _Head, data: dict[str, Any], source: str) -> CentralCamera:
+    size = head.image_width, head.image_height
+    check_choice(head.model_type, ("MEI", "PINHOLE", "KANNALA_BRANDT"), f"{source}: model_type")
+    if head.model_type == "MEI":
+        mei = parse(data, _Mei, source)
+        plane = mei.projection_parameters
+        intrinsics = Intrinsics(*size, (plane.gamma1, plane.gamma2), (plane.u0, plane.v0))
+        return UnifiedCamera(
+            *intrinsics, mei.mirror_parameters.xi, mei.distortion_parameters.values
+        )
+    if head.model_type == "PINHOLE":
+        flat = parse(data, _Pinhole, source)
+        focal = flat.projection_parameters
+        intrinsics = Intrinsics(*size, (focal.fx, focal.fy), (focal.cx, focal.cy))
+        return pinhole(intrinsics, flat.distortion_parameters.values)
+    wide = parse(data, _Fisheye, source).projection_parameters
+    intrinsics = Intrinsics(*size, (wide.mu, wide.mv), (wide.u0, wide.v0))
+    return KannalaBrandtCamera(*intrinsics, (wide.k2, wide.k3, wide.k4, wide.k5))

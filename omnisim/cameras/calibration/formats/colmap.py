@@ -1,0 +1,176 @@
+"""COLMAP's cameras.txt: a camera a line, `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…`.
+
+| MODEL | model |
+| --- | --- |
+| SIMPLE_PINHOLE, PINHOLE | perspective, unified with ξ = 0 |
+| SIMPLE_RADIAL, RADIAL, OPENCV | unified with ξ = 0 |
+| FULL_OPENCV | rational_polynomial, unified with ξ = 0 |
+| FOV | fitted |
+| SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE | kannala_brandt |
+| THIN_PRISM_FISHEYE without prism and tangential part | kannala_brandt |
+| EUCM | eucm |
+| EQUIRECTANGULAR | equirectangular |
+
+COLMAP's first pixel has its centre at (0.5, 0.5), ours at (0, 0). There are no poses: they are in
+images.txt. COLMAP's own projection of fisheyes ends at 90°.
+
+Source: COLMAP's documentation, "Camera Models" and "Output Format".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from omnisim.cameras.calibration.fields import (
+    check_choice,
+    counted,
+    parse_number,
+    parse_size,
+    unexpected,
+)
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    PINHOLE,
+    Format,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, brown_pinhole, pinhole
+from omnisim.cameras.calibration.fov_lens import FovLens
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras.models.eucm import EucmCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.errors import CalibrationError
+
+MODELS = {
+    "SIMPLE_PINHOLE": "f cx cy",
+    "PINHOLE": "fx fy cx cy",
+    "SIMPLE_RADIAL": "f cx cy k",
+    "RADIAL": "f cx cy k1 k2",
+    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+    "FOV": "fx fy cx cy omega",
+    "SIMPLE_FISHEYE": "f cx cy",
+    "FISHEYE": "fx fy cx cy",
+    "SIMPLE_RADIAL_FISHEYE": "f cx cy k",
+    "RADIAL_FISHEYE": "f cx cy k1 k2",
+    "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
+    "THIN_PRISM_FISHEYE": "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1",
+    "EUCM": "fx fy cx cy alpha beta",
+    "EQUIRECTANGULAR": "w h",
+}
+LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
+CENTRE_PX = 0.5  # of the first pixel
+ColmapLens = (
+    UnifiedCamera
+    | RationalPolynomialCamera
+    | KannalaBrandtCamera
+    | EucmCamera
+    | EquirectangularCamera
+)
+
+
+class Colmap(Format[ColmapLens]):
+    """The format of COLMAP's list of cameras."""
+
+    name = "colmap"
+    title = "COLMAP: cameras.txt"
+    suffix = ".txt"
+    models = (
+        UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera, EucmCamera,
+        EquirectangularCamera,
+    )  # fmt: skip
+    fits = ((KannalaBrandtCamera, ANY), (EucmCamera, ANY), (UnifiedCamera, PINHOLE))
+    signature = re.compile(
+        r"^[ \t]*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+([ \t]+\S+)+[ \t\r]*$"
+        r"|CAMERA_ID, MODEL, WIDTH, HEIGHT",
+        re.M,
+    )
+    caveat = "COLMAP's own projection ends at 90°"
+    several = True
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """Cameras of all lines."""
+        cameras = []
+        for number, line in enumerate(text.splitlines(), start=1):
+            words = line.split()
+            if not words or words[0].startswith("#"):
+                continue
+            place = f"{source}: line {number}"
+            if len(words) < 5:
+                raise unexpected(place, LINE, line)
+            name, model, *numbers = words
+            check_choice(model, MODELS, f"{place}: MODEL")
+            width, height = (parse_size(word, place) for word in numbers[:2])
+            values = [parse_number(word, place) for word in numbers[2:]]
+            values = counted(values, MODELS[model], f"{place}: {model}")
+            cameras.append(ParsedCamera(name, _lens(model, (width, height), values, place)))
+        if not cameras:
+            raise unexpected(source, LINE, "no camera")
+        return cameras
+
+    def encode(self, cameras: Sequence[ParsedCamera[ColmapLens]]) -> str:
+        """Text with a line for each camera."""
+        text = "# Camera list with one line of data per camera:\n"
+        text += "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+        text += f"# Number of cameras: {len(cameras)}\n"
+        for camera in cameras:
+            model, values = parameters(camera.lens)
+            size = f"{camera.lens.width_px} {camera.lens.height_px}"
+            numbers = " ".join(repr(float(value)) for value in values)
+            text += f"{camera.name} {model} {size} {numbers}\n"
+        return text
+
+    def camera_name(self, index: int, name: str) -> str:
+        """Name in COLMAP's way: a number."""
+        return name if name.isascii() and name.isdecimal() else str(index + 1)
+
+
+def _lens(model: str, size: tuple[int, int], values: list[float], place: str) -> CentralCamera:
+    if model == "EQUIRECTANGULAR":
+        if tuple(values) != size:
+            raise unexpected(f"{place}: {model}", f"the picture's {size[0]} {size[1]}", values)
+        return EquirectangularCamera(*size)
+    if MODELS[model].startswith("f "):
+        values = [values[0], *values]
+    fx, fy, cx, cy, *shape = values
+    intrinsics = Intrinsics(*size, (fx, fy), (cx - CENTRE_PX, cy - CENTRE_PX))
+    four = (*shape, 0.0, 0.0, 0.0, 0.0)[:4]
+    with error_context(place):
+        if model == "EUCM":
+            return EucmCamera(*intrinsics, *shape)
+        if model == "FOV":
+            return FovLens(*intrinsics, *shape)
+        if model == "FULL_OPENCV":
+            return brown_pinhole(intrinsics, shape, place)
+        if model == "THIN_PRISM_FISHEYE":
+            k1, k2, p1, p2, k3, k4, sx, sy = shape
+            if p1 or p2 or sx or sy:
+                raise CalibrationError(f"{place}: {model}: expected p1, p2, sx1, sy1 = 0")
+            four = k1, k2, k3, k4
+        if model.endswith("FISHEYE"):
+            return KannalaBrandtCamera(*intrinsics, four)
+        return pinhole(intrinsics, four)
+
+
+def parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:
+    """COLMAP's model and its parameters."""
+    if isinstance(lens, EquirectangularCamera):
+        return "EQUIRECTANGULAR", (lens.width_px, lens.height_px)
+    u, v = lens.principal_point_px
+    start = (*lens.focal_lengths_px, u + CENTRE_PX, v + CENTRE_PX)
+    if isinstance(lens, EucmCamera):
+        return "EUCM", (*start, lens.alpha, lens.beta)
+    if isinstance(lens, KannalaBrandtCamera):
+        return "OPENCV_FISHEYE", (*start, *lens.coefficients)
+    if isinstance(lens, RationalPolynomialCamera):
+        return "FULL_OPENCV", (*start, *lens.distortion[:8])
+    if lens.k3:
+        return "FULL_OPENCV", (*start, *lens.distortion, 0.0, 0.0, 0.0)
+    if any(lens.distortion):
+        return "OPENCV", (*start, *lens.distortion)
+    return "PINHOLE", start

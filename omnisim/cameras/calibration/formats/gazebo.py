@@ -1,0 +1,259 @@
+"""Gazebo's cameras in SDF: `<camera>` with `<horizontal_fov>`, `<image>` and perhaps `<lens>`.
+
+| type | r = c1 f fun(θ/c2 + c3) | model |
+| --- | --- | --- |
+| no lens, gnomonical | f tan θ | perspective |
+| stereographic | 2 f tan(θ/2) | stereographic |
+| equidistant | f θ | equidistant |
+| equisolid_angle | 2 f sin(θ/2) | equisolid |
+| orthographic | f sin θ | orthographic |
+| custom | by `<custom_function>` | gazebo |
+
+Radii are counted in half widths of the picture. With `scale_to_hfov` f follows from
+`horizontal_fov`: its half reaches the left and right edges; without, f is the custom function's.
+`cutoff_angle` is θ_max. The axis is in the picture's middle; `<intrinsics>`, which pinhole cameras
+may have, count pixels from the first one's corner.
+
+Source: SDFormat's specification, camera/lens; Gazebo's wide-angle camera.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from xml.etree.ElementTree import Element, tostring
+
+from omnisim.cameras.calibration.documents import parse_xml
+from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
+from omnisim.cameras.calibration.fields import check_choice, parse_number, parse_size, unexpected
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    Format,
+    MetadataPlace,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras.models.equisolid import EquisolidCamera
+from omnisim.cameras.models.gazebo import GazeboCamera
+from omnisim.cameras.models.orthographic import OrthographicCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.stereographic import StereographicCamera
+from omnisim.core.errors import CalibrationError
+
+GazeboFisheye = EquidistantCamera | EquisolidCamera | OrthographicCamera | StereographicCamera
+TYPES: Mapping[str, type[GazeboFisheye]] = {
+    "stereographic": StereographicCamera,
+    "equidistant": EquidistantCamera,
+    "equisolid_angle": EquisolidCamera,
+    "orthographic": OrthographicCamera,
+}
+FUNCTIONS = {"sin": math.sin, "tan": math.tan, "id": float}
+DEFAULT_CUTOFF_RAD = 1.5707
+CORNER_PX = 0.5  # from the first pixel's corner to its centre
+GazeboLens = PerspectiveCamera | GazeboCamera
+
+
+class Gazebo(Format[GazeboLens]):
+    """The format of Gazebo's cameras."""
+
+    name = "gazebo"
+    title = "Gazebo: SDF camera with lens"
+    suffix = ".sdf"
+    models = (PerspectiveCamera, GazeboCamera)
+    fits = ((GazeboCamera, ANY),)
+    signature = re.compile(r"\A\s*(?=<).*<(lens|horizontal_fov)\b", re.S)
+    metadata_place = MetadataPlace.XML
+    centred = True
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """All cameras with a field of view."""
+        root = parse_xml(text, source)
+        parents = {child: parent for parent in root.iter() for child in parent}
+        elements = [one for one in root.iter("camera") if one.find("horizontal_fov") is not None]
+        if not elements:
+            raise unexpected(source, "a <camera> with a <horizontal_fov>", "none")
+        cameras = []
+        for name, element in zip(_names(elements, parents), elements, strict=True):
+            place = f"{source}: {name}"
+            with error_context(place):
+                cameras.append(ParsedCamera(name, read_lens(element, place)))
+        return cameras
+
+    def encode(self, cameras: Sequence[ParsedCamera[GazeboLens]]) -> str:
+        """Text of a world with the camera."""
+        (camera,) = cameras
+        lens = camera.lens
+        half = 0.5 * lens.width_px
+        if isinstance(lens, PerspectiveCamera):
+            sensor, fov = "camera", 2.0 * math.atan(half / lens.focal_length_px)
+            inner = _intrinsics_xml(lens)
+        else:
+            sensor, inner = "wideanglecamera", _custom_function_xml(lens)
+            edge = lens.ray_from_pixel((lens.width_px - 0.5, lens.principal_point_px[1])).directions
+            fov = 2.0 * math.atan2(math.hypot(edge[0], edge[1]), edge[2])
+        element = Element("camera", name=camera.name)
+        opening = tostring(element, encoding="unicode").replace(" />", ">")
+        return f"""<?xml version="1.0"?>
+<sdf version="1.9">
+  <sensor name="camera" type="{sensor}">
+    {opening}
+      <horizontal_fov>{fov!r}</horizontal_fov>
+      <image>
+        <width>{lens.width_px}</width>
+        <height>{lens.height_px}</height>
+      </image>
+      <lens>
+{inner}      </lens>
+    </camera>
+  </sensor>
+</sdf>
+"""
+
+    def unsupported(self, lens: GazeboLens) -> str | None:
+        """Refuses a wide lens whose axis is beside the picture's middle."""
+        if isinstance(lens, PerspectiveCamera):
+            return None
+        u, v = lens.principal_point_px
+        off_u, off_v = u - 0.5 * (lens.width_px - 1), v - 0.5 * (lens.height_px - 1)
+        off = math.hypot(off_u, off_v)
+        if off > 1e-9:
+            return f"its axis is in the picture's middle, this one's {off:.3g} px beside it"
+        return None
+
+
+def _names(cameras: Sequence[Element], parents: Mapping[Element, Element]) -> list[str]:
+    """Distinct names: the cameras' own, their sensors', or numbers where both do not suffice."""
+    if len(cameras) == 1:
+        sensor = parents.get(cameras[0], cameras[0])
+        return [cameras[0].get("name") or sensor.get("name") or "camera"]
+    for elements in (cameras, [parents.get(camera, camera) for camera in cameras]):
+        names = [element.get("name") for element in elements]
+        if all(names) and len(set(names)) == len(names):
+            return [str(name) for name in names]
+    return [f"camera{index}" for index in range(len(cameras))]
+
+
+def read_lens(camera: Element, place: str) -> CentralCamera:
+    """Lens of a `<camera>`.
+
+    Raises:
+        CalibrationError: naming place, expected and found value.
+    """
+    size = _size(camera, "image/width", place), _size(camera, "image/height", place)
+    fov = _number(camera, "horizontal_fov", None, place)
+    if not 0.0 < fov <= 2.0 * math.pi + 1e-5:
+        raise unexpected(f"{place}: horizontal_fov", "more than 0 and at most 2π", fov)
+    middle = 0.5 * (size[0] - 1), 0.5 * (size[1] - 1)
+    for key in ("k1", "k2", "k3", "p1", "p2"):
+        coefficient = _number(camera, f"distortion/{key}", 0.0, place)
+        if coefficient:
+            expected = "0, as it distorts the picture after the lens"
+            raise unexpected(f"{place}: distortion/{key}", expected, coefficient)
+    lens = camera.find("lens")
+    kind = (lens.findtext("type") or "").strip() if lens is not None else "gnomonical"
+    if lens is None or kind in ("", "gnomonical"):
+        return _pinhole(camera, size, fov, middle, place)
+    check_choice(kind, ("gnomonical", *TYPES, "custom"), f"{place}: lens/type")
+    cutoff = min(_number(camera, "lens/cutoff_angle", DEFAULT_CUTOFF_RAD, place), math.pi)
+    scaled, half = _flag(lens, "scale_to_hfov", place), 0.5 * size[0]
+    if kind == "custom":
+        function = (camera.findtext("lens/custom_function/fun") or "tan").strip()
+        check_choice(function, FUNCTIONS, f"{place}: fun")
+        c1, c2, c3, f = (
+            _number(camera, f"lens/custom_function/{key}", default, place)
+            for key, default in (("c1", 1.0), ("c2", 1.0), ("c3", 0.0), ("f", 1.0))
+        )
+        focal = half * (_focal_from_fov(fov, c1, c2, c3, function, place) if scaled else f)
+        return GazeboCamera(*size, focal, middle, c1, c2, c3, function, cutoff)
+    model = TYPES[kind]
+    c1, c2, function = IDEAL_FISHEYES[model]
+    focal = half * (_focal_from_fov(fov, c1, c2, 0.0, function, place) if scaled else 1.0)
+    return model(*size, focal, middle, min(cutoff, model.largest_theta_rad))
+
+
+def _focal_from_fov(
+    fov: float, c1: float, c2: float, c3: float, function: str, place: str
+) -> float:
+    """f in half widths, with which half the field of view reaches the picture's edge."""
+    if c2 == 0.0:
+        raise unexpected(f"{place}: c2", "more than 0", c2)
+    radius = c1 * FUNCTIONS[function](0.5 * fov / c2 + c3)
+    if not 1e-9 < radius < 1e9:
+        expected = "an angle at which the lens reaches the picture's edge"
+        raise unexpected(f"{place}: horizontal_fov", expected, fov)
+    return 1.0 / radius
+
+
+def _pinhole(
+    camera: Element,
+    size: tuple[int, int],
+    fov: float,
+    middle: tuple[float, float],
+    place: str,
+) -> CentralCamera:
+    if camera.find("lens/intrinsics") is not None:
+        fx, fy, cx, cy, skew = (
+            _number(camera, f"lens/intrinsics/{key}", default, place)
+            for key, default in (("fx", None), ("fy", None), ("cx", None), ("cy", None), ("s", 0.0))
+        )
+        intrinsics = Intrinsics(*size, (fx, fy), (cx - CORNER_PX, cy - CORNER_PX))
+        return pinhole(intrinsics, skew_px=skew)
+    if fov >= math.pi:
+        expected = "less than π of a camera without a wide lens"
+        raise unexpected(f"{place}: horizontal_fov", expected, fov)
+    return PerspectiveCamera(*size, 0.5 * size[0] / math.tan(0.5 * fov), middle)
+
+
+def _number(camera: Element, path: str, default: float | None, place: str) -> float:
+    text = camera.findtext(path)
+    if text is not None:
+        return parse_number(text.strip(), f"{place}: {path}")
+    if default is None:
+        raise CalibrationError(f"{place}: {path}: missing")
+    return default
+
+
+def _size(camera: Element, path: str, place: str) -> int:
+    text = camera.findtext(path)
+    if text is None:
+        raise CalibrationError(f"{place}: {path}: missing")
+    return parse_size(text.strip(), f"{place}: {path}")
+
+
+def _flag(lens: Element, path: str, place: str) -> bool:
+    text = (lens.findtext(path) or "true").strip().lower()
+    check_choice(text, ("true", "1", "false", "0"), f"{place}: lens/{path}")
+    return text in ("true", "1")
+
+
+def _custom_function_xml(lens: GazeboCamera) -> str:
+    return f"""        <type>custom</type>
+        <custom_function>
+          <c1>{lens.c1!r}</c1>
+          <c2>{lens.c2!r}</c2>
+          <c3>{lens.c3!r}</c3>
+          <f>{lens.focal_length_px / (0.5 * lens.width_px)!r}</f>
+          <fun>{lens.function}</fun>
+        </custom_function>
+        <scale_to_hfov>false</scale_to_hfov>
+        <cutoff_angle>{lens.theta_edge_rad!r}</cutoff_angle>
+"""
+
+
+def _intrinsics_xml(lens: PerspectiveCamera) -> str:
+    u, v = lens.principal_point_px
+    focal = lens.focal_length_px
+    return f"""        <type>gnomonical</type>
+        <scale_to_hfov>false</scale_to_hfov>
+        <intrinsics>
+          <fx>{focal!r}</fx>
+          <fy>{focal!r}</fy>
+          <cx>{u + CORNER_PX!r}</cx>
+          <cy>{v + CORNER_PX!r}</cy>
+          <s>0</s>
+        </intrinsics>
+"""

@@ -1,0 +1,193 @@
+"""Kalibr's camchain.yaml.
+
+| camera_model | intrinsics | distortion_model | model |
+| --- | --- | --- | --- |
+| pinhole | fu fv pu pv | radtan, none | perspective, unified with ξ = 0 |
+| pinhole | fu fv pu pv | equidistant | kannala_brandt |
+| pinhole | fu fv pu pv | fov | fitted: no model of ours is it |
+| omni | xi fu fv pu pv | radtan, none | unified |
+| ds | xi alpha fu fv pu pv | none | double_sphere |
+| eucm | alpha beta fu fv pu pv | none | eucm |
+
+Pixels count from the first one's centre, as ours. `T_cn_cnm1` takes the camera before to this one,
+`T_cam_imu` the IMU to it; a camera's stamp plus `timeshift_cam_imu` is the IMU's time. Kalibr reads
+floats only, so that all numbers are written with a point.
+
+Source: Kalibr's wiki, "YAML formats" and "Supported models".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
+from omnisim.cameras.calibration.documents import parse_yaml
+from omnisim.cameras.calibration.fields import (
+    ForeignTable,
+    Matrix,
+    Numbers,
+    Size,
+    check_choice,
+    counted,
+    parse,
+    pose,
+    unexpected,
+)
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    NO_SKEW,
+    Format,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
+from omnisim.cameras.calibration.formats.yaml_text import yaml_floats
+from omnisim.cameras.calibration.fov_lens import FovLens
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.double_sphere import DoubleSphereCamera
+from omnisim.cameras.models.eucm import EucmCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.files.parameters import Number
+
+INTRINSICS = {
+    "pinhole": "fu fv pu pv",
+    "omni": "xi fu fv pu pv",
+    "ds": "xi alpha fu fv pu pv",
+    "eucm": "alpha beta fu fv pu pv",
+}
+DISTORTIONS = {"radtan": "k1 k2 p1 p2", "equidistant": "k1 k2 k3 k4", "fov": "w", "none": ""}
+PAIRS = {
+    "pinhole": ("radtan", "equidistant", "fov", "none"),
+    "omni": ("radtan", "none"),
+    "ds": ("none",),
+    "eucm": ("none",),
+}
+KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCamera
+
+
+class _Camera(ForeignTable):
+    camera_model: str
+    intrinsics: Numbers
+    distortion_model: str
+    distortion_coeffs: tuple[Number, ...] = ()
+    resolution: list[Size]
+    T_cn_cnm1: Matrix | None = None
+    T_cam_imu: Matrix | None = None
+    timeshift_cam_imu: Number = 0.0
+
+
+class Kalibr(Format[KalibrLens]):
+    """The format of Kalibr's camera chains."""
+
+    name = "kalibr"
+    title = "Kalibr: camchain.yaml"
+    suffix = ".yaml"
+    models = (UnifiedCamera, KannalaBrandtCamera, EucmCamera, DoubleSphereCamera)
+    fits = (
+        (UnifiedCamera, NO_SKEW),
+        (KannalaBrandtCamera, ANY),
+        (EucmCamera, ANY),
+        (DoubleSphereCamera, ANY),
+    )
+    signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
+    several = True
+    unified_terms = frozenset({"ξ"})
+
+    def looks_like(self, text: str) -> bool:
+        """True for YAML with a camera model and intrinsics."""
+        is_json = text.lstrip().startswith("{")
+        return not is_json and super().looks_like(text) and "intrinsics" in text
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """Cameras of the chain."""
+        chain = {
+            name: part
+            for name, part in parse_yaml(text, source).items()
+            if isinstance(part, dict) and {"camera_model", "intrinsics"} & part.keys()
+        }
+        if not chain:
+            raise unexpected(source, "cam0: with camera_model, intrinsics, …", "no camera")
+        cameras, before = [], None
+        for name, part in chain.items():
+            place = f"{source}: {name}"
+            fields = parse(part, _Camera, place)
+            poses = tuple(_poses(fields, name, before, place))
+            lens, shift_s = _lens(fields, place), fields.timeshift_cam_imu
+            cameras.append(ParsedCamera(name, lens, poses, shift_s))
+            before = name
+        return cameras
+
+    def encode(self, cameras: Sequence[ParsedCamera[KalibrLens]]) -> str:
+        """Text of the chain."""
+        poses = [pose for camera in cameras for pose in camera.poses]
+        text, before = "", None
+        for camera in cameras:
+            model, numbers, distortion, coefficients = _parameters(camera.lens)
+            text += f"{camera.name}:\n"
+            for key, source in (("T_cn_cnm1", before), ("T_cam_imu", "imu")):
+                matrix = find_pose(poses, camera.name, source) if source else None
+                if matrix is not None:
+                    text += f"  {key}:\n"
+                    text += "".join(f"  - {yaml_floats(row)}\n" for row in matrix.tolist())
+            text += f"  camera_model: {model}\n"
+            text += f"  distortion_coeffs: {yaml_floats(coefficients)}\n"
+            text += f"  distortion_model: {distortion}\n"
+            text += f"  intrinsics: {yaml_floats(numbers)}\n"
+            text += f"  resolution: [{camera.lens.width_px}, {camera.lens.height_px}]\n"
+            text += f"  rostopic: /{camera.name}/image_raw\n"
+            before = camera.name
+        return text
+
+    def camera_name(self, index: int, name: str) -> str:
+        """Name in Kalibr's way: cam0, cam1, …"""
+        return name if re.fullmatch(r"cam\d+", name, re.ASCII) else f"cam{index}"
+
+
+def _lens(fields: _Camera, place: str) -> CentralCamera:
+    model, distortion = fields.camera_model, fields.distortion_model
+    check_choice(model, INTRINSICS, f"{place}: camera_model")
+    check_choice(distortion, PAIRS[model], f"{place}: distortion_model with {model}")
+    numbers = counted(fields.intrinsics, INTRINSICS[model], f"{place}: intrinsics")
+    names = DISTORTIONS[distortion]
+    coefficients = counted(fields.distortion_coeffs, names, f"{place}: distortion_coeffs")
+    width, height = counted(fields.resolution, "width height", f"{place}: resolution")
+    *shape, fu, fv, pu, pv = numbers
+    intrinsics = Intrinsics(int(width), int(height), (fu, fv), (pu, pv))
+    with error_context(place):
+        if model == "ds":
+            return DoubleSphereCamera(*intrinsics, *shape)
+        if model == "eucm":
+            return EucmCamera(*intrinsics, *shape)
+        if distortion == "equidistant":
+            return KannalaBrandtCamera(*intrinsics, tuple(coefficients))
+        if distortion == "fov":
+            return FovLens(*intrinsics, coefficients[0])
+        coefficients = coefficients or [0.0] * 4
+        if model == "omni":
+            return UnifiedCamera(*intrinsics, shape[0], tuple(coefficients))
+        return pinhole(intrinsics, coefficients)
+
+
+def _poses(fields: _Camera, name: str, before: str | None, place: str) -> list[NamedPose]:
+    poses = []
+    if fields.T_cn_cnm1 is not None and before is not None:
+        poses.append(NamedPose(name, before, pose(fields.T_cn_cnm1, f"{place}: T_cn_cnm1")))
+    if fields.T_cam_imu is not None:
+        poses.append(NamedPose(name, "imu", pose(fields.T_cam_imu, f"{place}: T_cam_imu")))
+    return poses
+
+
+def _parameters(lens: KalibrLens) -> tuple[str, tuple[float, ...], str, tuple[float, ...]]:
+    """Model, intrinsics, distortion model and its coefficients."""
+    end = (*lens.focal_lengths_px, *lens.principal_point_px)
+    if isinstance(lens, DoubleSphereCamera):
+        return "ds", (lens.xi, lens.alpha, *end), "none", ()
+    if isinstance(lens, EucmCamera):
+        return "eucm", (lens.alpha, lens.beta, *end), "none", ()
+    if isinstance(lens, KannalaBrandtCamera):
+        return "pinhole", end, "equidistant", lens.coefficients
+    if lens.xi == 0.0:
+        return "pinhole", end, "radtan", lens.distortion[:4]
+    return "omni", (lens.xi, *end), "radtan", lens.distortion[:4]

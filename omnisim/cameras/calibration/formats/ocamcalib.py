@@ -1,0 +1,147 @@
+"""OCamCalib's calib_results.txt: five blocks, with comments between.
+
+    N a0 a1 … a_{N−1}        the polynomial F(ρ)
+    M p0 p1 … p_{M−1}        its inverse: ρ as a polynomial of atan(z/ρ), for cam2world's callers
+    row column               of the centre, from 0 unless a comment says MATLAB or "starting from 1"
+    c d e                    the affine map
+    height width
+
+The toolbox's x is down, y to the right, and it looks along −z; see `cameras/models/ocamcalib.py` for the
+rotation to our axes, the same for lenses and mirrors: only our metadata tell them apart. The
+inverse is fitted here, as the toolbox does it.
+
+Source: Scaramuzza's toolbox, its C functions and calib_results.txt.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+
+from omnisim.cameras.calibration.fields import parse_number, parse_size, unexpected
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.ocamcalib import OcamcalibCamera
+from omnisim.core.errors import CalibrationError
+
+BLOCKS = ("polynomial", "inverse polynomial", "centre", "affine parameters", "image size")
+COUNTS = (0, 0, 2, 3, 2)  # of numbers; 0: the first number is the count of the others
+INVERSE_WITHIN_PX = 0.01  # as the toolbox's findinvpoly
+MAX_INVERSE_COEFFICIENTS = 25
+_FROM_ONE = re.compile(r"^[ \t]*#.*(starting from 1|matlab convention)", re.M | re.I)
+
+
+class Ocamcalib(Format[OcamcalibCamera]):
+    """The format of Scaramuzza's toolbox."""
+
+    name = "ocamcalib"
+    title = "OCamCalib: calib_results.txt"
+    suffix = ".txt"
+    models = (OcamcalibCamera,)
+    fits = ((OcamcalibCamera, ANY),)
+    signature = re.compile(r"^[ \t]*#.*(DIRECT mapping|polynomial coefficients)", re.M | re.I)
+    has_names = False
+
+    def looks_like(self, text: str) -> bool:
+        """True for the toolbox's comments, or for blocks of the right lengths without them."""
+        if super().looks_like(text):
+            return True
+        lines = _lines(text)
+        counts = [len(words) for _, words in lines]
+        return len(lines) == 5 and counts[2:] == [2, 3, 2] and all(map(_is_number, lines[2][1]))
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """The camera."""
+        lines = _lines(text)
+        if len(lines) != len(BLOCKS):
+            blocks_named = f"{len(BLOCKS)} lines of numbers: {', '.join(BLOCKS)}"
+            raise unexpected(source, blocks_named, len(lines))
+        blocks = []
+        for (line, words), block, count in zip(lines, BLOCKS, COUNTS, strict=True):
+            place = f"{source}: line {line}: {block}"
+            values = [parse_number(word, place) for word in words]
+            expected = float(count) if count else values.pop(0)
+            if len(values) != expected:
+                raise CalibrationError(f"{place}: expected {expected:g} numbers, got {len(values)}")
+            blocks.append(values)
+        polynomial, _, (row, column), affine, _ = blocks
+        height, width = (parse_size(word, place) for word in lines[-1][1])
+        first = 1.0 if _FROM_ONE.search(text) else 0.0
+        centre = column - first, row - first
+        with error_context(source):
+            lens = OcamcalibCamera(width, height, centre, tuple(polynomial), tuple(affine))
+        return [ParsedCamera("camera", lens)]
+
+    def encode(self, cameras: Sequence[ParsedCamera[OcamcalibCamera]]) -> str:
+        """Text of the camera, with the inverse polynomial."""
+        (camera,) = cameras
+        lens = camera.lens
+        column, row = lens.principal_point_px
+        inverse = inverse_polynomial(lens)
+        return f"""#polynomial coefficients for the DIRECT mapping function (cam2world)
+
+{len(lens.polynomial)} {_numbers(lens.polynomial)}
+
+#polynomial coefficients for the inverse mapping function (world2cam)
+
+{len(inverse)} {_numbers(inverse)}
+
+#center: "row" and "column", starting from 0 (C convention)
+
+{_numbers((row, column))}
+
+#affine parameters "c", "d", "e"
+
+{_numbers(lens.affine)}
+
+#image size: "height" and "width"
+
+{lens.height_px} {lens.width_px}
+
+"""
+
+
+def _lines(text: str) -> list[tuple[int, list[str]]]:
+    """Numbers and words of the lines that are no comments."""
+    split = ((number, line.split()) for number, line in enumerate(text.splitlines(), start=1))
+    return [(number, words) for number, words in split if words and not words[0].startswith("#")]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        parse_number(word, "")
+    except CalibrationError:
+        return False
+    return True
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
+    """Fewest coefficients of ρ by atan(F(ρ)/ρ) that come within a hundredth of a pixel.
+
+    Over the angles that the picture shows; the toolbox's world2cam needs them.
+    """
+    u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
+    rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+    directions = rays.directions[rays.valid]
+    theta = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
+    highest = min(float(theta.max(initial=0.1)) * 1.05, lens.theta_edge_rad)
+    theta = np.linspace(0.0, highest, 400)
+    unskewed = dataclasses.replace(lens, affine=(1.0, 0.0, 0.0))
+    along_u = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
+    radius = unskewed.pixel_from_ray(along_u).positions_px[:, 0] - lens.principal_point_px[0]
+    elevation = theta - 0.5 * math.pi
+    for degree in range(1, MAX_INVERSE_COEFFICIENTS):
+        fitted = Chebyshev.fit(elevation, radius, degree)
+        if np.abs(fitted(elevation) - radius).max() < INVERSE_WITHIN_PX:
+            break
+    coefficients: list[float] = fitted.convert(kind=Polynomial).coef.tolist()
+    return coefficients

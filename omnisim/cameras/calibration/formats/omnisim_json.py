@@ -1,0 +1,135 @@
+"""omnisim's own json: every camera's parameters by name, mirrors as mirrors, and poses.
+
+    {"omnisim_calibration": 1, "cameras": [{"name": "cam0", "camera": {"model": …}, "poses": […]}]}
+
+A camera's bare `parameters()`, and the `calibration.json` of a run, are read too. Angles are in
+degrees, a pose is `{"target": …, "source": …, "target_from_source": 4 × 4}`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from omnisim.cameras import CAMERA_MODELS, camera_from_parameters
+from omnisim.cameras.calibration.calibrated_camera import NamedPose
+from omnisim.cameras.calibration.documents import parse_json
+from omnisim.cameras.calibration.fields import ForeignTable, Matrix, parse, pose, rows, unexpected
+from omnisim.cameras.calibration.fit import FITTED_MODELS
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    Format,
+    MetadataPlace,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.errors import CalibrationError
+
+VERSION = 1
+
+
+class _Pose(ForeignTable):
+    target: str
+    source: str
+    target_from_source: Matrix
+
+
+class _Camera(ForeignTable):
+    name: str = "camera"
+    camera: dict[str, Any]
+    poses: tuple[dict[str, Any], ...] = ()
+
+
+class _File(ForeignTable):
+    omnisim_calibration: int = VERSION
+    cameras: list[dict[str, Any]]
+
+
+class _RunFile(ForeignTable):
+    camera: dict[str, Any]
+    base_from_optical: Matrix
+
+
+class OmnisimJson(Format[CentralCamera]):
+    """The format of `calibration.json`."""
+
+    name = "omnisim"
+    title = "omnisim: calibration json"
+    suffix = ".json"
+    models = tuple(CAMERA_MODELS.values())
+    fits = tuple((model, ANY) for model in FITTED_MODELS.values())
+    signature = re.compile(
+        rf'\A\s*\{{.*("omnisim_calibration"\s*:|"model"\s*:\s*"({"|".join(CAMERA_MODELS)})")', re.S
+    )
+    metadata_place = MetadataPlace.KEY
+    several = True
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """Cameras of a calibration, a run, or bare parameters."""
+        data = parse_json(text, source)
+        if "cameras" in data or "omnisim_calibration" in data:
+            file = parse(data, _File, source)
+            if file.omnisim_calibration != VERSION:
+                raise unexpected(
+                    f"{source}: omnisim_calibration", str(VERSION), file.omnisim_calibration
+                )
+            return [_parsed(part, f"{source}: cameras.{n}") for n, part in enumerate(file.cameras)]
+        if isinstance(data.get("camera"), dict):
+            run = parse(data, _RunFile, source)
+            matrix = pose(run.base_from_optical, f"{source}: base_from_optical")
+            camera = _camera(run.camera, f"{source}: camera")
+            return [ParsedCamera("camera", camera, (NamedPose("base", "camera", matrix),))]
+        return [ParsedCamera("camera", _camera(data, source))]
+
+    def encode(self, cameras: Sequence[ParsedCamera[CentralCamera]]) -> str:
+        """Text with all parameters and poses."""
+        data = {
+            "omnisim_calibration": VERSION,
+            "cameras": [
+                {
+                    "name": camera.name,
+                    "camera": camera.lens.parameters(),
+                    "poses": [
+                        {
+                            "target": pose.target,
+                            "source": pose.source,
+                            "target_from_source": rows(pose.target_from_source),
+                        }
+                        for pose in camera.poses
+                    ],
+                }
+                for camera in cameras
+            ],
+        }
+        return json.dumps(data, indent=2) + "\n"
+
+    def native(self, camera: CentralCamera) -> CentralCamera:
+        """The camera itself."""
+        return camera
+
+    def unsupported(self, lens: CentralCamera) -> None:
+        """None: it represents every lens."""
+
+
+def _parsed(part: dict[str, Any], place: str) -> ParsedCamera[CentralCamera]:
+    fields = parse(part, _Camera, place)
+    poses = []
+    for index, entry in enumerate(fields.poses):
+        where = f"{place}.poses.{index}"
+        one = parse(entry, _Pose, where)
+        matrix = pose(one.target_from_source, f"{where}.target_from_source")
+        poses.append(NamedPose(one.target, one.source, matrix))
+    camera = _camera(fields.camera, f"{place}.camera")
+    return ParsedCamera(fields.name or "camera", camera, tuple(poses))
+
+
+def _camera(parameters: dict[str, Any], place: str) -> CentralCamera:
+    with error_context(place):
+        camera = camera_from_parameters(parameters)
+        unknown = parameters.keys() - camera.parameters().keys() - {"mirrored"}
+        if unknown:
+            raise CalibrationError(f"{place}: {min(unknown)}: unknown key of a {camera.model_name}")
+        return camera

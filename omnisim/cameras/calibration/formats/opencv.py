@@ -1,0 +1,233 @@
+"""OpenCV's calibrations as cv2.FileStorage writes them: omnidir, fisheye, and pinhole.
+
+| format | matrices | model |
+| --- | --- | --- |
+| opencv_omnidir | K with skew, D = k1 k2 p1 p2, xi | unified |
+| opencv_fisheye | K, D = k1 k2 k3 k4 | kannala_brandt |
+| opencv_pinhole | K, D = k1 k2 p1 p2 (k3) | perspective, unified with ξ = 0 |
+| | K, D = k1 k2 p1 p2 k3 k4 k5 k6 (s1 s2 s3 s4 (τx τy)) | rational_polynomial |
+
+The matrices are `camera_matrix` and `distortion_coefficients`, or `K` and `D`; the size is
+`image_width` and `image_height`, or `image_size`. Pixels count from the first one's centre, as
+ours. Four coefficients without xi may be a fisheye's or a pinhole's: `fisheye_model` states which,
+as OpenCV's own calibration program writes it, or the named format.
+
+Beware: cv2.fisheye is wrong past 90°, and cv2.omnidir projects rays past the fold silently.
+
+Source: OpenCV's modules calib3d and ccalib, and their calibration programs.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from omnisim.cameras.calibration.documents import parse_yaml
+from omnisim.cameras.calibration.fields import (
+    ForeignTable,
+    Numbers,
+    Size,
+    counted,
+    parse,
+    unexpected,
+)
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    NO_SKEW,
+    PINHOLE,
+    Format,
+    LensT,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.calibration.formats.pinhole import (
+    Intrinsics,
+    brown_pinhole,
+    check_no_skew,
+    fisheye,
+    matrix_intrinsics,
+)
+from omnisim.cameras.calibration.formats.yaml_text import yaml_float, yaml_matrix
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.errors import CalibrationError
+from omnisim.core.files.parameters import Number
+
+OpencvPinholeLens = UnifiedCamera | RationalPolynomialCamera
+MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K")
+DISTORTION_KEYS = (
+    "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D",
+)  # fmt: skip
+IS_YAML = re.compile(r"\A\s*%YAML|!!opencv-matrix")
+HAS_XI = re.compile(r"^[ \t]*xi[ \t]*:", re.M)
+IS_FISHEYE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*1\b", re.M)
+IS_PINHOLE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*0\b", re.M)
+
+
+class _Picture(ForeignTable):
+    image_width: Size
+    image_height: Size
+
+
+class _Matrix(ForeignTable):
+    rows: int
+    cols: int
+    data: Numbers
+
+
+class _Xi(ForeignTable):
+    xi: Number
+
+
+class _File(NamedTuple):
+    """Contents of a file: all of it, and the parts that each kind has."""
+
+    data: dict[str, Any]
+    source: str
+    intrinsics: Intrinsics
+    skew_px: float
+    coefficients: list[float]
+    place: str  # of the coefficients, for messages
+
+
+class _Opencv(Format[LensT]):
+    """Base of OpenCV's formats: sizes, K and D."""
+
+    suffix = ".yaml"
+    has_names = False
+
+    def looks_like(self, text: str) -> bool:
+        """True for YAML of `cv2.FileStorage` with this kind of camera."""
+        is_opencv = bool(IS_YAML.search(text)) and "!!opencv-matrix" in text
+        return is_opencv and _kind(text) is type(self)
+
+    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """The camera."""
+        data = parse_yaml(text, source)
+        if "image_size" in data and "image_width" not in data:
+            size = data["image_size"]
+            size = size.get("data") if isinstance(size, dict) else size
+            if isinstance(size, list) and len(size) == 2:
+                data["image_width"], data["image_height"] = size
+        picture = parse(data, _Picture, source)
+        key, matrix = _matrix(data, MATRIX_KEYS, source)
+        size_px = picture.image_width, picture.image_height
+        intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {key}")
+        if "skew" not in self.unified_terms:
+            check_no_skew(skew_px, f"{source}: {key}")
+        key, coefficients = _matrix(data, DISTORTION_KEYS, source)
+        file = _File(data, source, intrinsics, skew_px, coefficients, f"{source}: {key}")
+        with error_context(source):
+            return [ParsedCamera("camera", self._lens(file))]
+
+    @abstractmethod
+    def _lens(self, file: _File) -> CentralCamera:
+        """Lens of a file."""
+
+
+class OpencvOmnidir(_Opencv[UnifiedCamera]):
+    """The format of `cv2.omnidir`."""
+
+    name = "opencv_omnidir"
+    title = "OpenCV: omnidir yaml"
+    unified_terms = frozenset({"ξ", "skew"})
+    models = (UnifiedCamera,)
+    fits = ((UnifiedCamera, NO_SKEW),)
+
+    def _lens(self, file: _File) -> CentralCamera:
+        if isinstance(file.data.get("xi"), dict):
+            place = f"{file.source}: xi"
+            (xi,) = counted(parse(file.data["xi"], _Matrix, place).data, "xi", place)
+        else:
+            xi = parse(file.data, _Xi, file.source).xi
+        four = tuple(counted(file.coefficients, "k1 k2 p1 p2", file.place))
+        return UnifiedCamera(*file.intrinsics, xi, four, file.skew_px)
+
+    def encode(self, cameras: Sequence[ParsedCamera[UnifiedCamera]]) -> str:
+        """Text of the camera."""
+        (camera,) = cameras
+        lens = camera.lens
+        return _encode(lens, lens.distortion, lens.skew_px) + f"xi: {yaml_float(lens.xi)}\n"
+
+
+class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
+    """The format of `cv2.fisheye`."""
+
+    name = "opencv_fisheye"
+    title = "OpenCV: fisheye yaml"
+    models = (KannalaBrandtCamera,)
+    fits = ((KannalaBrandtCamera, ANY),)
+    caveat = "cv2.fisheye's own projection is wrong past 90°"
+
+    def _lens(self, file: _File) -> CentralCamera:
+        return fisheye(file.intrinsics, file.coefficients, file.place)
+
+    def encode(self, cameras: Sequence[ParsedCamera[KannalaBrandtCamera]]) -> str:
+        """Text of the camera."""
+        (camera,) = cameras
+        return _encode(camera.lens, camera.lens.coefficients) + "fisheye_model: 1\n"
+
+
+class OpencvPinhole(_Opencv[OpencvPinholeLens]):
+    """The format of `cv2.calibrateCamera`."""
+
+    name = "opencv_pinhole"
+    title = "OpenCV: pinhole yaml"
+    unified_terms = frozenset({"k3", "thin prism or tilt"})
+    models = (UnifiedCamera, RationalPolynomialCamera)
+    fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY))
+    max_theta_rad = 0.5 * math.pi
+
+    def ambiguity(self, text: str, source: str) -> str | None:
+        """Four coefficients may be a fisheye's or a pinhole's."""
+        key, coefficients = _matrix(parse_yaml(text, source), DISTORTION_KEYS, source)
+        if len(coefficients) != 4 or IS_PINHOLE.search(text):
+            return None
+        return (
+            f"{key}: 4 numbers, of a fisheye or of a pinhole camera: pass --format opencv_fisheye "
+            "or opencv_pinhole, or say fisheye_model: 1 or 0 in the file"
+        )
+
+    def _lens(self, file: _File) -> CentralCamera:
+        return brown_pinhole(file.intrinsics, file.coefficients, file.place)
+
+    def encode(self, cameras: Sequence[ParsedCamera[OpencvPinholeLens]]) -> str:
+        """Text of the camera."""
+        (camera,) = cameras
+        return _encode(camera.lens, camera.lens.distortion) + "fisheye_model: 0\n"
+
+
+def _kind(text: str) -> type[_Opencv[Any]]:
+    """Format of an OpenCV text."""
+    if HAS_XI.search(text):
+        return OpencvOmnidir
+    return OpencvFisheye if IS_FISHEYE.search(text) else OpencvPinhole
+
+
+def _matrix(data: dict[str, Any], keys: Sequence[str], source: str) -> tuple[str, list[float]]:
+    key = next((key for key in keys if key in data), None)
+    if key is None:
+        raise CalibrationError(f"{source}: {keys[0]}: missing")
+    matrix = parse(data[key], _Matrix, f"{source}: {key}")
+    if len(matrix.data) != matrix.rows * matrix.cols:
+        size = f"{matrix.rows} × {matrix.cols} numbers"
+        raise unexpected(f"{source}: {key}", size, len(matrix.data))
+    return key, list(matrix.data)
+
+
+def _encode(
+    lens: OpencvPinholeLens | KannalaBrandtCamera,
+    distortion: Sequence[float],
+    skew_px: float = 0.0,
+) -> str:
+    (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
+    k = [fx, skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    text = f"%YAML:1.0\n---\nimage_width: {lens.width_px}\nimage_height: {lens.height_px}\n"
+    text += yaml_matrix("camera_matrix", 3, 3, k, opencv=True)
+    count = len(distortion)
+    return text + yaml_matrix("distortion_coefficients", count, 1, distortion, opencv=True)

@@ -1,0 +1,97 @@
+"""Pinhole cameras with Brown's distortion, and camera matrices, which many formats share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from omnisim.cameras.calibration.equivalents import equivalent
+from omnisim.cameras.calibration.fields import counted, unexpected
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+
+COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # OpenCV's
+
+
+class Intrinsics(NamedTuple):
+    """First parameters of all models with two focal lengths."""
+
+    width_px: int
+    height_px: int
+    focal_lengths_px: tuple[float, float]
+    principal_point_px: tuple[float, float]
+
+
+def matrix_intrinsics(
+    size_px: tuple[int, int], matrix: Sequence[float], place: str
+) -> tuple[Intrinsics, float]:
+    """Intrinsics and skew of a camera matrix K, row by row; `place` names it in messages.
+
+    Raises:
+        CalibrationError: not nine numbers, or not those of a camera matrix.
+    """
+    fx, skew, cx, zero, fy, cy, *last_row = counted(matrix, "fx s cx 0 fy cy 0 0 1", place)
+    if [zero, *last_row] != [0.0, 0.0, 0.0, 1.0]:
+        raise unexpected(place, "[fx, s, cx, 0, fy, cy, 0, 0, 1]", matrix)
+    return Intrinsics(*size_px, (fx, fy), (cx, cy)), skew
+
+
+def check_no_skew(skew_px: float, place: str) -> None:
+    """Refuse a skew.
+
+    Raises:
+        CalibrationError: naming the camera matrix.
+    """
+    if skew_px:
+        raise unexpected(place, "no skew", skew_px)
+
+
+def fisheye(
+    intrinsics: Intrinsics, coefficients: Sequence[float], place: str
+) -> KannalaBrandtCamera:
+    """Kannala-Brandt lens of k1, k2, k3, k4; `place` names these in messages.
+
+    Raises:
+        CalibrationError: not four coefficients.
+        OpticsError: numbers that no camera has.
+    """
+    four = counted(coefficients, "k1 k2 k3 k4", place)
+    return KannalaBrandtCamera(*intrinsics, tuple(four))
+
+
+def pinhole(
+    intrinsics: Intrinsics, distortion: Sequence[float] = (0.0,) * 4, skew_px: float = 0.0
+) -> CentralCamera:
+    """Pinhole camera with k1, k2, p1, p2 (k3): unified with ξ = 0, or the perspective one.
+
+    Raises:
+        OpticsError: numbers that no camera has.
+    """
+    unified = UnifiedCamera(*intrinsics, 0.0, tuple(distortion), skew_px)
+    return equivalent(unified, PerspectiveCamera) or unified
+
+
+def brown_pinhole(
+    intrinsics: Intrinsics, coefficients: Sequence[float], place: str
+) -> CentralCamera:
+    """Pinhole camera with OpenCV's coefficients, in the simplest model that has them.
+
+    Args:
+        intrinsics: size, focal lengths and principal point.
+        coefficients: none, k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, τx τy, in OpenCV's order.
+        place: file and key for messages.
+
+    Raises:
+        CalibrationError: another number of coefficients.
+        OpticsError: numbers that no camera has.
+    """
+    if len(coefficients) not in COEFFICIENT_COUNTS:
+        expected = "k1, k2, p1, p2, k3 and optionally k4, k5, k6, s1, s2, s3, s4, τx, τy"
+        raise unexpected(place, expected, list(coefficients))
+    used = (*map(float, coefficients), *(0.0,) * 8)[: max(8, len(coefficients))]
+    if any(used[5:]):
+        return RationalPolynomialCamera(*intrinsics, used)
+    return pinhole(intrinsics, used[:5] if used[4] else used[:4])

@@ -1,0 +1,54 @@
+"""FOV lens of Kalibr and COLMAP, which readers replace by the nearest of omnisim's models.
+
+    r = atan(2 tan θ tan(w/2))/w
+
+Source: Devernay & Faugeras, "Straight lines have to be straight", 2001.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.errors import OpticsError
+
+MAX_THETA_RAD = math.radians(88.9)
+
+
+@dataclass(frozen=True)
+class FovLens(TwoFocalCamera, RadialCamera):
+    """Lens of the FOV model.
+
+    Attributes:
+        width_px, height_px: size of the image.
+        focal_lengths_px: (fx, fy).
+        principal_point_px: (u, v) of the optical axis.
+        w: field of view of the ideal fisheye, in radians.
+
+    Raises:
+        OpticsError: w is not between 0 and π.
+    """
+
+    w: float
+    model_name = "fov"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1e-6 < self.w < math.pi:
+            raise OpticsError(f"camera: w: expected more than 0 and less than π, got {self.w:g}")
+
+    @property
+    def theta_edge_rad(self) -> float:
+        """Angle from +z where the domain ends."""
+        return MAX_THETA_RAD
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.arctan(2.0 * math.tan(0.5 * self.w) * np.tan(theta)) / self.w)
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.arctan(np.tan(radius * self.w) / (2.0 * math.tan(0.5 * self.w))))

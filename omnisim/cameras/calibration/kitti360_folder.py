@@ -1,0 +1,66 @@
+"""KITTI-360's calibration folder: fisheyes in files of their own, and all cameras' extrinsics.
+
+    calib_cam_to_pose.txt   `image_02: ` and a 3 × 4 matrix a line: the camera to the IMU
+    image_02.yaml …         the fisheyes, see formats/camodocal.py
+
+The perspective cameras of perspective.txt are not read.
+Source: KITTI-360's documentation, "Calibrations".
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, NamedPose
+from omnisim.cameras.calibration.documents import read_text
+from omnisim.cameras.calibration.fields import counted, parse_number, pose
+from omnisim.cameras.calibration.read import read_cameras
+from omnisim.core.errors import CalibrationError
+
+EXTRINSICS = "calib_cam_to_pose.txt"
+FORMAT = "kitti360"
+BODY = "imu"
+NUMBERS = " ".join(f"r{row}{column}" for row in "123" for column in "123t")
+
+
+def read_kitti360_folder(folder: Path, mirrored: bool | None) -> tuple[CalibratedCamera, ...]:
+    """Fisheyes of a folder with their poses on the IMU, at least one.
+
+    Raises:
+        CalibrationError: no such folder, or a file with a fault.
+    """
+    path = folder / EXTRINSICS
+    if not path.is_file():
+        raise CalibrationError(
+            f"{folder}: expected a calibration file, or KITTI-360's folder with {EXTRINSICS}, got "
+            "another folder"
+        )
+    cameras = []
+    for name, matrix in _extrinsics(path).items():
+        file = folder / f"{name}.yaml"
+        if file.is_file():
+            ((camera,), _) = read_cameras(file, FORMAT, mirrored)
+            poses = (NamedPose(BODY, name, matrix),)
+            cameras.append(dataclasses.replace(camera, name=name, poses=poses))
+    if not cameras:
+        raise CalibrationError(f"{folder}: expected image_02.yaml or image_03.yaml, got neither")
+    return tuple(cameras)
+
+
+def _extrinsics(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Poses (4, 4) imu_from_camera by the cameras' names."""
+    found = {}
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        name, colon, words = line.partition(":")
+        if not line.strip():
+            continue
+        place = f"{path}:{number}"
+        if not colon:
+            raise CalibrationError(f"{place}: expected image_00: and 12 numbers, got {line[:40]!r}")
+        values = counted([parse_number(word, place) for word in words.split()], NUMBERS, place)
+        found[name.strip()] = pose(np.reshape(values, (3, 4)).tolist(), place)
+    return found

@@ -1,0 +1,334 @@
+"""Linear initialisation of a fit: for each model the linear problem that is nearest to the fit.
+
+All take the picture as a plane scaled to its axis, with the source's principal point and ratio of
+focal lengths, and use the angle θ from +z and the radius r there alone. Where the source is
+symmetric about its axis and the target can be the same lens, this is the answer already: the
+unified models, for one, have r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
+from omnisim.cameras.models.double_sphere import DoubleSphereCamera
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras.models.equisolid import EquisolidCamera
+from omnisim.cameras.models.eucm import EucmCamera
+from omnisim.cameras.models.f_theta import FThetaCamera
+from omnisim.cameras.models.field_of_view import angles_from_axis
+from omnisim.cameras.models.gazebo import FUNCTIONS, GazeboCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.ocamcalib import OcamcalibCamera
+from omnisim.cameras.models.orthographic import OrthographicCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.radial_table import RadialTableCamera
+from omnisim.cameras.models.radial_tangential import RadialTangential
+from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
+from omnisim.cameras.models.stereographic import StereographicCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.plane_camera import PlaneCamera
+from omnisim.core.errors import OpticsError
+
+MIN_SAMPLES = 20
+MAX_ALPHA = 0.99  # ξ = 99 for the unified model, beyond which the picture hardly changes
+STEEPEST_RAD = math.radians(80.0)  # further out a tangent's pixels would drown all others
+TABLE_NODES = 48
+OCAMCALIB_POWERS = (0, 2, 3, 4, 5, 6)  # a1 = 0: the picture is smooth at the axis
+IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | OrthographicCamera
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Pixels of the source and their rays, in the target's optical frame.
+
+    Attributes:
+        pixels_px: (n, 2).
+        directions: (n, 3), unit.
+        on_area: (n,) spread evenly over the picture; the others are on its edge.
+    """
+
+    pixels_px: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    on_area: NDArray[np.bool_]
+
+    @cached_property
+    def theta_rad(self) -> NDArray[np.float64]:
+        """Angles (n,) of the rays from +z."""
+        return angles_from_axis(self.directions, 1.0)
+
+    def subset(self, mask: NDArray[np.bool_]) -> Samples:
+        """Samples of a mask (n,)."""
+        return Samples(self.pixels_px[mask], self.directions[mask], self.on_area[mask])
+
+    def rotated(self, rotation: NDArray[np.float64]) -> Samples:
+        """The same samples with rays in rotated axes; themselves, where nothing is rotated."""
+        if np.array_equal(rotation, np.eye(3)):
+            return self  # to the last bit
+        return Samples(self.pixels_px, self.directions @ rotation.T, self.on_area)
+
+
+class Profile(NamedTuple):
+    """Profile of the source as a radially symmetric lens.
+
+    Attributes:
+        size: the picture's width and height in px.
+        centre_px: (u, v) of the axis.
+        aspect: focal length along v over that along u.
+        theta_rad: (n,) angles from +z.
+        radii_px: (n,) distances from the axis, in pixels along u.
+    """
+
+    size: tuple[int, int]
+    centre_px: tuple[float, float]
+    aspect: float
+    theta_rad: NDArray[np.float64]
+    radii_px: NDArray[np.float64]
+
+    def intrinsics(
+        self, focal_px: float
+    ) -> tuple[int, int, tuple[float, float], tuple[float, float]]:
+        """Size, focal lengths along u and v, and principal point."""
+        return *self.size, (focal_px, focal_px * self.aspect), self.centre_px
+
+
+def radial_profile(
+    camera: CentralCamera, samples: Samples, centre_px: tuple[float, float] | None = None
+) -> Profile:
+    """Profile of a camera about its principal point, or another centre for the target.
+
+    Raises:
+        OpticsError: too few samples in front of the target.
+    """
+    if len(samples.theta_rad) < MIN_SAMPLES or samples.theta_rad.min() > math.radians(170.0):
+        raise OpticsError("it shows next to nothing that could be compared")
+    scale = camera.pixels_per_plane if isinstance(camera, PlaneCamera) else 1.0
+    aspect = scale[1] / scale[0] if isinstance(scale, tuple) else 1.0
+    u, v = camera.principal_point_px
+    offset = (samples.pixels_px - (u, v)) / (1.0, aspect)
+    radii = np.hypot(offset[:, 0], offset[:, 1])
+    size = camera.width_px, camera.height_px
+    centre = (float(u), float(v)) if centre_px is None else centre_px
+    return Profile(size, centre, aspect, samples.theta_rad, radii)
+
+
+def linear_fit(
+    model: type[ParametricCamera], profile: Profile, is_pinhole: bool
+) -> ParametricCamera:
+    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 if it is a pinhole.
+
+    Raises:
+        OpticsError: there is no such camera.
+    """
+    return _pinhole(profile) if is_pinhole else FITTED[model].initialise(profile)
+
+
+def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solution of a linear least-squares problem, its columns scaled to the same length."""
+    matrix = np.stack(columns, axis=-1)
+    lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    solution: NDArray[np.float64] = (
+        np.linalg.lstsq(matrix / lengths, values, rcond=None)[0] / lengths
+    )
+    return solution
+
+
+def _alpha_and_focal(profile: Profile) -> tuple[float, float]:
+    """α and f of r (α + (1 − α) cos θ) = f sin θ, from the angles that such a model can see."""
+    theta, radius = profile.theta_rad, profile.radii_px
+    alpha, focal = 0.5, 1.0
+    for _ in range(8):
+        sine, cosine = np.sin(theta), np.cos(theta)
+        alpha, focal = _solve([radius * (1.0 - cosine), -sine], -radius * cosine)
+        alpha = float(alpha)
+        if abs(alpha) < 1e-12 or abs(alpha - 1.0) < 1e-12:
+            alpha = round(alpha)  # rounding, where the model ends
+        if not 0.0 <= alpha <= 1.0:
+            alpha = min(max(alpha, 0.0), 1.0)
+            spread = sine / np.maximum(alpha + (1.0 - alpha) * cosine, 0.1)
+            focal = float(radius @ spread / (spread @ spread))
+        w = alpha / (1.0 - alpha) if alpha <= 0.5 else (1.0 - alpha) / alpha
+        seen = profile.theta_rad < math.acos(-w) + 1e-9
+        if seen.sum() < 20 or np.array_equal(profile.theta_rad[seen], theta):
+            break
+        theta, radius = profile.theta_rad[seen], profile.radii_px[seen]
+    return alpha, max(float(focal), 1e-6)
+
+
+def _perspective_focal(profile: Profile) -> float:
+    """f of r cos θ = f sin θ, from the angles in front."""
+    front = profile.theta_rad < STEEPEST_RAD
+    if not front.any():
+        raise OpticsError("it sees nothing in front")
+    sine = np.sin(profile.theta_rad[front])
+    radius = profile.radii_px[front] * np.cos(profile.theta_rad[front])
+    return max(float(radius @ sine / (sine @ sine)), 1e-6)
+
+
+def _unified(profile: Profile) -> UnifiedCamera:
+    alpha, focal = _alpha_and_focal(profile)
+    alpha = min(alpha, MAX_ALPHA)
+    xi = alpha / (1.0 - alpha)
+    return UnifiedCamera(*profile.intrinsics(focal * (1.0 + xi)), xi)
+
+
+def _pinhole(profile: Profile) -> UnifiedCamera:
+    """The unified model with ξ = 0: r = f (t + k1 t³ + k2 t⁵), t = tan θ, if that does not fold."""
+    focal, distortion = _perspective_focal(profile), (0.0, 0.0, 0.0, 0.0)
+    front = profile.theta_rad < STEEPEST_RAD
+    tangent = np.tan(profile.theta_rad[front])
+    first, third, fifth = _solve([tangent, tangent**3, tangent**5], profile.radii_px[front])
+    if first > 0.0:
+        k1, k2 = float(third / first), float(fifth / first)
+        residuals = profile.radii_px[front] - focal * tangent
+        # rounding of a lens without distortion is none
+        is_distorted = np.abs(residuals).max() > 1e-9 * focal
+        if is_distorted and RadialTangential(k1, k2, 0.0, 0.0).radius_limit(10.0) > tangent.max():
+            focal, distortion = float(first), (k1, k2, 0.0, 0.0)
+    return UnifiedCamera(*profile.intrinsics(focal), 0.0, distortion)
+
+
+def _rational(profile: Profile) -> RationalPolynomialCamera:
+    pinhole = _pinhole(profile)
+    distortion = (*pinhole.distortion, *(0.0,) * 8)[:8]
+    return RationalPolynomialCamera(*profile.intrinsics(pinhole.focal_lengths_px[0]), distortion)
+
+
+def _eucm(profile: Profile) -> EucmCamera:
+    alpha, focal = _alpha_and_focal(profile)
+    return EucmCamera(*profile.intrinsics(focal), alpha, beta=1.0)
+
+
+def _double_sphere(profile: Profile) -> DoubleSphereCamera:
+    alpha, focal = _alpha_and_focal(profile)
+    return DoubleSphereCamera(*profile.intrinsics(focal), 0.0, alpha)
+
+
+def _kannala_brandt(profile: Profile) -> KannalaBrandtCamera:
+    powers = [profile.theta_rad**power for power in (1, 3, 5, 7, 9)]
+    first, *others = _solve(powers, profile.radii_px)
+    coefficients = tuple(float(one / first) for one in others)
+    return KannalaBrandtCamera(*profile.intrinsics(float(first)), coefficients)
+
+
+def _f_theta(profile: Profile) -> FThetaCamera:
+    powers = [profile.theta_rad**power for power in (1, 2, 3, 4)]
+    coefficients_px = tuple(_solve(powers, profile.radii_px).tolist())
+    return FThetaCamera(
+        *profile.size, profile.centre_px, coefficients_px, aspect_ratio=profile.aspect
+    )
+
+
+def _f_theta_inverse(profile: Profile) -> FThetaInverseCamera:
+    powers = [profile.radii_px**power for power in (1, 2, 3, 4, 5)]
+    coefficients = tuple(_solve(powers, profile.theta_rad).tolist())
+    return FThetaInverseCamera(*profile.size, profile.centre_px, coefficients)
+
+
+def _ocamcalib(profile: Profile) -> OcamcalibCamera:
+    # F(ρ) sin θ = −ρ cos θ
+    sine, cosine = np.sin(profile.theta_rad), np.cos(profile.theta_rad)
+    columns = [sine * profile.radii_px**power for power in OCAMCALIB_POWERS]
+    a0, *others = _solve(columns, -profile.radii_px * cosine).tolist()
+    affine = (profile.aspect, 0.0, 0.0)
+    return OcamcalibCamera(*profile.size, profile.centre_px, (a0, 0.0, *others), affine)
+
+
+def _radial_table(profile: Profile) -> RadialTableCamera:
+    order = np.argsort(profile.theta_rad)
+    theta, radius = profile.theta_rad[order], np.maximum.accumulate(profile.radii_px[order])
+    nodes = np.linspace(0.0, min(theta[-1] + 1e-9, math.pi), TABLE_NODES)
+    radii = np.interp(nodes, np.append(0.0, theta), np.append(0.0, radius))
+    radii += np.arange(TABLE_NODES) * 1e-9 * radii[-1]  # rising, even where the source is not
+    return RadialTableCamera(
+        *profile.size, profile.centre_px, tuple(nodes.tolist()), tuple(radii.tolist())
+    )
+
+
+def _gazebo(profile: Profile) -> GazeboCamera:
+    """The best of its three functions, each with the best of some c2, c3 = 0."""
+    candidates: list[tuple[float, GazeboCamera]] = []
+    widest = float(profile.theta_rad.max())
+    for name, function in FUNCTIONS.items():
+        least = widest / (0.5 * math.pi) if name != "id" else 0.0
+        for c2 in (1.0,) if name == "id" else (1.0, 1.5, 2.0, 2.5, 3.0, 4.0):
+            if c2 < least or (name == "tan" and c2 * math.radians(89.9) < widest):
+                continue
+            shape = function(profile.theta_rad / c2)
+            focal = _scale(shape, profile.radii_px) / c2
+            residual = float(np.linalg.norm(profile.radii_px - focal * c2 * shape))
+            camera = GazeboCamera(*profile.size, focal, profile.centre_px, c2, c2, 0.0, name)
+            candidates.append((residual, camera))
+    if not candidates:
+        raise OpticsError("none of its functions reaches that far from the axis")
+    return min(candidates, key=lambda candidate: candidate[0])[1]
+
+
+def _perspective(profile: Profile) -> PerspectiveCamera:
+    return PerspectiveCamera(*profile.size, _perspective_focal(profile), profile.centre_px)
+
+
+def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
+    c1, c2, function = IDEAL_FISHEYES[model]
+    limit = model.largest_theta_rad
+    seen = profile.theta_rad <= limit + 1e-9
+    if not seen.any():
+        raise OpticsError("it sees nothing of what that shows")
+    shape = c1 * FUNCTIONS[function](np.minimum(profile.theta_rad[seen], limit) / c2)
+    focal = _scale(shape, profile.radii_px[seen])
+    return model(*profile.size, focal, profile.centre_px, limit)
+
+
+def _scale(shape: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Factor of a shape (n,) that is nearest to values (n,)."""
+    return float(values @ shape / (shape @ shape))
+
+
+Bounds = tuple[float, float]
+FREE: Bounds = (-math.inf, math.inf)
+POSITIVE: Bounds = (1e-9, math.inf)
+_CENTRE = {"principal_point_px": FREE}
+_FOCAL = {"focal_length_px": (0.0, math.inf), **_CENTRE}
+_FOCALS = {"focal_lengths_px": (0.0, math.inf), **_CENTRE}
+
+
+class FittedModel(NamedTuple):
+    """Initialisation of a fit, and bounds of the model's free parameters."""
+
+    initialise: Callable[[Profile], ParametricCamera]
+    free: Mapping[str, Bounds]
+
+
+FITTED: Mapping[type[ParametricCamera], FittedModel] = {
+    PerspectiveCamera: FittedModel(_perspective, _FOCAL),
+    KannalaBrandtCamera: FittedModel(_kannala_brandt, {**_FOCALS, "coefficients": FREE}),
+    UnifiedCamera: FittedModel(_unified, {**_FOCALS, "xi": (0.0, math.inf), "distortion": FREE}),
+    RationalPolynomialCamera: FittedModel(_rational, {**_FOCALS, "distortion": FREE}),
+    EucmCamera: FittedModel(_eucm, {**_FOCALS, "alpha": (0.0, 1.0), "beta": POSITIVE}),
+    DoubleSphereCamera: FittedModel(
+        _double_sphere, {**_FOCALS, "xi": (-0.999, 0.999), "alpha": (0.0, 1.0)}
+    ),
+    OcamcalibCamera: FittedModel(_ocamcalib, {**_CENTRE, "polynomial": FREE, "affine": FREE}),
+    FThetaCamera: FittedModel(
+        _f_theta, {**_CENTRE, "coefficients_px": FREE, "aspect_ratio": (0.1, 10.0)}
+    ),
+    FThetaInverseCamera: FittedModel(_f_theta_inverse, {**_CENTRE, "coefficients": FREE}),
+    RadialTableCamera: FittedModel(_radial_table, {**_CENTRE, "radii_px": FREE}),
+    GazeboCamera: FittedModel(
+        _gazebo, {**_CENTRE, "c1": POSITIVE, "c2": POSITIVE, "c3": (-math.inf, 0.0)}
+    ),
+    **{
+        model: FittedModel(partial(_fisheye, model), _FOCAL)
+        for model in (EquidistantCamera, StereographicCamera, EquisolidCamera, OrthographicCamera)
+    },
+}

@@ -1,0 +1,158 @@
+"""omnisim's own metadata of a camera, in files of formats that have no place for it.
+
+One JSON object a camera: in a comment line `# omnisim {…}`, an XML comment, or under the key
+`omnisim`. Other readers of the format ignore them.
+
+| key | |
+| --- | --- |
+| camera | name of the camera in the file |
+| mirrored | true: the file's rays are (x, y, −z) of the camera's, which looks into a mirror |
+| turned | true: they are (−x, −y, −z), as an elliptic mirror's |
+| theta_max_rad | angle from the axis where the camera's domain ends |
+| fitted_from | model of the camera that this one was fitted to |
+| rms_px, max_px | residuals of the fit, within cone_deg of the axis |
+| at_distances | of a fit to optics without one viewpoint: residuals by distance_m; none: infinity |
+| optics_from_camera | 4 × 4 pose in the optical frame of those optics: the viewpoint, and axes |
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field
+
+from omnisim.cameras.calibration.calibrated_camera import OPTICS, NamedPose, Residuals, find_pose
+from omnisim.cameras.calibration.documents import parse_json
+from omnisim.cameras.calibration.fields import ForeignTable, Matrix, parse, pose, rows
+from omnisim.cameras.calibration.formats.format import MetadataPlace
+from omnisim.cameras.central_error import CentralError
+from omnisim.core.errors import CalibrationError
+from omnisim.core.files.parameters import Number
+
+_COMMENTS = {
+    MetadataPlace.LINES: ("# ", "", re.compile(r"^# omnisim (\{.*)$", re.M)),
+    MetadataPlace.XML: ("<!-- ", " -->", re.compile(r"^<!-- omnisim (\{.*) -->$", re.M)),
+}
+Angle = Annotated[Number, Field(gt=0.0, le=math.pi)]
+Flag = Annotated[bool, Field(strict=True)]
+
+
+class DistanceMetadata(ForeignTable):
+    """Residuals for points at one distance."""
+
+    distance_m: Number | None = None
+    mean_px: Number
+    median_px: Number
+    percentile_99_px: Number
+    max_px: Number
+    left_out: Number = 0.0
+
+    @classmethod
+    def of(cls, error: CentralError) -> DistanceMetadata:
+        """Metadata of residuals."""
+        values = error._asdict()
+        if math.isinf(error.distance_m):
+            values["distance_m"] = None
+        return cls(**values)
+
+    @property
+    def error(self) -> CentralError:
+        """The residuals."""
+        distance_m = math.inf if self.distance_m is None else self.distance_m
+        return CentralError(**{**dict(self), "distance_m": distance_m})
+
+
+class CameraMetadata(ForeignTable):
+    """One camera's metadata."""
+
+    camera: str
+    mirrored: Flag = False
+    turned: Flag = False
+    theta_max_rad: Angle | None = None
+    fitted_from: str | None = None
+    rms_px: Number | None = None
+    max_px: Number | None = None
+    cone_deg: Number | None = None
+    at_distances: tuple[DistanceMetadata, ...] = ()
+    optics_from_camera: Matrix | None = None
+
+    @property
+    def residuals(self) -> Residuals | None:
+        """Residuals of the fit, if the camera was fitted."""
+        match self.fitted_from, self.rms_px, self.max_px, self.cone_deg:
+            case str(model), float(rms_px), float(max_px), float(cone_deg):
+                errors = tuple(one.error for one in self.at_distances)
+                return Residuals(rms_px, max_px, math.radians(cone_deg), model, errors)
+        return None
+
+    def with_residuals(self, residuals: Residuals | None) -> CameraMetadata:
+        """The same metadata with the residuals of a fit."""
+        if residuals is None:
+            return self
+        fit = {
+            "fitted_from": residuals.source_model,
+            "rms_px": residuals.rms_px,
+            "max_px": residuals.max_px,
+            "cone_deg": math.degrees(residuals.theta_max_rad),
+            "at_distances": tuple(
+                DistanceMetadata.of(error)
+                for error in residuals.at_distances
+                if error.left_out < 1.0  # no number otherwise
+            ),
+        }
+        return self.model_copy(update=fit)
+
+    def with_poses(self, poses: Sequence[NamedPose]) -> CameraMetadata:
+        """The same metadata with the camera's pose in the optics that it was fitted to, if any."""
+        matrix = find_pose(poses, OPTICS, self.camera)
+        if matrix is None:
+            return self
+        return self.model_copy(update={"optics_from_camera": rows(matrix)})
+
+    def poses(self, others: Sequence[NamedPose], place: str) -> tuple[NamedPose, ...]:
+        """Poses of the file, and that in the optics, where the file's format has none.
+
+        Raises:
+            CalibrationError: a matrix that is no pose; `place` names it.
+        """
+        if self.optics_from_camera is None or any(one.target == OPTICS for one in others):
+            return tuple(others)
+        matrix = pose(self.optics_from_camera, f"{place}: optics_from_camera")
+        return (*others, NamedPose(OPTICS, self.camera, matrix))
+
+
+def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: MetadataPlace) -> str:
+    """Text of a file with the cameras' metadata, as far as they differ from the defaults."""
+    entries = [one.model_dump(mode="json", exclude_defaults=True) for one in metadata]
+    entries = [entry for entry in entries if len(entry) > 1]
+    if not entries:
+        return text
+    if place is MetadataPlace.KEY:
+        return json.dumps({**json.loads(text), "omnisim": entries}, indent=2) + "\n"
+    opening, closing, _ = _COMMENTS[place]
+    # "--" must not be in an XML comment
+    lines = ["omnisim " + json.dumps(entry).replace("--", "-\\u002d") for entry in entries]
+    if any(entry.get("mirrored") for entry in entries):
+        lines.append("mirrored: (x, y, z) here is (x, y, -z) of the camera, which faces a mirror")
+    return text + "".join(f"{opening}{line}{closing}\n" for line in lines)
+
+
+def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, CameraMetadata]:
+    """Metadata in a file, by the cameras' names.
+
+    Raises:
+        CalibrationError: metadata that are malformed.
+    """
+    where = f"{source}: omnisim's metadata"
+    if place is MetadataPlace.KEY:
+        entries = parse_json(text, source).get("omnisim", [])
+        if not isinstance(entries, list):
+            raise CalibrationError(f"{where}: expected a list, got {type(entries).__name__}")
+    else:
+        entries = [parse_json(line, where) for line in _COMMENTS[place][2].findall(text)]
+    found = (parse(entry, CameraMetadata, where) for entry in entries)
+    return {metadata.camera: metadata for metadata in found}

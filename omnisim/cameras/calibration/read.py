@@ -1,0 +1,149 @@
+"""Cameras of a calibration file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+from omnisim.cameras.calibration.calibration_formats import detect_format
+from omnisim.cameras.calibration.documents import read_text
+from omnisim.cameras.calibration.file_frame import camera_from_lens
+from omnisim.cameras.calibration.fit import Fit, fit_camera
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    PINHOLE,
+    Fixed,
+    ParsedCamera,
+    error_context,
+)
+from omnisim.cameras.calibration.fov_lens import FovLens
+from omnisim.cameras.calibration.metadata import CameraMetadata, read_metadata
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.eucm import EucmCamera
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.errors import CalibrationError
+
+GOOD_PX = 0.05  # what no corner detector sees
+MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the picture's shorter side
+MAX_CENTRE_OFFSET = 0.5  # of the picture's size beside it: further away, one of both is wrong
+
+
+def read_cameras(
+    path: Path, format: str | None, mirrored: bool | None
+) -> tuple[tuple[CalibratedCamera, ...], str]:
+    """Cameras of a file, at least one, and the name of its format.
+
+    Args:
+        path: the file.
+        format: name of its format, or None.
+        mirrored: True if the cameras look into mirrors, None to take it from their metadata.
+
+    Raises:
+        CalibrationError: naming file, key, the expected value and the one found.
+    """
+    text, source = read_text(path), str(path)
+    form = detect_format(text, source, format)
+    with error_context(source):
+        parsed = form.read(text, source)
+    metadata = read_metadata(text, form.metadata_place, source)
+    names = [camera.name for camera in parsed]
+    duplicate = next((name for name in names if names.count(name) > 1), None)
+    if duplicate is not None:
+        raise CalibrationError(f"{path}: expected different names, got two cameras {duplicate!r}")
+    if not parsed:
+        raise CalibrationError(f"{path}: expected a camera, got none")
+    cameras = []
+    for camera in parsed:
+        one = metadata.get(camera.name, CameraMetadata(camera=camera.name))
+        if mirrored is not None:
+            one = one.model_copy(update={"mirrored": mirrored})
+        cameras.append(_calibrated(camera, one, f"{source}: {camera.name}"))
+    return tuple(cameras), form.name
+
+
+def _calibrated(
+    parsed: ParsedCamera[CentralCamera], metadata: CameraMetadata, place: str
+) -> CalibratedCamera:
+    lens = parsed.lens
+    notes: tuple[str, ...] = ()
+    if isinstance(lens, FovLens):
+        lens, note = _nearest_model(lens, place)
+        notes = (note,)
+    with error_context(place):
+        camera = camera_from_lens(lens, metadata)
+        _check_camera(camera, place)
+    return CalibratedCamera(
+        parsed.name,
+        camera,
+        metadata.poses(parsed.poses, place),
+        metadata.residuals,
+        notes,
+        lens.model_name,
+        parsed.time_shift_s,
+    )
+
+
+def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
+    """Nearest of omnisim's models to a lens of another, and a note on its residuals.
+
+    Args:
+        lens: of the other model.
+        source: names file and camera in messages.
+
+    Raises:
+        CalibrationError: none is near.
+    """
+    place = f"{source}: {lens.model_name}"
+    best: Fit[CentralCamera] | None = None
+    candidates: tuple[tuple[type[CentralCamera], Fixed], ...] = (
+        (UnifiedCamera, ANY), (UnifiedCamera, PINHOLE), (KannalaBrandtCamera, ANY),
+        (EucmCamera, ANY),
+    )  # fmt: skip
+    for model, fixed in candidates:
+        try:
+            fit = fit_camera(lens, model, fixed=fixed)
+        except CalibrationError:
+            continue
+        if fit.covered > 0.99 and (best is None or fit.residuals.max_px < best.residuals.max_px):
+            best = fit
+        if best is not None and best.residuals.max_px <= GOOD_PX:
+            break
+    if best is None:
+        raise CalibrationError(f"{place}: no model of omnisim comes near it")
+    name, residuals = best.camera.model_name, best.residuals
+    if residuals.max_px > MAX_NEAREST * min(lens.width_px, lens.height_px):
+        raise CalibrationError(
+            f"{place}: the nearest model of omnisim, {name}, is up to {residuals.max_px:.3g} px off"
+        )
+    return best.camera, (
+        f"{lens.model_name} is none of omnisim's models: read as {name}, "
+        f"RMS {residuals.rms_px:.2g} px and at most {residuals.max_px:.2g} px off within "
+        f"{math.degrees(residuals.theta_max_rad):.1f}°"
+    )
+
+
+def _check_camera(camera: CentralCamera, place: str) -> None:
+    """Refuse a camera whose picture shows nothing, or whose axis is far beside it.
+
+    Raises:
+        CalibrationError: with the centre, or with what the picture shows.
+    """
+    size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
+    centre = np.asarray(camera.principal_point_px)
+    offset = np.maximum(-0.5 - centre, centre - (size - 0.5)) / size
+    if not offset.max() <= MAX_CENTRE_OFFSET:
+        u, v = centre
+        raise CalibrationError(
+            f"{place}: centre: expected in the picture of {size[0]:g} × {size[1]:g} px or near by, "
+            f"got ({u:g}, {v:g}): is one of both another picture's?"
+        )
+    steps = np.linspace(0.0, 1.0, 33)
+    grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
+    # not the centre itself, which broken numbers show, too, but the pixel there
+    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(centre)[None])))
+    if not (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
+        raise CalibrationError(f"{place}: no pixel of this camera sees anything: expected a lens")

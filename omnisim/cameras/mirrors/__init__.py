@@ -1,0 +1,11 @@
+"""Mirror shapes of revolution and their meshes, in the mirror frame.
+
+Mirror frame, for every shape: origin at the effective viewpoint, z from there towards the camera
+that looks at the mirror, metres. Azimuth turns from +x to +y.
+"""
+
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror, SurfacePoints
+from omnisim.cameras.mirrors.mirror_mesh import MirrorMesh
+from omnisim.cameras.mirrors.tessellation import tessellate
+
+__all__ = ["HyperbolicMirror", "MirrorMesh", "SurfacePoints", "tessellate"]

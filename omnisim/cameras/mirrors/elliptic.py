@@ -1,0 +1,100 @@
+"""The pinhole camera that looks into an elliptic mirror from one focus; the other is the viewpoint.
+
+A ray of the scene passes through the effective viewpoint, meets the hollow inside of the ellipsoid
+behind it, and goes on to the pinhole. So the viewpoint is a real place that rays cross in, and the
+picture is upside down as a telescope's: a point of the mirror at azimuth φ shows the scene
+at φ + 180°. With e the ellipsoid's eccentricity and β the angle at the pinhole:
+
+    tan(θ/2) = K tan(β/2),  K = (1 + e)/(1 − e),  r = f tan β
+
+θ is measured at the viewpoint from the direction of the pinhole: 0 looks back at the camera, 90°
+is the horizon. It is the law of the hyperbolic mirror with 1/e, and of the unified model with
+ξ = 2e/(1 + e²); a pixel's ray is (−sin θ cos φ, −sin θ sin φ, −cos θ). Baker and Nayar's k and c
+have e = c/√(2k + c²); nothing else of the two shows in the picture.
+
+Domain: 0 ≤ θ ≤ θ_max ≤ 90°: a mirror that reached further would stand in its own light. The outside
+of the ellipsoid is of no use, as the pinhole is inside. e = 0, the sphere, would see itself, e = 1
+is the parabolic mirror.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | 200 to 2000: at 90° the radius is f (1 − e²)/2e |
+| principal_point_px | px | the picture's middle |
+| eccentricity | – | 0.5 to 0.9; 0.01 to 0.9999 |
+| theta_max_deg | degrees | 90 |
+
+GLSL twin: `shaders/camera/elliptic.glsl`. Source: Baker & Nayar 1999, section 2.2 (the ellipsoid).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import Rays, Uniforms
+from omnisim.cameras.focal_camera import FocalCamera
+from omnisim.cameras.model_parameters import check_limits
+from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
+from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
+
+ECCENTRICITIES = (0.01, 0.9999)
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # so that the rig's front is at the top of the picture
+
+
+@dataclass(frozen=True)
+class EllipticCamera(FocalCamera, RadialCamera):
+    """A picture of the inside of an elliptic mirror.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        focal_length_px: focal length of the pinhole camera.
+        principal_point_px: (u, v) of the mirror's axis in the picture.
+        eccentricity: e of the ellipsoid.
+        theta_max_rad: angle at the viewpoint that the rim shows.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, a centre that is not finite, an
+            eccentricity outside its limits, or a rim that is not between 0 and 90°.
+    """
+
+    eccentricity: float
+    theta_max_rad: float = 0.5 * math.pi
+    model_name = "elliptic"
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP @ HALF_TURN
+    largest_theta_rad = 0.5 * math.pi
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_limits(self, "eccentricity", *ECCENTRICITIES)
+
+    @property
+    def half_angle_ratio(self) -> float:
+        """K in tan(θ/2) = K tan(β/2)."""
+        return (1.0 + self.eccentricity) / (1.0 - self.eccentricity)
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        half = np.tan(0.5 * theta) / self.half_angle_ratio
+        return 2.0 * half / (1.0 - half * half)
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        half = radius / (1.0 + np.sqrt(1.0 + radius * radius))
+        return 2.0 * np.arctan(self.half_angle_ratio * half)
+
+    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+        to_mirror = super()._rays_from_plane(plane)
+        return Rays(-to_mirror.directions, to_mirror.valid)
+
+    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+        return super()._plane_from_rays(-directions)
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/elliptic.glsl`."""
+        return {
+            **super().uniforms(),
+            "u_half_angle_ratio": self.half_angle_ratio,
+            "u_rim_half_tangent": math.tan(0.5 * self.theta_max_rad),
+        }

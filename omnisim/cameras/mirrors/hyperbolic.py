@@ -1,0 +1,226 @@
+"""The pinhole camera that looks at a hyperbolic mirror from its other focus: the paper's camera.
+
+    tan(θ/2) = K tan(β/2),  K = k − 1 + √(k(k−2)),  r = f tan β
+
+θ is measured at the mirror's inner focus, the effective viewpoint, from its axis: 0 looks down at
+the camera, 90° is the horizon, of radius f/√(k(k−2)) in the picture; β is the same at the pinhole.
+A pixel's ray is (sin θ cos φ, sin θ sin φ, −cos θ). With z reflected it is the unified
+model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
+
+Domain: 0 ≤ θ ≤ θ_max, the rim, which is below the mirror's asymptote acos(−√((k−2)/k)).
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | 1300 for 360 px; `framed_on_rim` finds it |
+| principal_point_px | px | the picture's middle |
+| k | – | ≥ 2: the paper's 11.546; 2 is a plane |
+| c | mirror units | from viewpoint to pinhole: the paper's 2.321 |
+| meters_per_unit | m | 0.04: a mirror of 24 mm |
+| theta_max_deg | degrees | 105 |
+
+GLSL twin: `shaders/camera/hyperbolic.glsl`. Source: Baker & Nayar 1999, section 2.2; Schmits &
+Visser 2008, Eq. 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import (
+    CameraParameters,
+    Pixels,
+    Rays,
+    Uniforms,
+    as_directions,
+    as_pixels,
+)
+from omnisim.cameras.focal_camera import FocalCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.model_parameters import number, point, whole_number
+from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.errors import OpticsError
+
+
+class ImageRadii(NamedTuple):
+    """Distances from the principal point; where not valid, those of the domain's nearest edge."""
+
+    radii_px: NDArray[np.float64]  # (...,)
+    valid: NDArray[np.bool_]  # (...,)
+
+
+class Incidences(NamedTuple):
+    """Angles of incidence at the effective viewpoint."""
+
+    theta_rad: NDArray[np.float64]  # (...,)
+    valid: NDArray[np.bool_]  # (...,)
+
+
+@dataclass(frozen=True)
+class HyperbolicCamera(FocalCamera):
+    """A picture of a hyperbolic mirror: pixels to rays of the scene and back.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        focal_length_px: focal length of the pinhole camera.
+        principal_point_px: (u, v) of the mirror's axis in the picture.
+        mirror: the mirror, which also bounds the domain: θ ≤ θ_max.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, or a centre that is not finite.
+    """
+
+    mirror: HyperbolicMirror
+    model_name = "hyperbolic"
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.mirror, HyperbolicMirror):
+            raise OpticsError(f"camera: mirror: expected a HyperbolicMirror, got {self.mirror!r}")
+
+    @classmethod
+    def framed_on_rim(
+        cls, mirror: HyperbolicMirror, width_px: int, height_px: int
+    ) -> HyperbolicCamera:
+        """Camera in whose picture the rim touches the nearest edges.
+
+        Raises:
+            OpticsError: a size below 1.
+        """
+        rim_tangent = float(mirror.tangent_from_theta(mirror.theta_max_rad))
+        focal_length_px = 0.5 * min(width_px, height_px) / rim_tangent
+        middle = (0.5 * (width_px - 1), 0.5 * (height_px - 1))
+        return cls(width_px, height_px, focal_length_px, middle, mirror)
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, Any]) -> HyperbolicCamera:
+        """Make the camera that `parameters()` describes.
+
+        Raises:
+            OpticsError: naming the key, the expected value and its own.
+        """
+        mirror = HyperbolicMirror(
+            number(parameters, "k"),
+            number(parameters, "c"),
+            number(parameters, "meters_per_unit"),
+            math.radians(number(parameters, "theta_max_deg")),
+        )
+        return cls(
+            whole_number(parameters, "width_px"),
+            whole_number(parameters, "height_px"),
+            number(parameters, "focal_length_px"),
+            point(parameters, "principal_point_px"),
+            mirror,
+        )
+
+    @property
+    def domain_limit_rad(self) -> float:
+        """Angle of incidence of the rim."""
+        return self.mirror.theta_max_rad
+
+    @property
+    def unified_focal_length_px(self) -> float:
+        """γ of the unified (Geyer, Mei) model with the mirror's ξ: f ψ = f/(k − 1).
+
+        That model has its z axis along the mirror's: (x, y, −z) of the optical frame. It is a
+        mirrored frame, as the picture of a mirror is a mirrored picture.
+        """
+        return self.focal_length_px / (self.mirror.k - 1.0)
+
+    @property
+    def horizon_radius_px(self) -> float:
+        """Radius h of the 90° circle, f/√(k(k−2)); infinite for the plane mirror."""
+        k = self.mirror.k
+        return math.inf if k == 2.0 else self.focal_length_px / math.sqrt(k * (k - 2.0))
+
+    @property
+    def rim_radius_px(self) -> float:
+        """Radius of the rim in the picture."""
+        tangent = self.mirror.tangent_from_theta(self.mirror.theta_max_rad)
+        return self.focal_length_px * float(tangent)
+
+    def image_radius(self, theta_rad: ArrayLike) -> ImageRadii:
+        """Exact image radius of incidence θ (...,), f tan β; valid where 0 ≤ θ ≤ θ_max."""
+        theta = np.asarray(theta_rad, dtype=np.float64)
+        valid = (theta >= 0.0) & (theta <= self.mirror.theta_max_rad)
+        inside = np.clip(theta, 0.0, self.mirror.theta_max_rad)
+        return ImageRadii(self.focal_length_px * self.mirror.tangent_from_theta(inside), valid)
+
+    def incidence(self, radius_px: ArrayLike) -> Incidences:
+        """Exact incidence θ of image radius (...,); valid from 0 to the rim's radius."""
+        radius = np.asarray(radius_px, dtype=np.float64)
+        theta = self.mirror.theta_from_tangent(np.abs(radius) / self.focal_length_px)
+        return Incidences(theta, (radius >= 0.0) & (theta <= self.mirror.theta_max_rad))
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2): unit directions in the optical frame; valid where θ ≤ θ_max.
+
+        Source: `HyperbolicMirror.tangent_from_theta`, written as a stereographic lift.
+        """
+        pixels = as_pixels(pixels_px)
+        tangent = (pixels - self.principal_point_px) / self.focal_length_px
+        squared = np.sum(tangent * tangent, axis=-1, keepdims=True)
+        half = tangent * (self.mirror.half_angle_ratio / (1.0 + np.sqrt(1.0 + squared)))
+        half_squared = np.sum(half * half, axis=-1, keepdims=True)
+        directions = np.concatenate((2.0 * half, half_squared - 1.0), axis=-1)
+        directions /= 1.0 + half_squared
+        valid = half_squared[..., 0] <= math.tan(0.5 * self.mirror.theta_max_rad) ** 2
+        return Rays(directions, valid)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid where θ ≤ θ_max."""
+        rays = as_directions(directions)
+        across = np.hypot(rays[..., 0], rays[..., 1])
+        theta = np.arctan2(across, -rays[..., 2])
+        valid = theta <= self.mirror.theta_max_rad
+        radius = self.image_radius(theta).radii_px
+        scale = np.divide(radius, across, out=np.zeros_like(radius), where=across > 0.0)
+        positions = rays[..., :2] * scale[..., None] + self.principal_point_px
+        return Pixels(positions, valid)
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/hyperbolic.glsl`."""
+        return {
+            **super().uniforms(),
+            "u_half_angle_ratio": self.mirror.half_angle_ratio,
+            "u_rim_half_tangent": math.tan(0.5 * self.mirror.theta_max_rad),
+        }
+
+    def parameters(self) -> CameraParameters:
+        """Model and parameters by name, and ξ and γ of the unified model."""
+        return {
+            "model": self.model_name,
+            "width_px": self.width_px,
+            "height_px": self.height_px,
+            "focal_length_px": self.focal_length_px,
+            "principal_point_px": list(self.principal_point_px),
+            "k": self.mirror.k,
+            "c": self.mirror.c,
+            "meters_per_unit": self.mirror.meters_per_unit,
+            "theta_max_deg": math.degrees(self.mirror.theta_max_rad),
+            "xi": self.mirror.xi,
+            "unified_focal_length_px": self.unified_focal_length_px,
+        }
+
+
+def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArray[np.float64]:
+    """Image radius (...,) by the paper's Eq. 2, r = h sin θ/(1 + cos θ).
+
+    Exact for a paraboloid (ξ = 1) only; for the paper's mirror off by −0.24 % at 110°.
+
+    Source: Schmits & Visser 2008, Eq. 2. Domain: 0 ≤ θ < π.
+    """
+    return horizon_radius_px * np.tan(0.5 * np.asarray(theta_rad, dtype=np.float64))
+
+
+def theta_from_image_radius_eq2_rad(
+    radius_px: ArrayLike, horizon_radius_px: float
+) -> NDArray[np.float64]:
+    """Incidence θ (...,) by the inverse of Eq. 2."""
+    return 2.0 * np.arctan(np.asarray(radius_px, dtype=np.float64) / horizon_radius_px)

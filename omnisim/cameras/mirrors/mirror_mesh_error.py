@@ -1,0 +1,180 @@
+"""Distortion of the picture by a mirror's mesh, computed without rendering.
+
+Each flat triangle shows the direction of its own point instead of the mirror's. Its points, the
+pinhole and the effective viewpoint share a plane through the axis: the error is along the radius,
+f |tan β(θ) − ρ/(c − z)| for a point at a distance ρ from the axis and a height z. It is 0 at the
+vertices, of one sign, and largest near the middle of a cell.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS, sector_triangles_m, sectors_and_rings
+
+# Steps of the samples between two corners of a triangle, for the largest error, where what is near
+# the largest sample is sampled again, and for means.
+_STEPS, _FINE_STEPS = 16, 64
+_LARGEST_RINGS = math.isqrt(MAX_POLYGONS // 4)
+
+
+class MeshError(NamedTuple):
+    """Distance between where the mesh shows a direction and where the mirror would, in pixels."""
+
+    mean_px: float
+    percentile_95_px: float
+    max_px: float
+
+
+class Annulus(NamedTuple):
+    """Part of the mirror's picture between two circles, in tangents at the pinhole."""
+
+    inner: float
+    outer: float
+
+
+WHOLE_MIRROR = Annulus(0.0, math.inf)
+
+
+def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) -> MeshError:
+    """Error of a mesh, over its area, in a picture whose rim has a radius of `rim_radius_px`.
+
+    Raises:
+        OpticsError: see `sectors_and_rings`.
+    """
+    focal_length_px = rim_radius_px / _rim_tangent(mirror)
+    corners = _sector(mirror, *sectors_and_rings(polygons))
+    lattice = _lattice(_FINE_STEPS)
+    errors_px = focal_length_px * _sample(mirror, corners, lattice.coordinates).errors
+    weights = _areas(corners)[:, None] * lattice.weights
+    order = np.argsort(errors_px, axis=None)
+    share = np.cumsum(weights.ravel()[order]) / weights.sum()
+    percentile_95_px = errors_px.ravel()[order][np.searchsorted(share, 0.95)]
+    mean_px = np.average(errors_px, weights=weights)
+    return MeshError(float(mean_px), float(percentile_95_px), float(errors_px.max()))
+
+
+def largest_error(
+    mirror: HyperbolicMirror, sectors: int, rings: int, shown: Annulus = WHOLE_MIRROR
+) -> float:
+    """Largest error of a mesh in a part of the picture, in tangents at the pinhole.
+
+    Its straight edges lie inside of the round rim: that distance is an error, too.
+    """
+    corners = _sector(mirror, sectors, rings)
+    lattice = _lattice(_STEPS).coordinates
+    samples = _sample(mirror, corners, lattice)
+    is_shown = (samples.radii.max(axis=1) >= shown.inner) & (
+        samples.radii.min(axis=1) <= shown.outer
+    )
+    peaks = np.where(is_shown, samples.errors.max(axis=1), 0.0)
+    high = np.flatnonzero(peaks > 0.9 * peaks.max())  # all that may have the largest error
+    around = lattice[samples.errors[high].argmax(axis=1)][:, None]
+    near = np.maximum(around + 3.0 / _STEPS * (lattice - 1.0 / 3.0), 0.0)  # a step to each side
+    near /= near.sum(axis=-1, keepdims=True)
+    largest = _sample(mirror, corners[high], near).errors.max(initial=0.0)
+    rim = _rim_tangent(mirror)
+    lost = min(rim, shown.outer) - rim * math.cos(math.pi / sectors) if rim > shown.inner else 0.0
+    return max(float(largest), lost)
+
+
+def needed_polygons(
+    mirror: HyperbolicMirror, max_error: float, shown: Annulus = WHOLE_MIRROR
+) -> int | None:
+    """Fewest polygons, four sectors a ring, that keep the largest error in bounds.
+
+    Args:
+        mirror: the mirror.
+        max_error: in tangents at the pinhole: pixels over the focal length.
+        shown: part of the mirror in the picture.
+
+    Returns:
+        None: no mesh of `MAX_POLYGONS` does.
+    """
+
+    def suffices(rings: int) -> bool:
+        return largest_error(mirror, 4 * rings, rings, shown) <= max_error
+
+    return fewest_polygons(suffices, _LARGEST_RINGS)
+
+
+def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int | None:
+    """Fewest polygons, four sectors a ring, by the rings that suffice; None: no number does."""
+    doubled = [2**n for n in range(1, largest_rings.bit_length())]
+    enough = next(filter(suffices, doubled), None)
+    if enough is None:
+        return None
+    candidates = range(enough // 2 + 1, enough)
+    rings = candidates.start + bisect_left(candidates, True, key=suffices)
+    return 4 * rings * rings
+
+
+class _Samples(NamedTuple):
+    """Samples of triangles, in tangents at the pinhole.
+
+    Attributes:
+        errors: (triangles, samples).
+        radii: (triangles, samples) distances from the axis in the picture.
+    """
+
+    errors: NDArray[np.float64]
+    radii: NDArray[np.float64]
+
+
+class _Lattice(NamedTuple):
+    """Samples all over a triangle, its edges too.
+
+    Attributes:
+        coordinates: (samples, 3), barycentric.
+        weights: (samples,) in a mean: as many triangles of the lattice as meet there.
+    """
+
+    coordinates: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+
+@lru_cache
+def _lattice(steps: int) -> _Lattice:
+    one, other = np.indices((steps + 1, steps + 1)).reshape(2, -1)
+    counts = np.stack((one, other, steps - one - other), axis=-1)
+    counts = counts[counts[:, 2] >= 0]
+    meeting = np.array([6.0, 3.0, 1.0])[np.count_nonzero(counts == 0, axis=1)]
+    return _Lattice(counts / steps, meeting / meeting.sum())
+
+
+def _sector(mirror: HyperbolicMirror, sectors: int, rings: int) -> NDArray[np.float64]:
+    """Corners (triangles, 3, 3) of a sector's triangles, in units of c: the pinhole is at 1."""
+    return sector_triangles_m(mirror, sectors, rings) / mirror.c_m
+
+
+def _sample(
+    mirror: HyperbolicMirror, corners: NDArray[np.float64], coordinates: NDArray[np.float64]
+) -> _Samples:
+    """Sample triangles at barycentric coordinates (samples, 3), or (triangles, samples, 3)."""
+    # evenly in the picture: perspective interpolation, as rasterizers do it
+    weights = coordinates / (1.0 - corners[:, None, :, 2])
+    points = (weights @ corners) / weights.sum(axis=-1, keepdims=True)
+    across = np.hypot(points[..., 0], points[..., 1])
+    radii = across / (1.0 - points[..., 2])
+    shown = mirror.tangent_from_theta(np.arctan2(across, points[..., 2]))
+    return _Samples(np.abs(shown - radii), radii)
+
+
+def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Areas (triangles,) in the picture."""
+    seen = corners[..., :2] / (1.0 - corners[..., 2:])
+    (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
+    areas: NDArray[np.float64] = 0.5 * np.abs(x1 * y2 - x2 * y1)
+    return areas
+
+
+def _rim_tangent(mirror: HyperbolicMirror) -> float:
+    return float(mirror.tangent_from_theta(mirror.theta_max_rad))

@@ -1,0 +1,45 @@
+"""The pinhole camera that looks up at a plane mirror: perspective, with z reflected.
+
+    (u, v) = f (x, y)/(−z) + (u0, v0)
+
+The effective viewpoint is the pinhole's image behind the mirror. It is the hyperbolic mirror's
+limit k = 2, without a rim.
+
+Domain: z < 0, all pixels.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_length_px | px | 100 to 1000 |
+| principal_point_px | px | the picture's middle |
+
+GLSL twin: `shaders/camera/planar.glsl`. Source: Baker & Nayar 1999, section 2.2 (the plane).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import Pixels, Rays, as_directions
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
+
+
+@dataclass(frozen=True)
+class PlanarCamera(PerspectiveCamera):
+    """A picture of a plane mirror; see `PerspectiveCamera` for its attributes."""
+
+    model_name = "planar"
+    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2); all are valid."""
+        rays = super().ray_from_pixel(pixels_px)
+        return Rays(rays.directions * FLIP_Z, rays.valid)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid in front of the mirror."""
+        return super().pixel_from_ray(as_directions(directions) * FLIP_Z)

@@ -1,0 +1,107 @@
+"""Checks of a camera's parameters, in its dataclass and in mappings from outside.
+
+Errors name the key, the expected value and the one that is there.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from omnisim.core.errors import OpticsError
+
+LARGEST_COEFFICIENT = 1e60  # times a power of a radius it is finite
+
+
+def check_limits(
+    camera: object, name: str, lowest: float, highest: float, expected: str | None = None
+) -> None:
+    """Refuse a number outside [lowest, highest].
+
+    Raises:
+        OpticsError: naming the attribute, the expected value and its own.
+    """
+    value = getattr(camera, name)
+    if not lowest <= value <= highest:  # false for NaN, too
+        expected = expected or f"{lowest:g} to {highest:g}"
+        raise OpticsError(f"camera: {name}: expected {expected}, got {value:g}")
+
+
+def number(parameters: Mapping[str, Any], key: str) -> float:
+    """Finite number under `key`.
+
+    Raises:
+        OpticsError: it is missing, or something else.
+    """
+    value = _value(parameters, key)
+    if type(value) not in (int, float):
+        raise _unexpected(key, "a number", value)
+    # a whole number may be too large for a float; NaN is not within anything
+    if not abs(value) <= sys.float_info.max:
+        raise _unexpected(key, "a finite number", value)
+    return float(value)
+
+
+def whole_number(parameters: Mapping[str, Any], key: str) -> int:
+    """Whole number under `key`.
+
+    Raises:
+        OpticsError: it is missing, or something else.
+    """
+    value = _value(parameters, key)
+    if type(value) is not int:
+        raise _unexpected(key, "a whole number", value)
+    return value
+
+
+def point(parameters: Mapping[str, Any], key: str) -> tuple[float, float]:
+    """Two finite numbers under `key`.
+
+    Raises:
+        OpticsError: they are missing, or something else.
+    """
+    value = _value(parameters, key)
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise _unexpected(key, "[u, v]", value)
+    return number({key: value[0]}, key), number({key: value[1]}, key)
+
+
+def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
+    """Coefficients of the list under `key`.
+
+    Raises:
+        OpticsError: they are missing, or something else.
+    """
+    value = _value(parameters, key)
+    if not isinstance(value, list | tuple):
+        raise _unexpected(key, "a list of numbers", value)
+    found = tuple(number({key: one}, key) for one in value)
+    if found and max(map(abs, found)) > LARGEST_COEFFICIENT:
+        raise _unexpected(key, f"numbers up to {LARGEST_COEFFICIENT:g}", value)
+    return found
+
+
+def word(parameters: Mapping[str, Any], key: str) -> str:
+    """String under `key`.
+
+    Raises:
+        OpticsError: it is missing, or something else.
+    """
+    value = _value(parameters, key)
+    if not isinstance(value, str):
+        raise _unexpected(key, "a word", value)
+    return value
+
+
+def _value(parameters: Mapping[str, Any], key: str) -> Any:
+    if key not in parameters:
+        raise OpticsError(f"camera: {key}: missing")
+    value = parameters[key]
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+
+
+def _unexpected(key: str, expected: str, value: object) -> OpticsError:
+    return OpticsError(f"camera: {key}: expected {expected}, got {value!r}")

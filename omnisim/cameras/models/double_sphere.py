@@ -1,0 +1,99 @@
+"""The double sphere model of Usenko, Demmel and Cremers.
+
+    d1 = √(x² + y² + z²),  d2 = √(x² + y² + (ξ d1 + z)²)
+    (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d2 + (1 − α)(ξ d1 + z)
+
+Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: ξ d1 + z > −w d2, which is
+z > −w' d1 with w' = w t + ξ, t = √(1 − ξ²(1 − w²)) − w ξ. For α > 0.5 the picture ends at
+m_x² + m_y² = 1/(2α − 1) on the normalised plane. For |ξ| < 1 the shift of the first sphere turns
+every direction into another one, so nothing else can fold. The paper and Basalt take t = 1, which
+ends the projection, but not its inverse, a degree or more too early: 125.2° instead of 126.1° for
+TUM-VI's camera.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| xi | – | −1 < ξ < 1; −0.2 for a fisheye |
+| alpha | – | 0 to 1; 0.6 for a fisheye |
+| focal_lengths_px | px | fx, fy |
+| principal_point_px | px | the picture's middle |
+
+GLSL twin: `shaders/camera/double_sphere.glsl`. Source: "The double sphere camera model", 2018,
+Eq. 40 to 51; names as in Basalt and Kalibr.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import Rays, Uniforms
+from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.model_parameters import check_limits
+from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
+from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit
+from omnisim.core.errors import OpticsError
+
+
+@dataclass(frozen=True)
+class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
+    """A wide lens as two projections onto unit spheres whose centres are ξ apart.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        focal_lengths_px: (fx, fy).
+        principal_point_px: (cx, cy).
+        xi: ξ, distance of the spheres' centres, between −1 and 1.
+        alpha: α, from 0 to 1.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, numbers that are not finite, or
+            ξ or α outside its limits.
+    """
+
+    xi: float
+    alpha: float
+    model_name = "double_sphere"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_limits(self, "alpha", 0.0, 1.0)
+        if not -1.0 < self.xi < 1.0:
+            raise OpticsError(f"camera: xi: expected more than −1 and less than 1, got {self.xi:g}")
+
+    @property
+    def theta_edge_rad(self) -> float:
+        """Angle from the axis where the domain ends, acos(−w')."""
+        w, xi = -cosine_limit(self.alpha), self.xi
+        t = math.sqrt(1.0 - xi * xi * (1.0 - w * w)) - w * xi
+        return math.acos(max(-1.0, -(w * t + xi)))
+
+    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+        second = lift_alpha(plane, self.alpha)
+        across = np.sum(second.directions[..., :2] ** 2, axis=-1)
+        z = second.directions[..., 2]
+        length = z * self.xi + np.sqrt(1.0 - self.xi * self.xi * across)
+        directions = second.directions * length[..., None]
+        directions[..., 2] -= self.xi
+        return Rays(directions, second.valid)
+
+    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+        d1 = np.linalg.norm(directions, axis=-1)
+        z = self.xi * d1 + directions[..., 2]
+        d2 = np.sqrt(directions[..., 0] ** 2 + directions[..., 1] ** 2 + z * z)
+        valid = z > (cosine_limit(self.alpha) - EDGE_RAD) * d2
+        scale = self.alpha * d2 + (1.0 - self.alpha) * z
+        valid &= scale > 1e-12 * d1
+        scale = np.where(valid, scale, 1.0)
+        return PlanePoints(directions[..., :2] / scale[..., None], valid)
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/double_sphere.glsl`."""
+        return {
+            **super().uniforms(),
+            "u_xi": self.xi,
+            "u_alpha": self.alpha,
+            "u_radius_max": plane_limit(self.alpha),
+        }

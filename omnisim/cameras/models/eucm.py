@@ -1,0 +1,84 @@
+"""The enhanced unified model, EUCM.
+
+    d = √(β (x² + y²) + z²)
+    (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d + (1 − α) z
+
+Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: z > −w d. Up to α = 0.5 that is
+q > 0; above, the picture would fold over, and ends at m_x² + m_y² = 1/(β (2α − 1)) on the
+normalised plane. Exact, because (√β x, √β y, z) turns it into the unified model.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| alpha | – | 0 (perspective) to 1; 0.6 for a fisheye |
+| beta | – | > 0; 1 is the unified model, 1.1 |
+| focal_lengths_px | px | fx, fy |
+| principal_point_px | px | the picture's middle |
+
+GLSL twin: `shaders/camera/eucm.glsl`. Source: Khomutenko, Garcia & Martinet, "An enhanced unified
+camera model", 2016, Eq. 12 and 17; names as in Kalibr and Basalt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import Rays, Uniforms
+from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.model_parameters import check_limits
+from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
+from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit
+from omnisim.core.errors import OpticsError
+
+
+@dataclass(frozen=True)
+class EucmCamera(TwoFocalCamera, PlaneCamera):
+    """A wide lens with the shape parameters α and β.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        focal_lengths_px: (fx, fy).
+        principal_point_px: (cx, cy).
+        alpha: α, from 0 to 1.
+        beta: β, positive.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, numbers that are not finite, or
+            α or β outside its limits.
+    """
+
+    alpha: float
+    beta: float
+    model_name = "eucm"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_limits(self, "alpha", 0.0, 1.0)
+        if self.beta <= 0.0:
+            raise OpticsError(f"camera: beta: expected more than 0, got {self.beta:g}")
+
+    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+        lifted = lift_alpha(plane * np.sqrt(self.beta), self.alpha)
+        directions = lifted.directions / (np.sqrt(self.beta), np.sqrt(self.beta), 1.0)
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        return Rays(directions, lifted.valid)
+
+    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+        x, y, z = np.moveaxis(directions, -1, 0)
+        distance = np.sqrt(self.beta * (x * x + y * y) + z * z)
+        valid = z > (cosine_limit(self.alpha) - EDGE_RAD) * distance
+        scale = self.alpha * distance + (1.0 - self.alpha) * z
+        valid &= scale > 1e-12 * distance
+        scale = np.where(valid, scale, 1.0)
+        return PlanePoints(directions[..., :2] / scale[..., None], valid)
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/eucm.glsl`."""
+        return {
+            **super().uniforms(),
+            "u_alpha": self.alpha,
+            "u_root_beta": float(np.sqrt(self.beta)),
+            "u_radius_max": plane_limit(self.alpha),
+        }

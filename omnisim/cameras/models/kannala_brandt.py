@@ -1,0 +1,73 @@
+"""The polynomial fisheye of Kannala and Brandt, as OpenCV's `fisheye` and Kalibr's `equidistant`.
+
+    θ = atan2(√(x² + y²), z)
+    θ_d = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)
+    (u, v) = (fx θ_d cos φ + cx, fy θ_d sin φ + cy)
+
+Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), where θ_fold is the first θ > 0 with dθ_d/dθ = 0: there the
+picture would fold over itself. Right beyond 90°, where OpenCV's own is not: it takes θ from x/z.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_lengths_px | px/rad | fx, fy: 190 for 512 px and 195° |
+| principal_point_px | px | the picture's middle |
+| coefficients | – | k1 … k4, each below 0.1 |
+| theta_max_deg | degrees | 100; 180 leaves it to the fold |
+
+GLSL twin: `shaders/camera/kannala_brandt.glsl`. Source: Kannala & Brandt, "A generic camera model
+and calibration method for conventional, wide-angle, and fish-eye lenses", 2006; OpenCV's module
+calib3d.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from omnisim.cameras.camera import Uniforms
+from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.models.polynomial_lens import PolynomialLens
+from omnisim.core.errors import OpticsError
+
+
+@dataclass(frozen=True)
+class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
+    """A fisheye lens with an odd polynomial of θ.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        focal_lengths_px: (fx, fy).
+        principal_point_px: (cx, cy).
+        coefficients: k1, k2, k3, k4.
+        theta_max_rad: angle from the axis where the domain ends, if the fold is not before it.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, numbers that are not finite, not
+            four coefficients, or θ_max outside 0 to 180°.
+    """
+
+    coefficients: tuple[float, ...]
+    theta_max_rad: float = math.pi
+    model_name = "kannala_brandt"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.coefficients) != 4:
+            raise OpticsError(
+                f"camera: coefficients: expected k1, k2, k3, k4, got {self.coefficients}"
+            )
+
+    @property
+    def theta_polynomial(self) -> tuple[float, ...]:
+        """Coefficients of θ_d(θ), from θ⁰ to θ⁹."""
+        k1, k2, k3, k4 = self.coefficients
+        return (0.0, 1.0, 0.0, k1, 0.0, k2, 0.0, k3, 0.0, k4)
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/kannala_brandt.glsl`."""
+        return {
+            **super().uniforms(),
+            "u_coefficients": self.coefficients,
+            "u_theta_edge_rad": self.theta_edge_rad,
+            "u_radius_max": self.radius_limits[1],
+        }

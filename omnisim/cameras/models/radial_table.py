@@ -1,0 +1,136 @@
+"""A measured lens: radii in pixels at some angles, and a smooth monotone curve through them.
+
+The curve is a cubic on each interval, with the slopes of Fritsch and Butland (PCHIP): it rises
+where the table rises, and has no waves between.
+
+Domain: 0 ≤ θ ≤ the table's last angle.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| principal_point_px | px | the picture's middle |
+| thetas_deg | degrees | 0, 5, …, 100; rising, 2 to 64 of them, the first 0 |
+| radii_px | px | 0 …; rising, as many |
+
+GLSL twin: `shaders/camera/radial_table.glsl`. Source: Fritsch & Butland, "A method for constructing
+local monotone piecewise cubic interpolants", 1984.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import Uniforms
+from omnisim.cameras.monotone import solve_increasing
+from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.errors import OpticsError
+
+MAX_NODES = 64  # arrays of the GLSL twin
+
+
+@dataclass(frozen=True)
+class RadialTableCamera(RadialCamera):
+    """A lens as a table of angles and radii.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        principal_point_px: (u, v) of the optical axis in the picture.
+        thetas_rad: angles from the axis, rising from 0.
+        radii_px: their radii, rising from 0.
+
+    Raises:
+        OpticsError: a size that is not positive, numbers that are not finite, or a table that does
+            not rise from 0, goes past 180°, or has too few or too many entries.
+    """
+
+    principal_point_px: tuple[float, float]
+    thetas_rad: tuple[float, ...]
+    radii_px: tuple[float, ...]
+    model_name = "radial_table"
+    pixels_per_plane = 1.0  # the plane is in pixels
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.thetas_rad) != len(self.radii_px):
+            raise OpticsError("camera: radii_px: expected as many as thetas_rad")
+        if not 2 <= len(self.radii_px) <= MAX_NODES:
+            count = len(self.radii_px)
+            raise OpticsError(f"camera: radii_px: expected 2 to {MAX_NODES} values, got {count}")
+        for name in ("thetas_rad", "radii_px"):
+            values = getattr(self, name)
+            if values[0] != 0.0 or min(np.diff(values)) <= 0.0:
+                raise OpticsError(f"camera: {name}: expected values that rise from 0, got {values}")
+        end = self.thetas_rad[-1]
+        if end > math.pi:
+            raise OpticsError(f"camera: thetas_rad: expected at most π, got {end:g}")
+
+    @property
+    def theta_edge_rad(self) -> float:
+        """Angle from the axis where the domain ends: the table's last."""
+        return self.thetas_rad[-1]
+
+    @cached_property
+    def slopes_px(self) -> NDArray[np.float64]:
+        """Slopes dr/dθ (n,) at the table's angles.
+
+        Source: weighted harmonic means inside; at the ends three points' parabola, kept monotone
+        (Moler, "Numerical computing with MATLAB", section 3.6).
+        """
+        steps = np.diff(self.thetas_rad)
+        chords = np.diff(self.radii_px) / steps
+        if len(chords) == 1:
+            return np.repeat(chords, 2)
+        before, after = 2.0 * steps[1:] + steps[:-1], steps[1:] + 2.0 * steps[:-1]
+        inner = (before + after) / (before / chords[:-1] + after / chords[1:])
+        first = _end_slope(steps[0], steps[1], chords[0], chords[1])
+        last = _end_slope(steps[-1], steps[-2], chords[-1], chords[-2])
+        return np.array([first, *inner, last])
+
+    def _local(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Share t of the interval, its width, both radii, and both slopes times the width."""
+        nodes, radii = np.array(self.thetas_rad), np.array(self.radii_px)
+        left = np.clip(np.searchsorted(nodes, theta, side="right") - 1, 0, len(nodes) - 2)
+        width = nodes[left + 1] - nodes[left]
+        t = (theta - nodes[left]) / width
+        slopes = self.slopes_px
+        return (
+            t, width, radii[left], radii[left + 1],
+            slopes[left] * width, slopes[left + 1] * width,
+        )  # fmt: skip
+
+    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        t, _, r0, r1, m0, m1 = self._local(theta)
+        rise = r1 - r0
+        return r0 + t * (m0 + t * (3.0 * rise - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * rise)))
+
+    def _slope(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        t, width, r0, r1, m0, m1 = self._local(theta)
+        rise = r1 - r0
+        bend = 3.0 * rise - 2.0 * m0 - m1
+        return (m0 + t * (2.0 * bend + 3.0 * t * (m0 + m1 - 2.0 * rise))) / width
+
+    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return solve_increasing(
+            self._radius_from_theta, self._slope, radius, 0.0, self.theta_edge_rad
+        )
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/radial_table.glsl`; the last entry fills the arrays."""
+        fill = MAX_NODES - len(self.thetas_rad)
+        slopes = tuple(self.slopes_px.tolist())
+        return {
+            "u_principal_point_px": self.principal_point_px,
+            "u_thetas_rad": self.thetas_rad + self.thetas_rad[-1:] * fill,
+            "u_radii_px": self.radii_px + self.radii_px[-1:] * fill,
+            "u_slopes_px": slopes + slopes[-1:] * fill,
+        }
+
+
+def _end_slope(step: float, next_step: float, chord: float, next_chord: float) -> float:
+    slope = ((2.0 * step + next_step) * chord - step * next_chord) / (step + next_step)
+    # chords are positive, so the parabola's slope has to be kept from falling and from overshooting
+    return float(min(max(slope, 0.0), 3.0 * chord))

@@ -1,0 +1,262 @@
+"""OpenCV's pinhole lens with all of its coefficients: rational radial, thin prism, tilted sensor.
+
+    x = X/Z, y = Y/Z, r² = x² + y², g = (1 + k1 r² + k2 r⁴ + k3 r⁶)/(1 + k4 r² + k5 r⁴ + k6 r⁶)
+    x' = g x + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴
+    y' = g y + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴
+    (x'', y'', 1) ~ T(τx, τy) (x', y', 1)
+    (u, v) = (fx x'' + u0, fy y'' + v0)
+
+T is the perspective map onto a sensor that is tilted by τx about x, then by τy about y.
+
+Domain: Z > 0, x² + y² ≤ r_max², and x' and y' in front of the tilted sensor. On the disc of r_max
+no two points meet: the Jacobian's symmetric part is positive definite, since g and d(g r)/dr exceed
+6 |p| r + 2 |(s1, s3)| r + 4 |(s2, s4)| r³, which bounds the other terms. Where nothing else ends
+it, r_max is 50 (88.9°).
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| focal_lengths_px | px | fx, fy |
+| principal_point_px | px | u0, v0 |
+| distortion | – | k1, k2, p1, p2, k3, k4, k5, k6, and perhaps s1, s2, s3, s4, τx, τy |
+
+GLSL twin: `shaders/camera/rational_polynomial.glsl`. Source: OpenCV's module calib3d; ROS's
+distortion model of the same name; Azure Kinect's and OAK-D's calibrations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import Rays, Uniforms
+from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints, unit_vectors
+from omnisim.core.errors import OpticsError
+
+MAX_RADIUS = 50.0
+MAX_TILT_RAD = math.radians(80.0)
+MAX_STEPS = 60
+COEFFICIENT_COUNTS = (8, 12, 14)
+ROUNDING = 1e-13  # of the distance between a point and the distorted inverse of it
+
+
+@dataclass(frozen=True)
+class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
+    """A pinhole camera with OpenCV's rational distortion, thin prism and tilt.
+
+    Attributes:
+        width_px, height_px: size of the image.
+        focal_lengths_px: (fx, fy).
+        principal_point_px: (u0, v0).
+        distortion: k1, k2, p1, p2, k3, k4, k5, k6, and optionally s1, s2, s3, s4, then τx, τy.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, numbers that are not finite,
+            another number of coefficients, a tilt past 80°, or a lens that folds at its axis.
+    """
+
+    distortion: tuple[float, ...]
+    model_name = "rational_polynomial"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.distortion) not in COEFFICIENT_COUNTS:
+            raise OpticsError(
+                "camera: distortion: expected k1, k2, p1, p2, k3, k4, k5, k6, optionally s1, s2, "
+                f"s3, s4, and then τx, τy, got {self.distortion}"
+            )
+        for name, tilt in zip(("τx", "τy"), self.tilt_rad, strict=True):
+            if not abs(tilt) <= MAX_TILT_RAD:
+                limit = f"{MAX_TILT_RAD:.3g}"
+                raise OpticsError(
+                    f"camera: distortion: {name}: expected −{limit} to {limit}, got {tilt:g}"
+                )
+
+    @property
+    def prism(self) -> NDArray[np.float64]:
+        """Thin prism (2, 2): s1, s2 along x and s3, s4 along y."""
+        return np.array((*self.distortion[8:12], 0.0, 0.0, 0.0, 0.0)[:4]).reshape(2, 2)
+
+    @property
+    def tilt_rad(self) -> tuple[float, float]:
+        """Angles τx, τy of the sensor."""
+        x, y = (*self.distortion[12:], 0.0, 0.0)[:2]
+        return x, y
+
+    @cached_property
+    def sensor_from_plane(self) -> NDArray[np.float64]:
+        """Homography (3, 3) T onto the tilted sensor."""
+        (cx, cy), (sx, sy) = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]])
+        about_y = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
+        turned = about_y @ about_x
+        x, y, z = turned[:, 2]
+        projection = np.array([[z, 0.0, -x], [0.0, z, -y], [0.0, 0.0, 1.0]])
+        return np.asarray(projection @ turned)
+
+    @cached_property
+    def plane_from_sensor(self) -> NDArray[np.float64]:
+        """Inverse (3, 3) of `sensor_from_plane`."""
+        return np.asarray(np.linalg.inv(self.sensor_from_plane), dtype=np.float64)
+
+    @cached_property
+    def _ratio(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Numerator and denominator of g as polynomials of r, constant term first."""
+        k1, k2, _, _, k3, k4, k5, k6 = self.distortion[:8]
+        above = np.array([1.0, 0.0, k1, 0.0, k2, 0.0, k3])
+        return above, np.array([1.0, 0.0, k4, 0.0, k5, 0.0, k6])
+
+    @cached_property
+    def radius_limit(self) -> float:
+        """Radius of the domain on the plane before distortion."""
+        above, below = self._ratio
+        sides = np.linalg.norm(self.prism, axis=0)
+        bend = np.array([0.0, 6.0 * math.hypot(*self.distortion[2:4]) + 2.0 * sides[0]])
+        bend = polynomial.polyadd(bend, [0.0, 0.0, 0.0, 4.0 * sides[1]])
+        pole = first_root(below, MAX_RADIUS)
+        across = polynomial.polysub(above, polynomial.polymul(bend, below))
+        # d(g r)/dr of the ratio, times its squared denominator
+        along = polynomial.polysub(
+            polynomial.polymul(polynomial.polyder(polynomial.polymulx(above)), below),
+            polynomial.polymul(polynomial.polymulx(above), polynomial.polyder(below)),
+        )
+        along = polynomial.polysub(
+            along, polynomial.polymul(bend, polynomial.polymul(below, below))
+        )
+        return min(pole * (1.0 - 1e-9), first_root(across, pole), first_root(along, pole))
+
+    def _growth(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Ratio g (...,) at a radius (...,) and dg/dr (...,)."""
+        k1, k2, _, _, k3, k4, k5, k6 = self.distortion[:8]
+        squared = radius * radius
+        n, slope_n = _even_polynomial(k1, k2, k3, squared)
+        d, slope_d = _even_polynomial(k4, k5, k6, squared)
+        d = np.maximum(d, 1e-12)  # past the pole, outside of the domain
+        return n / d, 2.0 * radius * (slope_n * d - n * slope_d) / (d * d)
+
+    def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distorted points (..., 2) of points (..., 2) within the domain, before the tilt."""
+        x, y = plane[..., :1], plane[..., 1:]
+        squared = x * x + y * y
+        growth, _ = self._growth(np.sqrt(squared))
+        tangential = np.array(self.distortion[3:1:-1])
+        along = tangential[0] * x + tangential[1] * y
+        first, second = self.prism.T
+        offset = squared * (tangential + first + squared * second)
+        return np.asarray(plane * (growth + 2.0 * along) + offset)
+
+    def _undistort(self, distorted: NDArray[np.float64]) -> PlanePoints:
+        """Points (..., 2) of the domain that `distort` takes to distorted ones (..., 2)."""
+        radius = np.hypot(distorted[..., 0], distorted[..., 1])
+
+        def grown(radii: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.asarray(radii * self._growth(radii)[0])
+
+        def slope(radii: NDArray[np.float64]) -> NDArray[np.float64]:
+            growth, rise = self._growth(radii)
+            return np.asarray(growth + radii * rise)
+
+        start = solve_increasing(grown, slope, radius, 0.0, self.radius_limit)
+        plane = unit_vectors(distorted, radius) * start[..., None]
+        if any(self.distortion[2:4]) or self.prism.any():
+            plane = self._descend(plane.reshape(-1, 2), distorted.reshape(-1, 2)).reshape(
+                plane.shape
+            )
+        miss = np.abs(self.distort(plane) - distorted).max(axis=-1)
+        return PlanePoints(plane, miss <= ROUNDING * np.maximum(1.0, radius))
+
+    def _descend(
+        self, plane: NDArray[np.float64], distorted: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Undistorted points (n, 2) by Newton's steps within the domain, until each converges."""
+        solved, limit = plane.copy(), self.radius_limit
+        active = np.arange(len(plane))
+        for _ in range(MAX_STEPS):
+            following = plane - self._newton_step(plane, self.distort(plane) - distorted)
+            length = np.hypot(following[:, 0], following[:, 1])
+            following *= (limit / np.maximum(length, limit))[:, None]
+            solved[active] = following
+            moves = np.abs(following - plane).max(axis=-1) > 1e-15 * limit
+            if not moves.any():
+                break
+            active, plane, distorted = active[moves], following[moves], distorted[moves]
+        return solved
+
+    def _newton_step(
+        self, plane: NDArray[np.float64], error: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The Jacobian's inverse times an error (n, 2)."""
+        x, y = plane.T
+        squared = x * x + y * y
+        radius = np.sqrt(squared)
+        growth, rise = self._growth(radius)
+        px, py = self.distortion[3], self.distortion[2]
+        (sx, sxx), (sy, syy) = self.prism.tolist()
+        radial = np.divide(rise, radius, out=np.zeros_like(radius), where=radius > 0.0)
+        across = radial * x + 2.0 * (sx + 2.0 * squared * sxx + px)
+        down = radial * y + 2.0 * (sy + 2.0 * squared * syy + py)
+        diagonal = growth + 2.0 * (px * x + py * y)
+        xx, xy = across * x + 2.0 * px * x + diagonal, across * y + 2.0 * py * x
+        yx, yy = down * x + 2.0 * px * y, down * y + 2.0 * py * y + diagonal
+        ex, ey = error.T
+        determinant = xx * yy - xy * yx
+        return np.asarray(
+            np.stack((yy * ex - xy * ey, xx * ey - yx * ex), axis=-1) / determinant[:, None]
+        )
+
+    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+        distorted = _mapped(self.plane_from_sensor, plane)
+        points = self._undistort(distorted.positions)
+        directions = np.concatenate(
+            (points.positions, np.ones_like(points.positions[..., :1])), axis=-1
+        )
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        return Rays(directions, points.valid & distorted.valid)
+
+    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+        across = np.hypot(directions[..., 0], directions[..., 1])
+        valid = across <= self.radius_limit * (1.0 + 1e-12) * directions[..., 2]
+        valid &= directions[..., 2] > 0.0
+        plane = directions[..., :2] / np.where(valid, directions[..., 2], 1.0)[..., None]
+        distorted = self.distort(np.where(valid[..., None], plane, 0.0))
+        sensor = _mapped(self.sensor_from_plane, distorted)
+        return PlanePoints(sensor.positions, valid & sensor.valid)
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/rational_polynomial.glsl`."""
+        k1, k2, p1, p2, k3, k4, k5, k6 = self.distortion[:8]
+        (s1, s2), (s3, s4) = self.prism.tolist()
+        rows = self.plane_from_sensor.tolist()
+        return {
+            **super().uniforms(),
+            "u_numerator": (k1, k2, k3),
+            "u_denominator": (k4, k5, k6),
+            "u_tangential": (p2, p1),
+            "u_prism": (s1, s3, s2, s4),
+            "u_plane_from_sensor_x": tuple(rows[0]),
+            "u_plane_from_sensor_y": tuple(rows[1]),
+            "u_plane_from_sensor_w": tuple(rows[2]),
+            "u_radius_max": self.radius_limit,
+        }
+
+
+def _even_polynomial(
+    first: float, second: float, third: float, squared: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values 1 + k1 s + k2 s² + k3 s³ and slopes by s at s (...,)."""
+    value = 1.0 + squared * (first + squared * (second + squared * third))
+    return value, first + squared * (2.0 * second + squared * (3.0 * third))
+
+
+def _mapped(matrix: NDArray[np.float64], plane: NDArray[np.float64]) -> PlanePoints:
+    """Points (..., 2) by a homography (3, 3); valid on the side of the axis."""
+    homogeneous = plane @ matrix[:, :2].T + matrix[:, 2]
+    valid = homogeneous[..., 2] > 1e-9
+    depth = np.where(valid, homogeneous[..., 2], 1.0)[..., None]
+    return PlanePoints(homogeneous[..., :2] / depth, valid)

@@ -1,0 +1,124 @@
+"""The unified model of Geyer and Mei with distortion: OpenCV's `omnidir`, Kalibr's `omni`.
+
+    (x_n, y_n) = (x, y)/(z + ξ d),  d = √(x² + y² + z²)
+    (x_d, y_d) = distorted by k1, k2, p1, p2, k3, see `radial_tangential`
+    (u, v) = (γu x_d + s y_d + u0, γv y_d + v0)
+
+Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the picture would fold over; and
+x_n² + y_n² ≤ r_max², the disc on which the distortion does not fold. For ξ > 1 the first is
+x_n² + y_n² ≤ 1/(ξ² − 1). Where nothing else ends it, r_max is 1000: nearly the first's limit.
+
+| parameter | unit | typical |
+| --- | --- | --- |
+| xi | – | ≥ 0: 0 perspective, 1 paraboloid, 1.5 to 2.5 a fisheye |
+| focal_lengths_px | px | γu, γv: (1 + ξ) times the focal length at the axis |
+| principal_point_px | px | u0, v0 |
+| distortion | – | k1, k2, p1, p2, and perhaps k3 |
+| skew_px | px | s, 0 |
+
+GLSL twin: `shaders/camera/unified.glsl`. Source: Mei & Rives, "Single view point omnidirectional
+camera calibration from planar grids", 2007; OpenCV's module ccalib.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import Rays, Uniforms
+from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.models.radial_tangential import RadialTangential
+from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
+from omnisim.core.errors import OpticsError
+
+MAX_RADIUS = 1000.0
+
+
+@dataclass(frozen=True)
+class UnifiedCamera(TwoFocalCamera, PlaneCamera):
+    """A mirror or fisheye lens as a projection from a point ξ above a unit sphere's centre.
+
+    Attributes:
+        width_px, height_px: size of the picture.
+        focal_lengths_px: (γu, γv).
+        principal_point_px: (u0, v0).
+        xi: ξ, not negative.
+        distortion: k1, k2, p1, p2, and perhaps k3, which pinhole cameras (ξ = 0) have.
+        skew_px: s.
+
+    Raises:
+        OpticsError: a size or focal length that is not positive, numbers that are not finite,
+            ξ < 0, or not four or five coefficients.
+    """
+
+    xi: float
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    skew_px: float = 0.0
+    model_name = "unified"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.xi < 0.0:
+            raise OpticsError(f"camera: xi: expected at least 0, got {self.xi:g}")
+        if len(self.distortion) not in (4, 5):
+            raise OpticsError(
+                "camera: distortion: expected k1, k2, p1, p2 and optionally k3, "
+                f"got {self.distortion}"
+            )
+
+    @property
+    def k3(self) -> float:
+        """The fifth coefficient, 0 where there are four."""
+        return (*self.distortion, 0.0)[4]
+
+    @cached_property
+    def radius_limit(self) -> float:
+        """Radius of the domain on the plane before distortion."""
+        fold = 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else MAX_RADIUS
+        return RadialTangential(*self.distortion).radius_limit(min(fold, MAX_RADIUS))
+
+    def _plane_from_pixels(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        plane = super()._plane_from_pixels(pixels)
+        plane[..., 0] -= self.skew_px / self.focal_lengths_px[0] * plane[..., 1]
+        return plane
+
+    def _pixels_from_plane(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+        pixels = super()._pixels_from_plane(plane)
+        pixels[..., 0] += self.skew_px * plane[..., 1]
+        return pixels
+
+    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+        points = RadialTangential(*self.distortion).undistort(plane, self.radius_limit)
+        squared = np.sum(points.positions**2, axis=-1, keepdims=True)
+        root = np.sqrt(np.maximum(1.0 + (1.0 - self.xi * self.xi) * squared, 0.0))
+        height = (self.xi + root) / (1.0 + squared)
+        directions = np.concatenate((points.positions * height, height - self.xi), axis=-1)
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        return Rays(directions, points.valid)
+
+    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+        distance = np.linalg.norm(directions, axis=-1)
+        w = self.xi if self.xi <= 1.0 else 1.0 / self.xi
+        valid = directions[..., 2] > (-w - EDGE_RAD) * distance
+        depth = directions[..., 2] + self.xi * distance
+        valid &= depth > 1e-12 * distance
+        plane = directions[..., :2] / np.where(valid, depth, 1.0)[..., None]
+        radius = np.hypot(plane[..., 0], plane[..., 1])
+        valid &= radius <= self.radius_limit * (1.0 + EDGE_RAD)
+        plane = np.where(valid[..., None], plane, 0.0)
+        return PlanePoints(RadialTangential(*self.distortion).distort(plane), valid)
+
+    def uniforms(self) -> Uniforms:
+        """Values for `shaders/camera/unified.glsl`."""
+        return {
+            **super().uniforms(),
+            "u_xi": self.xi,
+            "u_distortion": self.distortion[:4],
+            "u_k3": self.k3,
+            "u_skew_px": self.skew_px,
+            "u_radius_max": self.radius_limit,
+        }

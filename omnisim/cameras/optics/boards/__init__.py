@@ -1,0 +1,1 @@
+"""Calibration of optical systems from pictures of boards."""

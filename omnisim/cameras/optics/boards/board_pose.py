@@ -1,0 +1,71 @@
+"""Pose of a board from the rays of its corners: a first one, and how corners move with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy  # its submodules load when first used
+
+from omnisim.cameras.optics.boards.board_corners import MIN_CORNERS, BoardCorners
+from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.errors import OpticsError
+
+
+def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) -> Floats:
+    """Pose (4, 4) of a board in the sensor's optical frame, as if all rays met in one point.
+
+    Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
+    with unit directions in place of the picture's coordinates.
+
+    Raises:
+        OpticsError: too few corners where the system sees anything.
+    """
+    rays = system.rays(board.pixels_px)
+    if rays.valid.sum() < MIN_CORNERS:
+        words = f"expected at least {MIN_CORNERS} corners where the optics see anything"
+        raise OpticsError(f"corners: {words}, got {rays.valid.sum()}")
+    directions, points_m = rays.directions[rays.valid], board.points_m[rays.valid]
+    plane = np.column_stack((points_m, np.ones(len(points_m))))
+    # d × (H p) = 0
+    crosses = np.cross(np.eye(3), directions[:, None, :]).transpose(0, 2, 1)
+    rows = np.einsum("nij,nk->nijk", crosses, plane).reshape(-1, 9)
+    homography = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    if np.einsum("nj,jk,nk->", directions, homography, plane) < 0.0:
+        homography = -homography
+    homography /= 0.5 * np.linalg.norm(homography[:, :2], axis=0).sum()
+    first, second, middle_m = homography.T
+    u, _, v = np.linalg.svd(np.stack((first, second, np.cross(first, second)), axis=1))
+    pose = np.eye(4)
+    pose[:3, :3] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    pose[:3, 3] = middle_m + viewpoint_m
+    return pose
+
+
+def moved_pose(pose: Floats, move: Floats) -> Floats:
+    """Pose (4, 4) after a move (6,): a rotation vector about its own origin, and a shift."""
+    moved = pose.copy()
+    moved[:3, :3] = scipy.spatial.transform.Rotation.from_rotvec(move[:3]).as_matrix()
+    moved[:3, :3] @= pose[:3, :3]
+    moved[:3, 3] += move[3:]
+    return moved
+
+
+def move_jacobians(pose: Floats, move: Floats, points_m: Floats) -> Floats:
+    """Derivatives (n, 3, 6) of points (n, 3) of a moved board by the move.
+
+    Source: the left Jacobian of SO(3), Barfoot, State Estimation for Robotics (2017), 7.77.
+    """
+    arms = points_m @ moved_pose(pose, move)[:3, :3].T
+    angle, cross = float(np.linalg.norm(move[:3])), _cross_matrices(move[:3])
+    left = np.eye(3) + 0.5 * cross + cross @ cross / 6.0
+    if angle > 1e-4:
+        left = np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * cross
+        left += (angle - np.sin(angle)) / angle**3 * (cross @ cross)
+    turned = -_cross_matrices(arms) @ left
+    return np.concatenate((turned, np.broadcast_to(np.eye(3), turned.shape)), axis=2)
+
+
+def _cross_matrices(vectors: Floats) -> Floats:
+    """Matrices (..., 3, 3) whose product with a vector is the cross product."""
+    found: Floats = np.cross(np.eye(3), vectors[..., None, :])
+    return found

@@ -1,0 +1,243 @@
+"""Calibration of an optical system's own parameters from the corners of a board in pictures.
+
+Least squares of the reprojection errors, with the exact inverse and exact derivatives: a pixel
+moves with its point (`pixel_jacobians`), and against the motion of its own ray at that point.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.cameras.optics.boards.board_pose import first_pose, move_jacobians, moved_pose
+from omnisim.cameras.optics.boards.free_parameters import FreeParameters
+from omnisim.cameras.optics.caustic import pixel_jacobians
+from omnisim.cameras.optics.central_view import CentralView
+from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.errors import OmnisimError, OpticsError
+
+_STEP = 1e-6  # of a parameter, or of 1 where it is less
+_SINGULAR = 1e-7  # least singular value of the scaled Jacobian, as a share of the largest
+_UNSEEN_PX = 1e-4  # by which a parameter moves corners, if it grows by 1 or doubles
+_SHARE = 0.1  # of a direction that the corners do not tell: a parameter that is part of it
+_MAX_STEPS = 100
+_WIDER = 1.1  # a rim that a step moves must not hide corners
+
+
+@dataclass(frozen=True, eq=False)
+class FittedParameter:
+    """A parameter of the system as the corners have it.
+
+    Attributes:
+        name: its key.
+        before, value: in the file, and fitted.
+        sigma: standard deviation, of independent errors as large as the residuals.
+    """
+
+    name: str
+    before: float
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class SystemCalibration:
+    """An optical system that was fitted to corners.
+
+    Attributes:
+        system: the system.
+        table: of its optics file.
+        parameters: that were fitted.
+        poses: (boards, 4, 4) of the boards in the sensor's optical frame.
+        before_px, errors_px: (n, 2) reprojection errors of all corners, with the poses alone
+            fitted, and with the parameters.
+    """
+
+    system: OpticalSystem
+    table: dict[str, Any]
+    parameters: tuple[FittedParameter, ...]
+    poses: Floats
+    before_px: Floats
+    errors_px: Floats
+
+
+def calibrate_system(
+    table: Mapping[str, Any],
+    free: Sequence[str],
+    boards: Sequence[BoardCorners],
+    source: str = "optics",
+) -> SystemCalibration:
+    """Fit parameters of an optical system, and the poses of the boards.
+
+    Args:
+        table: of the optics file, near the truth.
+        free: keys of the parameters, see `FreeParameters`; none: the poses alone.
+        boards: corners in the pictures.
+        source: names the file in messages.
+
+    Raises:
+        OpticsError: no board, corners that the system does not see, or parameters that they do
+            not tell apart.
+    """
+    if not boards:
+        raise OpticsError("corners: expected a board, got none")
+    fixed, parameters = (FreeParameters(table, keys, source) for keys in ((), free))
+    system = fixed.system(fixed.values)
+    viewpoint_m = CentralView(system).viewpoint_m
+    poses = np.stack([first_pose(system, viewpoint_m, board) for board in boards])
+    rough = _Problem(fixed, boards, poses).solve()
+    if not parameters.names:
+        return rough
+    found = _Problem(parameters, boards, rough.poses).solve()
+    return SystemCalibration(
+        found.system,
+        found.table,
+        found.parameters,
+        found.poses,
+        rough.errors_px,
+        found.errors_px,
+    )
+
+
+class _Problem:
+    """Least squares over the free parameters and a move of each board's pose."""
+
+    def __init__(self, parameters: FreeParameters, boards: Sequence[BoardCorners], poses: Floats):
+        self._parameters, self._boards, self._poses = parameters, boards, poses
+        self._pixels = np.concatenate([board.pixels_px for board in boards])
+        self._count = len(parameters.names)
+        self._values = parameters.values
+        self._system = self._open_system(parameters.values)
+        self._vector, self._predicted, self._errors = np.zeros(0), self._pixels, np.zeros(0)
+
+    def solve(self) -> SystemCalibration:
+        """The best of them."""
+        parameters = self._parameters
+        start = np.concatenate((parameters.values, np.zeros(6 * len(self._boards))))
+        found = scipy.optimize.least_squares(
+            self.errors, start, self.jacobian, method="lm", x_scale="jac",
+            ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=_MAX_STEPS,
+        )  # fmt: skip
+        values, moves = self._split(found.x)
+        sigmas = self._sigmas(self.jacobian(found.x), found.fun)
+        rows = zip(parameters.names, parameters.values, values, sigmas, strict=True)
+        return SystemCalibration(
+            parameters.system(values),
+            parameters.table(values),
+            tuple(FittedParameter(name, *map(float, numbers)) for name, *numbers in rows),
+            self._moved(moves),
+            found.fun.reshape(-1, 2),
+            found.fun.reshape(-1, 2),
+        )
+
+    def errors(self, vector: Floats) -> Floats:
+        """Errors (2 n,) of all corners in pixels."""
+        if np.array_equal(vector, self._vector):  # as for its Jacobian
+            return self._errors
+        values, moves = self._split(vector)
+        try:
+            if not np.array_equal(values, self._values):
+                self._values, self._system = values, self._open_system(values)
+            seen = self._system.pixel_from_point(np.concatenate(self._points(moves)))
+        except OmnisimError:
+            return np.full(self._pixels.size, self._lost_px)  # a step too far is taken back
+        valid = seen.valid[:, None]
+        self._vector = vector.copy()
+        self._predicted = np.where(valid, seen.positions_px, self._pixels)
+        errors = np.where(valid, seen.positions_px - self._pixels, self._lost_px)
+        self._errors = errors.ravel()
+        return self._errors
+
+    def jacobian(self, vector: Floats) -> Floats:
+        """Derivatives (2 n, parameters + 6 boards) of the errors; of what is not seen 0."""
+        values, moves = self._split(vector)
+        self.errors(vector)  # its predictions
+        pixels, points = self._predicted, self._points(moves)
+        points_m = np.concatenate(points)
+        by_point = np.nan_to_num(pixel_jacobians(self._system, pixels, points_m))
+        columns = np.zeros((len(pixels), 2, len(vector)))
+        lengths = np.linalg.norm(points_m - self._system.rays(pixels).origins_m, axis=1)[:, None]
+        for index in range(self._count):
+            step = _STEP * max(1.0, abs(float(values[index]))) * np.eye(self._count)[index]
+            ends = []
+            for sign in (1.0, -1.0):
+                rays = self._open_system(values + sign * step).rays(pixels)
+                ends.append(rays.origins_m + lengths * rays.directions)
+            drift = (ends[0] - ends[1]) / (2.0 * step[index])
+            columns[:, :, index] = -np.einsum("nij,nj->ni", by_point, drift)
+        first = 0
+        for number, board in enumerate(self._boards):
+            rows = slice(first, first + len(board.points_m))
+            at = self._count + 6 * number
+            by_move = move_jacobians(self._poses[number], moves[number], board.points_3d_m)
+            columns[rows, :, at : at + 6] = by_point[rows] @ by_move
+            first = rows.stop
+        return columns.reshape(self._pixels.size, -1)
+
+    def _open_system(self, values: Floats) -> OpticalSystem:
+        """System that hides no corner that was seen: with wider rims, without obstacles."""
+        system = self._parameters.system(values)
+        surfaces = tuple(
+            dataclasses.replace(surface, rim_radius_m=_WIDER * surface.rim_radius_m)
+            for surface in system.surfaces
+        )
+        return dataclasses.replace(system, surfaces=surfaces, obstacles=())
+
+    @property
+    def _lost_px(self) -> float:
+        return float(self._system.width_px + self._system.height_px)
+
+    def _split(self, vector: Floats) -> tuple[Floats, Floats]:
+        """Parameters, and moves (boards, 6)."""
+        return vector[: self._count], vector[self._count :].reshape(-1, 6)
+
+    def _moved(self, moves: Floats) -> Floats:
+        pairs = zip(self._poses, moves, strict=True)
+        return np.stack([moved_pose(pose, move) for pose, move in pairs])
+
+    def _points(self, moves: Floats) -> list[Floats]:
+        """Corners (n, 3) of each board in the sensor's optical frame."""
+        poses = self._moved(moves)
+        return [
+            board.points_3d_m @ pose[:3, :3].T + pose[:3, 3]
+            for board, pose in zip(self._boards, poses, strict=True)
+        ]
+
+    def _sigmas(self, jacobian: Floats, errors: Floats) -> Floats:
+        """Standard deviations of the parameters.
+
+        Raises:
+            OpticsError: parameters that the corners do not tell apart.
+        """
+        if self._count == 0:
+            return np.zeros(0)
+        scale = np.linalg.norm(jacobian, axis=0)
+        effects_px = scale[: self._count] * np.maximum(1.0, np.abs(self._values))
+        self._check(effects_px < _UNSEEN_PX)
+        _, sizes, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
+        if sizes[-1] < _SINGULAR * sizes[0]:
+            parts = np.abs(directions[-1, : self._count])
+            self._check(parts > _SHARE * parts.max())
+        freedom = max(len(errors) - len(sizes), 1)
+        variances = np.square(directions / sizes[:, None]).sum(axis=0) * (errors @ errors) / freedom
+        found: Floats = (np.sqrt(variances) / scale)[: self._count]
+        return found
+
+    def _check(self, untold: NDArray[np.bool_]) -> None:
+        """Refuse parameters (n,) that the corners do not tell.
+
+        Raises:
+            OpticsError: naming them.
+        """
+        if untold.any():
+            names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]
+            words = "the corners do not tell, or not apart: expected fewer free parameters"
+            raise OpticsError(f"{', '.join(names)}: {words}")

@@ -1,0 +1,157 @@
+"""Central views of optical systems: the assumption of one viewpoint, made in the open."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import (
+    CameraParameters,
+    NonCentralCamera,
+    Pixels,
+    Rays,
+    Uniforms,
+    as_directions,
+)
+from omnisim.cameras.central_error import CentralError
+from omnisim.cameras.optics.centrality import (
+    SeenRays,
+    central_errors,
+    common_point,
+    directions_at,
+    seen_rays,
+)
+from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.core.errors import OpticsError
+from omnisim.core.short_repr import short_repr
+
+DISTANCES_M = (0.3, 1.0, 5.0)  # of points whose errors are told
+
+
+@dataclass(frozen=True, eq=False)
+class CentralView:
+    """An optical system as if its rays met in one point: a central camera, and its error.
+
+    It is exact for points at one distance from the viewpoint. Its optical frame has the sensor's
+    axes, but its origin is the viewpoint.
+
+    Attributes:
+        system: the optical system.
+        distance_m: of the points that it shows right; infinite: directions alone count.
+        axes: (3, 3) orthogonal view_from_optical; a reflection, where files mirror a picture.
+
+    Raises:
+        OpticsError: a distance that is not positive, or a system that sees nothing.
+    """
+
+    system: NonCentralCamera
+    distance_m: float = math.inf
+    axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+
+    model_name = "central view of optics"
+    domain_limit_rad = None
+
+    def __post_init__(self) -> None:
+        if not self.distance_m > 0.0:
+            raise OpticsError(f"distance_m: expected more than 0, got {self.distance_m:g}")
+        assert len(self.seen_rays.pixels_px)  # or it refuses the system
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.system), f"right at {self.distance_m:g} m")
+
+    @property
+    def width_px(self) -> int:
+        """Width of the picture."""
+        return self.system.width_px
+
+    @property
+    def height_px(self) -> int:
+        """Height of the picture."""
+        return self.system.height_px
+
+    @property
+    def principal_point_px(self) -> tuple[float, float]:
+        """The camera's."""
+        return self.system.principal_point_px
+
+    @property
+    def rig_from_optical(self) -> NDArray[np.float64]:
+        """Orientation (3, 3) in a level rig."""
+        found: NDArray[np.float64] = self.system.rig_from_optical @ self.axes.T
+        return found
+
+    @cached_property
+    def seen_rays(self) -> SeenRays:
+        """Rays evenly over the picture, in the sensor's optical frame."""
+        return seen_rays(self.system)
+
+    @cached_property
+    def viewpoint_m(self) -> Floats:
+        """Point (3,) nearest to all rays, in the sensor's optical frame."""
+        return common_point(self.seen_rays.origins_m, self.seen_rays.directions)
+
+    def frame_from_view(self, frame_from_optical: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose (4, 4) of the view, where that of the sensor's optical frame is given."""
+        found = frame_from_optical.copy()
+        found[:3, 3] += frame_from_optical[:3, :3] @ self.viewpoint_m
+        found[:3, :3] = frame_from_optical[:3, :3] @ self.axes.T
+        return found
+
+    def scaled(self, scale: float) -> CentralView:
+        """The same view in a picture `scale` times as large; sizes are rounded."""
+        return dataclasses.replace(self, system=self.system.scaled(scale))
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2) from the viewpoint."""
+        rays = self.system.ray_from_pixel(pixels_px)
+        origins_m = np.zeros(3) if rays.origins_m is None else rays.origins_m
+        directions, meets = directions_at(
+            origins_m, rays.directions, self.viewpoint_m, self.distance_m
+        )
+        unit = directions / np.maximum(np.linalg.norm(directions, axis=-1, keepdims=True), 1e-300)
+        return Rays(unit @ self.axes.T, rays.valid & meets)
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) from the viewpoint."""
+        optical = as_directions(directions) @ self.axes
+        if math.isinf(self.distance_m):
+            return self.system.pixel_from_ray(optical)
+        lengths = np.maximum(np.linalg.norm(optical, axis=-1, keepdims=True), 1e-300)
+        return self.system.pixel_from_point(self.viewpoint_m + self.distance_m / lengths * optical)
+
+    def errors(self, distances_m: Sequence[float] = DISTANCES_M) -> tuple[CentralError, ...]:
+        """Errors for points at other distances."""
+        return central_errors(
+            self.seen_rays,
+            self.viewpoint_m,
+            distances_m,
+            lambda directions: self.pixel_from_ray(directions @ self.axes.T),
+        )
+
+    def caveat(self, distances_m: Sequence[float] = DISTANCES_M) -> str:
+        """The assumption and its errors, in one line."""
+        others = [distance_m for distance_m in distances_m if distance_m != self.distance_m]
+        errors = ", ".join(map(str, self.errors(others)))
+        exact = "infinity" if math.isinf(self.distance_m) else f"{self.distance_m:g} m"
+        return (
+            f"rays meet in no point: one is assumed, right for points at {exact}; off by up to "
+            f"{errors} (99 % of the picture)"
+        )
+
+    def uniforms(self) -> Uniforms:
+        """Refuse them: no shader traces its rays.
+
+        Raises:
+            OpticsError: always.
+        """
+        raise OpticsError("camera: a central view of optics has no shader")
+
+    def parameters(self) -> CameraParameters:
+        """Size and distance, for messages: no file holds it."""
+        return {"model": self.model_name, "width_px": self.width_px, "height_px": self.height_px}

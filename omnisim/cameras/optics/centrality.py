@@ -1,0 +1,167 @@
+"""Distance of a system's rays from one viewpoint, and the errors of a central model of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras.central_error import CentralError
+from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.core.errors import OpticsError
+
+_SAMPLES = 10_000  # rays of a picture, more or less
+
+
+class RaySource(Protocol):
+    """The parts of an optical system that are measured."""
+
+    @property
+    def width_px(self) -> int: ...  # noqa: D102
+
+    @property
+    def height_px(self) -> int: ...  # noqa: D102
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2), with their origins."""
+        ...
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3)."""
+        ...
+
+
+class SeenRays(NamedTuple):
+    """Rays of a picture, in the sensor's optical frame."""
+
+    pixels_px: Floats  # (n, 2)
+    origins_m: Floats  # (n, 3)
+    directions: Floats  # (n, 3)
+
+
+@dataclass(frozen=True)
+class Centrality:
+    """Rays of a system against one viewpoint.
+
+    Attributes:
+        viewpoint_m: (3,) point nearest to all rays, in the sensor's optical frame.
+        misses_m: (n,) distances of rays from it, evenly over the picture.
+        errors: of the central model that has the rays' directions and that viewpoint.
+    """
+
+    viewpoint_m: Floats
+    misses_m: Floats
+    errors: tuple[CentralError, ...]
+
+
+def common_point(origins_m: Floats, directions: Floats) -> Floats:
+    """Point (3,) with the least squared distances from rays (n, 3).
+
+    Rays that are all parallel have no such point, but the one nearest to their origins' mean.
+    """
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    middle = origins_m.mean(axis=0)
+    pull = np.einsum("nij,nj->i", across, origins_m - middle)
+    found: Floats = middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
+    return found
+
+
+def measure_centrality(system: RaySource, distances_m: Sequence[float]) -> Centrality:
+    """Measure how far a system is from one viewpoint.
+
+    Args:
+        system: to measure.
+        distances_m: of points from the viewpoint.
+
+    Raises:
+        OpticsError: no pixel sees anything, or a distance that is not positive.
+    """
+    check_distances(distances_m)
+    found = seen_rays(system)
+    viewpoint_m = common_point(found.origins_m, found.directions)
+    toward = viewpoint_m - found.origins_m
+    along = np.einsum("nj,nj->n", toward, found.directions)
+    misses_m = np.linalg.norm(toward - along[:, None] * found.directions, axis=1)
+    errors = central_errors(found, viewpoint_m, distances_m, system.pixel_from_ray)
+    return Centrality(viewpoint_m, misses_m, errors)
+
+
+def check_distances(distances_m: Sequence[float]) -> None:
+    """Refuse distances that are not positive and finite.
+
+    Raises:
+        OpticsError: naming the first.
+    """
+    for distance_m in distances_m:
+        if not 0.0 < distance_m <= 1e9:
+            raise OpticsError(f"at_distance: expected more than 0 and finite, got {distance_m:g}")
+
+
+def seen_rays(system: RaySource) -> SeenRays:
+    """Rays of the pixels that see something, evenly over the picture.
+
+    Raises:
+        OpticsError: no pixel sees anything.
+    """
+    pixels = _pixels(system)
+    rays = system.ray_from_pixel(pixels)
+    origins_m = np.zeros_like(rays.directions) if rays.origins_m is None else rays.origins_m
+    found = SeenRays(*(part[rays.valid] for part in (pixels, origins_m, rays.directions)))
+    if len(found.pixels_px) == 0:
+        raise OpticsError("optics: expected a pixel that sees something, got none")
+    return found
+
+
+def central_errors(
+    rays: SeenRays,
+    viewpoint_m: Floats,
+    distances_m: Sequence[float],
+    pixel_from_ray: Callable[[Floats], Pixels],
+) -> tuple[CentralError, ...]:
+    """Errors of a central model: where it shows the points of rays, against where those are.
+
+    Args:
+        rays: of the picture.
+        viewpoint_m: (3,) of the model, in the sensor's optical frame.
+        distances_m: of points from the viewpoint; may be infinite.
+        pixel_from_ray: projection of directions (n, 3), sensor's optical frame, by the model.
+    """
+    errors = []
+    for distance_m in distances_m:
+        directions, meets = directions_at(rays.origins_m, rays.directions, viewpoint_m, distance_m)
+        seen = pixel_from_ray(directions)
+        off_px = np.linalg.norm(seen.positions_px - rays.pixels_px, axis=1)
+        errors.append(CentralError.of(distance_m, off_px, seen.valid & meets))
+    return tuple(errors)
+
+
+def directions_at(
+    origins_m: Floats, directions: Floats, viewpoint_m: Floats, distance_m: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Directions (..., 3) from a viewpoint to the points of rays at a distance from it.
+
+    Also returns which rays (...) have such a point.
+    """
+    if math.isinf(distance_m):
+        return directions, np.ones(directions.shape[:-1], dtype=np.bool_)
+    toward = viewpoint_m - origins_m
+    along = np.einsum("...j,...j->...", toward, directions)
+    squared = np.einsum("...j,...j->...", toward, toward)
+    reach = along * along - squared + distance_m**2  # of the sphere about the viewpoint
+    lengths = along + np.sqrt(np.maximum(reach, 0.0))
+    return lengths[..., None] * directions - toward, (reach >= 0.0) & (lengths > 0.0)
+
+
+def _pixels(system: RaySource) -> Floats:
+    """Positions (n, 2) evenly over the picture, to the middles of its outermost pixels."""
+    step = max(1.0, np.sqrt(system.width_px * system.height_px / _SAMPLES))
+    sides = [
+        np.linspace(0.0, size - 1.0, int(np.ceil(size / step)))
+        for size in (system.width_px, system.height_px)
+    ]
+    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)

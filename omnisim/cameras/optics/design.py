@@ -1,0 +1,149 @@
+"""Mirrors designed for a pinhole: the angle of incidence by image radius, as one asks for it.
+
+A ray at β from the axis, tan β = r/z, leaves a mirror z(r) at θ from straight down if
+
+    dz/dr = tan((θ − β)/2).
+
+With θ given as a function of the image radius and of the point, that is an ordinary differential
+equation from the vertex outwards.
+
+Source: Chahl & Srinivasan, Applied Optics 36 (1997); equal angles a pixel: Ollis, Herman & Singh,
+CMU-RI-TR-99-04 (1999); equal steps on the ground: Hicks & Bajcsy, CVPR 2000; Gaspar, Deccó,
+Okamoto & Santos-Victor, constant resolution omnidirectional cameras (OMNIVIS 2002).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy  # its submodules load when first used
+
+from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.core.errors import OpticsError
+from omnisim.core.files.toml_file import toml_tables
+
+POINTS = 501
+_TOLERANCE = 1e-12
+_LARGEST_RADIUS = 100.0  # of a mirror, in distances to its vertex
+
+
+class DesignedProfile(NamedTuple):
+    """Profile of a mirror in its own frame: the vertex at (0, 0)."""
+
+    radii_m: Floats
+    heights_m: Floats
+
+
+@dataclass(frozen=True)
+class Design:
+    """Distance and size of a mirror to design.
+
+    Attributes:
+        vertex_m: from the pinhole to the mirror's vertex.
+        half_angle_deg: from the axis to the rim, at the pinhole.
+
+    Raises:
+        OpticsError: no such mirror.
+    """
+
+    vertex_m: float
+    half_angle_deg: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.vertex_m <= 1e3:
+            raise OpticsError(f"design: distance: expected 0 to 1000 m, got {self.vertex_m:g}")
+        if not 0.1 <= self.half_angle_deg <= 60.0:
+            raise OpticsError(
+                f"design: half_angle: expected 0.1° to 60°, got {self.half_angle_deg:g}°"
+            )
+
+    def equi_angular(self, theta_max_deg: float) -> DesignedProfile:
+        """Mirror whose incidence θ grows evenly with the image radius, to θ_max at the rim.
+
+        Raises:
+            OpticsError: θ_max that no such mirror reaches.
+        """
+        if not self.half_angle_deg < theta_max_deg <= 150.0:
+            raise OpticsError(
+                f"design: theta_max: expected more than half_angle = {self.half_angle_deg:g}° and "
+                f"at most 150°, got {theta_max_deg:g}°"
+            )
+        theta_max_rad = math.radians(theta_max_deg)
+        return self._solved(lambda share, r_m, z_m: theta_max_rad * share)
+
+    def equi_ground(self, height_m: float, range_m: float) -> DesignedProfile:
+        """Mirror whose point on flat ground moves outwards evenly with the image radius.
+
+        Args:
+            height_m: of the pinhole above the ground.
+            range_m: distance from the axis that the rim shows.
+
+        Raises:
+            OpticsError: no height, or a range that needs no mirror.
+        """
+        if not 0.0 <= height_m <= 1e3:
+            raise OpticsError(f"design: height: expected 0 to 1000 m, got {height_m:g}")
+        least_m = self.vertex_m * math.tan(math.radians(self.half_angle_deg))
+        if not least_m < range_m <= 1e5:
+            raise OpticsError(
+                f"design: range: expected more than {least_m:.3g} m, as a plane mirror shows, and "
+                f"at most 100000 m, got {range_m:g}"
+            )
+        return self._solved(
+            lambda share, r_m, z_m: math.atan2(range_m * share - r_m, height_m + z_m)
+        )
+
+    def system_toml(self, profile: str, size_px: int) -> str:
+        """Optics file of a pinhole camera under the mirror, whose rim fills the image.
+
+        Args:
+            profile: name of the profile's file, beside the optics file.
+            size_px: side of the square image.
+        """
+        focal_px = 0.5 * size_px / math.tan(math.radians(self.half_angle_deg))
+        camera = {
+            "model": "perspective",
+            "width_px": size_px,
+            "height_px": size_px,
+            "focal_length_px": focal_px,
+        }
+        surface = {"shape": "table", "file": profile, "position_m": [0.0, 0.0, self.vertex_m]}
+        return "".join(toml_tables({"camera": camera, "surfaces": [surface]})).lstrip()
+
+    def _solved(self, theta_rad: Callable[[float, float, float], float]) -> DesignedProfile:
+        """Profile by its differential equation; θ is a function of image radius, r and z."""
+        rim_tangent = math.tan(math.radians(self.half_angle_deg))
+
+        def slope(r_m: float, state: Floats) -> list[float]:
+            z_m = float(state[0])
+            beta = math.atan2(r_m, z_m)
+            return [math.tan(0.5 * (theta_rad(r_m / z_m / rim_tangent, r_m, z_m) - beta))]
+
+        def beyond_rim(r_m: float, state: Floats) -> float:
+            return r_m / float(state[0]) - rim_tangent
+
+        setattr(beyond_rim, "terminal", True)  # noqa: B010  as SciPy wants it
+        solution = scipy.integrate.solve_ivp(
+            slope,
+            (0.0, _LARGEST_RADIUS * self.vertex_m),
+            [self.vertex_m],
+            method="DOP853",
+            rtol=_TOLERANCE,
+            atol=_TOLERANCE * self.vertex_m,
+            dense_output=True,
+            events=beyond_rim,
+        )
+        if solution.status != 1:
+            raise OpticsError(
+                f"design: half_angle: expected an angle that the mirror reaches within "
+                f"{_LARGEST_RADIUS:g} distances, got {self.half_angle_deg:g}°"
+            )
+        assert solution.sol is not None
+        radii_m = np.linspace(0.0, float(solution.t[-1]), POINTS)
+        heights_m = solution.sol(radii_m)[0] - self.vertex_m
+        heights_m[0] = 0.0
+        return DesignedProfile(radii_m, heights_m)

@@ -1,0 +1,269 @@
+"""Rays of an optical system by a mesh of its mirror: the paper's section 2.3 for any mirror.
+
+The mesh is of the first mirror that rays from the camera meet. Each corner of a polygon has the
+exact ray of its point, through all the rest of the system, and the polygon's points are projected
+from the corners' viewpoints: the points of their rays that are nearest to a common one. Of a
+central mirror that is the effective viewpoint, as in the paper.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import CentralCamera, Rays, as_pixels
+from omnisim.cameras.optics.centrality import common_point
+from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.surface_mesh import heights_m, rim_of_mesh, tessellate_surface
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.tracing import Fate, Paths, deflected, trace
+from omnisim.core.errors import OpticsError
+
+_STEPS = 200  # at most, from the polygon behind a pixel's exact point to the one in front of it
+_WIDER = 2.0  # the rims of later surfaces, for corners whose neighbours' rays stay within them
+_PIXELS_PER_BATCH = 1 << 15  # intermediate arrays stay in the cache
+
+
+class _Corners(NamedTuple):
+    """Outgoing rays of a mesh's vertices (n,), system frame; NaN where none leaves."""
+
+    origins_m: Floats  # (n, 3)
+    directions: Floats  # (n, 3), as long as from the vertex's viewpoint
+
+
+class MeshRays:
+    """Rays of pixels by a mesh.
+
+    Pixels see what polygons they see, so the picture ends where the mesh does; shadows, and holes
+    and rims of other surfaces, are those of the exact rays.
+
+    Args:
+        camera: the optical system.
+        polygons: of the mesh, see `sectors_and_rings`.
+
+    Raises:
+        OpticsError: no optical system, no mirror, one without a rim, or a count that makes no
+            mesh.
+    """
+
+    def __init__(self, camera: CentralCamera, polygons: int):
+        system = as_system(camera)
+        self.system, self._number = system, mesh_surface(system)
+        self._surface = system.surfaces[self._number]
+        camera_m = system.system_from_camera[:3, 3]
+        mesh = tessellate_surface(self._surface, polygons, camera_m)
+        self._mesh = mesh
+        self._vertices_m = self._to_system(mesh.vertices_m)
+        self._corners = self._traced()
+        corners = self._corners.directions[mesh.triangles]
+        self._is_whole = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
+
+    @cached_property
+    def _neighbours(self) -> NDArray[np.int64]:
+        """Triangles (m, 3) beyond the edges opposite to each corner; −1: none."""
+        corners = self._mesh.connectivity
+        edges = np.stack((corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]), axis=1)
+        keys = (edges.min(axis=2) * len(self._vertices_m) + edges.max(axis=2)).ravel()
+        order = np.argsort(keys, kind="stable")
+        same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+        found = np.full(keys.shape, -1)
+        one, other = order[same], order[same + 1]
+        found[one], found[other] = other // 3, one // 3
+        return found.reshape(-1, 3)
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2) with their origins, sensor's optical frame."""
+        pixels = as_pixels(pixels_px)
+        flat, shape = pixels.reshape(-1, 2), pixels.shape[:-1]
+        batches = range(0, max(1, len(flat)), _PIXELS_PER_BATCH)
+        parts = [
+            self.rays_of(self.system.paths(flat[first : first + _PIXELS_PER_BATCH]))
+            for first in batches
+        ]
+        directions, valid, origins_m = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return Rays(
+            directions.reshape(*shape, 3), valid.reshape(shape), origins_m.reshape(*shape, 3)
+        )
+
+    def rays_of(self, exact: Paths) -> Rays:
+        """Rays (n,) by the mesh of exact ones."""
+        count = len(exact.fates)
+        directions, origins_m = np.tile((0.0, 0.0, 1.0), (count, 1)), np.zeros((count, 3))
+        rows = np.flatnonzero(exact.fates == Fate.SEEN)
+        triangles, weights = self._found(*exact.points_m[self._number : self._number + 2, rows])
+        meets = triangles >= 0
+        rows, weights = rows[meets], weights[meets, None]
+        corners = self._mesh.triangles[triangles[meets]]
+        origins_m[rows] = (weights @ self._corners.origins_m[corners])[:, 0] - self.system.origin_m
+        found = (weights @ self._corners.directions[corners])[:, 0]
+        directions[rows] = found / np.linalg.norm(found, axis=1, keepdims=True)
+        valid = np.zeros(count, dtype=np.bool_)
+        valid[rows] = True
+        return Rays(directions, valid, origins_m)
+
+    @property
+    def outline_m(self) -> tuple[Floats, Floats]:
+        """Middles (sectors, 3) of the edges on the rim, and of the rim's arcs, system frame."""
+        rim = self._mesh.vertices_m[-self._mesh.sectors :]
+        middles = 0.5 * (rim + np.roll(rim, -1, axis=0))
+        x, y = self._surface.rim_center_m
+        away = middles[:, :2] - (x, y)
+        away *= rim_of_mesh(self._surface) / np.linalg.norm(away, axis=1, keepdims=True)
+        arcs = away + (x, y)
+        heights = heights_m(self._surface, np.linalg.norm(arcs, axis=1))
+        return self._to_system(middles), self._to_system(np.column_stack((arcs, heights)))
+
+    def _to_system(self, points_m: Floats) -> Floats:
+        surface = self._surface
+        return surface.directions_to_system(points_m) + surface.system_from_surface[:3, 3]
+
+    def _traced(self) -> _Corners:
+        system, number, vertices_m = self.system, self._number, self._vertices_m
+        normals = self._surface.directions_to_system(self._mesh.normals)
+        outgoing = deflected(normals, self._incoming(), is_mirror=True)
+        fates = np.where(np.isfinite(outgoing).all(axis=1), Fate.SEEN, Fate.MISSED)
+        later = tuple(_widened(surface) for surface in system.surfaces[number + 1 :])
+        paths = trace(
+            later,
+            system.indices[number + 1 :],
+            (),
+            vertices_m,
+            outgoing,
+            fates.astype(np.uint8),
+            can_block=False,
+        )
+        leaves = (paths.fates == Fate.SEEN)[:, None]
+        origins_m = np.where(leaves, paths.points_m[-1], np.nan)
+        directions = np.where(leaves, paths.directions, np.nan)
+        rows = np.flatnonzero(leaves)
+        if len(rows):
+            viewpoint_m = common_point(origins_m[rows], directions[rows])
+            lengths_m = np.einsum("nj,nj->n", origins_m - viewpoint_m, directions)
+            if lengths_m[rows].min() > 0.0:  # else rays cross in front of the mirror
+                directions *= lengths_m[:, None]
+        return _Corners(origins_m, directions)
+
+    def pixels_of(self, points_m: Floats) -> Floats:
+        """Pixels (n, 2) of points (n, 3) of the mirror, system frame; NaN: the camera sees none."""
+        system = self.system
+        if self._number > 0:
+            found = self._front.pixel_from_point(points_m)
+        else:
+            found = system.camera.pixel_from_ray(system.camera_directions(points_m))
+        return np.where(found.valid[:, None], found.positions_px, np.nan)
+
+    @cached_property
+    def _front(self) -> OpticalSystem:
+        """Camera and boundaries before the mirror."""
+        surfaces = self.system.surfaces[: self._number]
+        return replace(self.system, surfaces=surfaces, obstacles=(), origin_m=(0.0, 0.0, 0.0))
+
+    def _incoming(self) -> Floats:
+        """Directions (n, 3) in which the camera's rays arrive at the vertices."""
+        if self._number > 0:
+            return self._front.paths(self.pixels_of(self._vertices_m)).directions
+        away = self._vertices_m - self.system.system_from_camera[:3, 3]
+        unit: Floats = away / np.linalg.norm(away, axis=1, keepdims=True)
+        return unit
+
+    def _found(self, begin_m: Floats, end_m: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Triangles (n,) that rays meet, −1: none, and their corners' weights (n, 3).
+
+        The search starts at the exact point's cell, and goes on over the edge that a ray passes
+        farthest outside of.
+
+        Args:
+            begin_m: (n, 3) points of the rays before the mirror, system frame.
+            end_m: (n, 3) exact points on it.
+        """
+        origins, at = (self._surface.points_from_system(points) for points in (begin_m, end_m))
+        gradients = self._surface.shape.level(at).gradients
+        normals = np.where(gradients[:, 2:] > 0.0, -gradients, gradients)
+        # which side of the triangles the camera sees
+        along = at - origins
+        along *= -np.sign(np.einsum("nj,nj->n", normals, along))[:, None]
+        found = self._cells(at)
+        weights = np.zeros((len(found), 3))
+        active = np.arange(len(found))
+        for _ in range(_STEPS):
+            volumes = self._volumes(found[active], origins[active], along[active])
+            least = volumes.argmin(axis=1)
+            inside = volumes.min(axis=1, initial=np.inf) >= 0.0
+            weights[active[inside]] = volumes[inside]
+            active, least = active[~inside], least[~inside]
+            found[active] = self._neighbours[found[active], least]
+            active = active[found[active] >= 0]
+            if len(active) == 0:
+                break
+        found[active] = -1
+        found[~self._is_whole[found]] = -1
+        sums = weights.sum(axis=1, keepdims=True)
+        return found, weights / np.where(sums > 0.0, sums, 1.0)
+
+    def _volumes(self, triangles: NDArray[np.int64], origins_m: Floats, along: Floats) -> Floats:
+        """Volumes (n, 3) of rays with each edge; none is negative where they meet the triangle."""
+        corners = self._mesh.vertices_m[self._mesh.triangles[triangles]] - origins_m[:, None]
+        edges = [
+            np.cross(corners[:, (corner + 2) % 3], corners[:, (corner + 1) % 3])
+            for corner in range(3)
+        ]
+        volumes: Floats = np.einsum("nj,cnj->nc", along, np.stack(edges))
+        return volumes
+
+    def _cells(self, at_m: Floats) -> NDArray[np.int64]:
+        """First triangles (n,) of the cells of points on the surface, its own frame."""
+        mesh, center = self._mesh, self._surface.rim_center_m
+        rings_m = np.linalg.norm(mesh.vertices_m[:: mesh.sectors, :2] - center, axis=1)
+        x, y = (at_m[:, :2] - center).T
+        ring = np.clip(np.searchsorted(rings_m, np.hypot(x, y)) - 1, 0, len(rings_m) - 2)
+        share = np.arctan2(-y, x) / (2.0 * math.pi)
+        sector = np.floor(share * mesh.sectors).astype(np.int64) % mesh.sectors
+        cells: NDArray[np.int64] = ring * mesh.sectors + sector
+        return cells
+
+
+def has_mesh(camera: CentralCamera) -> bool:
+    """Tell whether a camera is an optical system with a mirror, and that has a rim."""
+    if not isinstance(camera, OpticalSystem):
+        return False
+    try:
+        mesh_surface(camera)
+    except OpticsError:
+        return False
+    return True
+
+
+def mesh_surface(system: OpticalSystem) -> int:
+    """Number of the mirror that a mesh is of: the first that rays from the camera meet.
+
+    Raises:
+        OpticsError: no mirror, or one without a rim.
+    """
+    number = next((n for n, surface in enumerate(system.surfaces) if surface.is_mirror), None)
+    if number is None:
+        raise OpticsError("an optical system without a mirror has no mesh: expected 'exact'")
+    rim_of_mesh(system.surfaces[number])
+    return number
+
+
+def as_system(camera: CentralCamera) -> OpticalSystem:
+    """An optical system.
+
+    Raises:
+        OpticsError: another camera.
+    """
+    if not isinstance(camera, OpticalSystem):
+        raise OpticsError(f"a camera of model {camera.model_name!r} has no mirror with a mesh")
+    return camera
+
+
+def _widened(surface: Surface) -> Surface:
+    """A surface without a hole, and beyond its rim."""
+    rim_m = _WIDER * surface.rim_radius_m
+    return replace(surface, rim_radius_m=rim_m, hole_radius_m=0.0)

@@ -1,0 +1,367 @@
+"""Profiles z(r) of any form, where rays are cut by bracketing and Newton's method."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.polynomial.polynomial import polyder, polyval
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.cameras.camera import CameraParameters
+from omnisim.cameras.optics.shapes.height_table import HeightTable
+from omnisim.cameras.optics.shapes.shape import Floats, Level, Shape
+from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Number, Parameters, Signed
+
+_SAMPLES = 25  # along a ray, between which a surface is crossed once at most
+_CONVEXITY_SAMPLES = 2049
+_RAYS_PER_BATCH = 1 << 14  # intermediate arrays stay in the cache
+_NEWTON_STEPS = 60
+_ROUNDING = 4e-16  # as a share of a length
+_SLACK = 0.01  # of a step between samples, by which a bracket is wider
+MIN_POINTS, LARGEST_M = 4, 1e6  # of a table
+_TINY_M = 1e-12  # from the axis, where f'(r)/r becomes f''
+
+
+class Derivatives(NamedTuple):
+    """Profile and its derivatives by r."""
+
+    heights_m: Floats
+    slopes: Floats
+    curvatures: Floats  # second derivative, 1/m
+
+
+class Profile(Shape):
+    """A surface of revolution about its profile z(r)."""
+
+    @abstractmethod
+    def derivatives(self, radii_m: Floats) -> Derivatives:
+        """Profile at distances from the axis, also somewhat beyond its domain."""
+
+    def is_convex(self, radius_m: float) -> bool:
+        """Tell it by its bulge; not, where the radius has no bound."""
+        return self._bulge(radius_m) > 0
+
+    def is_rising(self, radius_m: float) -> bool:
+        """Sign of the slope at samples; not, where the radius has no bound."""
+        if np.isinf(radius_m):
+            return False
+        radii_m = np.linspace(0.0, radius_m, _CONVEXITY_SAMPLES)
+        return bool((self.derivatives(radii_m).slopes >= 0.0).all())
+
+    def _bulge(self, radius_m: float) -> int:
+        """Signs of slope and curvature at samples: 1 where all are positive, −1 where all are
+        negative, else 0."""  # fmt: skip
+        if np.isinf(radius_m):
+            return 0
+        profile = self.derivatives(np.linspace(0.0, radius_m, _CONVEXITY_SAMPLES))
+        signs = np.stack((profile.slopes, profile.curvatures))
+        return int((signs >= 0.0).all()) or -int((signs <= 0.0).all())
+
+    def sag_m(self, radii_m: Floats) -> Floats:
+        """z(r) in its domain."""
+        return np.where(radii_m <= self.domain_m, self.derivatives(radii_m).heights_m, np.nan)
+
+    def level(self, points_m: Floats) -> Level:
+        """z − z(r)."""
+        radii = np.hypot(points_m[:, 0], points_m[:, 1])
+        profile = self.derivatives(radii)
+        gradients = np.ones_like(points_m)
+        gradients[:, :2] = -points_m[:, :2] * _over_radius(radii, profile)[:, None]
+        return Level(points_m[:, 2] - profile.heights_m, gradients)
+
+    def hessians(self, points_m: Floats) -> Floats:
+        """Curvature along the meridian, slope over radius across it."""
+        radii = np.hypot(points_m[:, 0], points_m[:, 1])
+        profile = self.derivatives(radii)
+        across = _over_radius(radii, profile)
+        outward = points_m[:, :2] / np.maximum(radii, _TINY_M)[:, None]
+        found = np.zeros((len(points_m), 3, 3))
+        along = (profile.curvatures - across)[:, None, None]
+        found[:, :2, :2] = -along * outward[:, :, None] * outward[:, None, :]
+        found[:, 0, 0] -= across
+        found[:, 1, 1] -= across
+        return found
+
+    def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
+        """First two crossings within the radius."""
+        batches = range(0, len(origins_m), _RAYS_PER_BATCH)
+        bulge, table = self._bulge(radius_m), HeightTable(self.sag_m, radius_m)
+        found = np.full((len(origins_m), 2), np.nan)
+        for rows in (slice(first, first + _RAYS_PER_BATCH) for first in batches):
+            near_m, far_m = table.span(origins_m[rows], directions[rows])
+            reached = np.flatnonzero(near_m < far_m)  # false for NaN
+            o, d = origins_m[rows][reached], directions[rows][reached]
+            near_m, far_m = near_m[reached], far_m[reached]
+            if bulge:
+                ends = (near_m, far_m), (far_m, near_m)
+                both = [self._approached(o, d, *one, bulge) for one in ends]
+                found[rows][reached] = np.sort(np.stack(both, axis=1), axis=1)
+            else:
+                found[rows][reached] = self._crossings_between(o, d, near_m, far_m, table)
+        return found
+
+    def _approached(
+        self, origins_m: Floats, directions: Floats, begin_m: Floats, end_m: Floats, bulge: int
+    ) -> Floats:
+        """First crossings (n,) from one length to another of a profile that bulges to one side.
+
+        Along a ray, the depth below its surface is a concave function: outside, tangents rise
+        above it, and Newton's method comes to the nearest crossing without passing it. NaN where it
+        begins below the surface, or never crosses it.
+        """
+        found = np.full(len(begin_m), np.nan)
+        rows, at = np.arange(len(begin_m)), begin_m
+        forth, before = np.sign(end_m - begin_m), np.full(len(begin_m), np.nan)
+        for number in range(_NEWTON_STEPS):
+            o, d = origins_m[rows], directions[rows]
+            values, gradients = self.level(o + at[:, None] * d)
+            depths = bulge * values
+            slopes = bulge * forth * np.einsum("nj,nj->n", gradients, d)
+            steps = np.divide(-depths, slopes, out=np.zeros_like(at), where=slopes > 0.0)
+            at = at + forth * steps
+            inside = forth * (end_m[rows] - at) >= 0.0
+            arrived = inside & (depths >= 0.0) & (number > 0)  # rounding carried it over
+            approaches = inside & (depths < 0.0) & (slopes > 0.0)
+            moving = _is_moving(steps, before, at)
+            arrived |= approaches & ~moving
+            found[rows[arrived]] = at[arrived]
+            kept = approaches & moving
+            rows, at, before, forth = rows[kept], at[kept], steps[kept], forth[kept]
+            if len(rows) == 0:
+                break
+        return found
+
+    def _crossings_between(
+        self,
+        origins_m: Floats,
+        directions: Floats,
+        near_m: Floats,
+        far_m: Floats,
+        table: HeightTable,
+    ) -> Floats:
+        """First two crossings (n, 2) between two lengths (n,)."""
+        steps_m = (far_m - near_m) / (_SAMPLES - 1)
+        lengths = near_m + steps_m * np.arange(_SAMPLES)[:, None]
+        values = table.heights_above(origins_m, directions, lengths)
+        self._find_peaks(origins_m, directions, lengths, values)
+        below = values > 0.0
+        crossed = below[1:] != below[:-1]
+        found = np.full((len(origins_m), 2), np.nan)
+        slack_m = _SLACK * steps_m  # for the table's error
+        for column in range(2):
+            rows = np.flatnonzero(crossed.any(axis=0))
+            at = crossed[:, rows].argmax(axis=0)
+            crossed[at, rows] = False
+            bracket = lengths[at, rows] - slack_m[rows], lengths[at + 1, rows] + slack_m[rows]
+            first, second = values[at, rows], values[at + 1, rows]
+            share = first / (first - second)
+            starts = lengths[at, rows] + share * (lengths[at + 1, rows] - lengths[at, rows])
+            sign = np.where(first > 0.0, -1.0, 1.0)
+            found[rows, column] = self._refined(
+                origins_m[rows], directions[rows], bracket, starts, sign
+            )
+        return found
+
+    def _find_peaks(
+        self, origins_m: Floats, directions: Floats, lengths: Floats, values: Floats
+    ) -> None:
+        """Replace the sample at each ray's extreme by the peak of the parabola through it.
+
+        A ray that cuts the limb of a mirror crosses it twice between two samples.
+        """
+        rows = np.arange(values.shape[1])
+        peak = np.clip((values * -np.sign(values[0])).argmax(axis=0), 1, _SAMPLES - 2)
+        before, at, after = (values[peak + step, rows] for step in (-1, 0, 1))
+        bend = before - 2.0 * at + after
+        share = np.divide(before - after, 2.0 * bend, out=np.zeros_like(bend), where=bend != 0.0)
+        there = lengths[peak, rows] + np.clip(share, -0.999, 0.999) * (lengths[1] - lengths[0])
+        lengths[peak, rows] = there
+        values[peak, rows] = self.level(origins_m + there[:, None] * directions).values
+
+    def _refined(
+        self,
+        origins_m: Floats,
+        directions: Floats,
+        bracket: tuple[Floats, Floats],
+        starts: Floats,
+        sign: Floats,
+    ) -> Floats:
+        """Roots (n,) by Newton's method inside a shrinking bracket.
+
+        Args:
+            origins_m, directions: of the rays (n, 3).
+            bracket: two lengths (n,) around the root.
+            starts: (n,) between them.
+            sign: (n,) of the values behind the root.
+        """
+        low, high = bracket
+        lengths = starts.copy()
+        active, before = np.arange(len(lengths)), np.full(len(lengths), np.nan)
+        for _ in range(_NEWTON_STEPS):
+            if len(active) == 0:
+                break
+            o, d, at = origins_m[active], directions[active], lengths[active]
+            values, gradients = self.level(o + at[:, None] * d)
+            passed = sign[active] * values > 0.0
+            high[active] = np.where(passed, at, high[active])
+            low[active] = np.where(passed, low[active], at)
+            slopes = np.einsum("nj,nj->n", gradients, d)
+            after = at - np.divide(values, slopes, out=np.zeros_like(at), where=slopes != 0.0)
+            outside = ~((after >= low[active]) & (after <= high[active])) | (slopes == 0.0)
+            after = np.where(outside, 0.5 * (low[active] + high[active]), after)
+            lengths[active] = after
+            steps = np.abs(after - at)
+            moving = _is_moving(steps, before, after) | outside
+            active, before = active[moving], steps[moving]
+        return lengths
+
+
+def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> NDArray[np.bool_]:
+    """Mask (n,) of Newton's iterations that go on: the next step is as much smaller, squared."""
+    rounding = _ROUNDING * np.abs(lengths)
+    found: NDArray[np.bool_] = (steps > rounding) & ~(steps**3 <= rounding * before**2)
+    return found
+
+
+def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """Power series from r⁰ on, and its first two derivatives."""
+    orders = (coefficients, polyder(coefficients), polyder(coefficients, 2))
+    heights, slopes, curvatures = (
+        np.asarray(polyval(radii_m, order), dtype=np.float64) for order in orders
+    )
+    return heights, slopes, curvatures
+
+
+def _over_radius(radii: Floats, profile: Derivatives) -> Floats:
+    """f'(r)/r, whose limit on the axis is f''."""
+    near = radii < _TINY_M
+    return np.where(near, profile.curvatures, profile.slopes / np.where(near, 1.0, radii))
+
+
+@dataclass(frozen=True)
+class Polynomial(Parameters, Profile, name="shape"):
+    """A profile z = Σ aᵢ rⁱ, in metres."""
+
+    shape_name = "polynomial"
+    needs_rim = True
+    coefficients: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=32)]
+    """a₁, a₂, … of r, r², …; the vertex is at z = 0."""
+
+    def derivatives(self, radii_m: Floats) -> Derivatives:
+        """The polynomial and its derivatives."""
+        return Derivatives(*_series((0.0, *self.coefficients), radii_m))
+
+
+@dataclass(frozen=True)
+class Asphere(Parameters, Profile, name="shape"):
+    """An even asphere: a conic and Σ αᵢ r²ⁱ from r⁴ on, in metres."""
+
+    shape_name = "asphere"
+    needs_rim = True
+    radius_m: Signed
+    """Radius of curvature R at the vertex; more than 0: bulges towards the camera."""
+    conic: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
+    """Conic constant κ."""
+    coefficients: Annotated[tuple[Signed, ...], Field(max_length=16)] = ()
+    """α₂, α₃, … of r⁴, r⁶, …"""
+
+    def _check(self) -> None:
+        super()._check()
+        if abs(self.radius_m) < 1e-9:
+            raise self._error("radius_m", "a number of metres other than 0")
+
+    @property
+    def domain_m(self) -> float:
+        """Radius of the conic's equator."""
+        return float(np.sqrt(self.radius_m**2 / (1.0 + self.conic))) if self.conic > -1 else np.inf
+
+    def derivatives(self, radii_m: Floats) -> Derivatives:
+        """The conic's, by the root w of 1 − (1 + κ) r²/R², and the polynomial's."""
+        curvature = 1.0 / self.radius_m
+        inside = 1.0 - (1.0 + self.conic) * (curvature * radii_m) ** 2
+        root = np.sqrt(np.maximum(inside, 1e-12))
+        even = (0.0, *(one for a in self.coefficients for one in (0.0, a)))
+        heights, slopes, curvatures = _series((0.0, 0.0, *even), radii_m)
+        return Derivatives(
+            curvature * radii_m**2 / (1.0 + root) + heights,
+            curvature * radii_m / root + slopes,
+            curvature / root**3 + curvatures,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TabulatedProfile(Profile):
+    """A profile through points, by a cubic spline: its curvature is continuous.
+
+    Attributes:
+        radii_m: (n,) ascending, from 0.
+        table_heights_m: (n,).
+        pointed: the tip may be a cone's; else the profile is level on its axis.
+
+    Raises:
+        OpticsError: points that make no profile.
+    """
+
+    shape_name = "table"
+    radii_m: Floats
+    table_heights_m: Floats
+    pointed: bool = False
+
+    def __post_init__(self) -> None:
+        radii_m, heights_m = self.radii_m, self.table_heights_m
+        if len(radii_m) < MIN_POINTS:
+            raise OpticsError(f"expected at least {MIN_POINTS} points, got {len(radii_m)}")
+        if len(heights_m) != len(radii_m):
+            words = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
+            raise OpticsError(f"{words}, got {len(heights_m)}")
+        if not (np.abs((radii_m, heights_m)) <= LARGEST_M).all():  # false for NaN, too
+            raise OpticsError("expected finite numbers in metres")
+        if radii_m[0] != 0.0 or not (np.diff(radii_m) > 0.0).all():
+            raise OpticsError("r_m: expected numbers that grow from 0")
+
+    @cached_property
+    def _coefficients(self) -> Floats:
+        """Coefficients of the cubics (4, n − 1), from the cube on."""
+        begin: Literal["not-a-knot", "clamped"] = "not-a-knot" if self.pointed else "clamped"
+        ends = self.radii_m, self.table_heights_m
+        return scipy.interpolate.CubicSpline(*ends, bc_type=(begin, "not-a-knot")).c
+
+    @cached_property
+    def _is_even(self) -> bool:
+        steps_m = np.diff(self.radii_m)
+        return bool(np.ptp(steps_m) <= 1e-9 * steps_m[0])
+
+    def parameters(self) -> CameraParameters:
+        """Points of the table, and its tip."""
+        return {
+            "shape": self.shape_name,
+            "r_m": self.radii_m.tolist(),
+            "z_m": self.table_heights_m.tolist(),
+            "tip": "pointed" if self.pointed else "smooth",
+        }
+
+    @property
+    def domain_m(self) -> float:
+        """Largest radius of the table."""
+        return float(self.radii_m[-1])
+
+    def derivatives(self, radii_m: Floats) -> Derivatives:
+        """The spline and its derivatives."""
+        last = len(self.radii_m) - 2
+        if self._is_even:
+            at = (radii_m * ((last + 1) / self.domain_m)).astype(np.intp)
+        else:
+            at = np.searchsorted(self.radii_m, radii_m, side="right") - 1
+        at = np.clip(at, 0, last)
+        t = radii_m - self.radii_m.take(at)
+        a, b, c, d = (coefficients.take(at) for coefficients in self._coefficients)
+        return Derivatives(
+            ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c, 6.0 * a * t + 2.0 * b
+        )

@@ -1,0 +1,228 @@
+"""Surfaces of an optical system, and what stands in its rays' way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CameraParameters
+from omnisim.cameras.optics.media import Medium, medium_parameter
+from omnisim.cameras.optics.shapes.shape import Floats, Shape
+from omnisim.core.errors import OpticsError
+from omnisim.core.poses import check_pose
+
+_SHARE_OFF = 1e-9  # of a ray's scale: it starts off the surface that it leaves
+
+
+class Hits(NamedTuple):
+    """First hits of rays on a surface."""
+
+    lengths_m: Floats  # (n,), NaN where not hit
+    beyond_rim: NDArray[np.bool_]  # (n,): the shape goes on there, the surface does not
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A mirror, or the boundary between two media.
+
+    Attributes:
+        shape: in the surface's own frame.
+        system_from_surface: (4, 4) pose of that frame.
+        rim_radius_m: radius of its rim about `rim_center_m`; may be infinite.
+        rim_center_m: (x, y) of the rim in the surface's frame.
+        hole_radius_m: radius of a hole about its axis.
+        medium: behind the boundary, from the camera; None: a mirror.
+        name: in messages.
+
+    Raises:
+        OmnisimError: a pose that is none, a hole that leaves nothing of it, or no rim where its
+            shape needs one.
+    """
+
+    shape: Shape
+    system_from_surface: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    rim_radius_m: float = math.inf
+    rim_center_m: tuple[float, float] = (0.0, 0.0)
+    hole_radius_m: float = 0.0
+    medium: Medium | None = None
+    name: str = "surface"
+
+    def __post_init__(self) -> None:
+        check_pose(self.system_from_surface)
+        if self.shape.needs_rim and math.isinf(self.rim_radius_m):
+            raise OpticsError(f"{self.name}: rim_radius_m: missing")
+        if not 0.0 <= self.hole_radius_m < self.rim_radius_m:  # false for NaN, too
+            raise OpticsError(
+                f"{self.name}: hole_radius_m: expected 0 or more, and less than rim_radius_m = "
+                f"{self.rim_radius_m:g}, got {self.hole_radius_m:g}"
+            )
+
+    @property
+    def is_mirror(self) -> bool:
+        """Reflects, or else refracts."""
+        return self.medium is None
+
+    @property
+    def visible_radius_m(self) -> float:
+        """Radius about its axis within which all of it is; may be infinite."""
+        reach_m = self.rim_radius_m + math.hypot(*self.rim_center_m)
+        return min(reach_m, self.shape.domain_m)
+
+    def may_return(self, origins_m: Floats, directions: Floats) -> NDArray[np.bool_]:
+        """Mask (n,) of rays that leave points (n, 3) on it and might come back, system frame."""
+        if self._is_convex:  # those that leave it backwards
+            normals = self.normals(origins_m)
+            to_camera = np.einsum("nj,j->n", normals, self.system_from_surface[:3, 2]) < 0.0
+            to_side_of_normal = np.einsum("nj,nj->n", normals, directions) > 0.0
+            backwards: NDArray[np.bool_] = to_camera != to_side_of_normal
+            return backwards
+        if self._is_rising:
+            along = self.directions_from_system(directions)
+            outward = np.sum(self.points_from_system(origins_m)[:, :2] * along[:, :2], axis=1)
+            back: NDArray[np.bool_] = (along[:, 2] > 0.0) | (outward < 0.0)
+            return back
+        return np.ones(len(origins_m), dtype=np.bool_)
+
+    @cached_property
+    def _is_convex(self) -> bool:
+        return self.shape.is_convex(self.visible_radius_m)
+
+    @cached_property
+    def _is_rising(self) -> bool:
+        return self.shape.is_rising(self.visible_radius_m)
+
+    def parameters(self) -> CameraParameters:
+        """Keys and values of an optics file; of a mirror without a medium."""
+        found: CameraParameters = {
+            "name": self.name,
+            **self.shape.parameters(),
+            **pose_parameters(self.system_from_surface),
+        }
+        if math.isfinite(self.rim_radius_m):
+            found |= {"rim_radius_m": self.rim_radius_m, "rim_center_m": list(self.rim_center_m)}
+        if self.hole_radius_m > 0.0:
+            found["hole_radius_m"] = self.hole_radius_m
+        if self.medium is not None:
+            found["medium"] = medium_parameter(self.medium)
+        return found
+
+    def points_from_system(self, points_m: Floats) -> Floats:
+        """Points (n, 3) in the surface's frame."""
+        moved = points_m - self.system_from_surface[:3, 3]
+        found: Floats = np.einsum("nj,ji->ni", moved, self.system_from_surface[:3, :3])
+        return found
+
+    def directions_from_system(self, directions: Floats) -> Floats:
+        """Directions (n, 3) in the surface's frame."""
+        found: Floats = np.einsum("nj,ji->ni", directions, self.system_from_surface[:3, :3])
+        return found
+
+    def directions_to_system(self, directions: Floats) -> Floats:
+        """Directions (n, 3) in the system's frame."""
+        found: Floats = np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
+        return found
+
+    def hits(self, origins_m: Floats, directions: Floats, leaving: bool = False) -> Hits:
+        """First hits of rays (n, 3) inside the rim.
+
+        Args:
+            origins_m, directions: of the rays, in the system's frame.
+            leaving: they start on this very surface.
+        """
+        origins = self.points_from_system(origins_m)
+        along = self.directions_from_system(directions)
+        lengths = self.shape.intersections(origins, along, self.visible_radius_m)
+        scale = np.linalg.norm(origins, axis=1) if leaving else np.zeros(len(origins))
+        ahead = lengths > (_SHARE_OFF * scale)[:, None]
+        lengths = np.where(ahead, lengths, np.nan)
+        inside = np.zeros(lengths.shape, dtype=np.bool_)
+        for column in range(lengths.shape[1]):
+            points = origins + lengths[:, column, None] * along
+            inside[:, column] = self._is_inside(points)
+        first = inside.argmax(axis=1)
+        rows = np.arange(len(lengths))
+        found = np.where(inside[rows, first], lengths[rows, first], np.nan)
+        return Hits(found, np.isnan(found) & ahead.any(axis=1))
+
+    def _is_inside(self, points_m: Floats) -> NDArray[np.bool_]:
+        """Mask (n,) of points on the shape, its own frame, that the surface has."""
+        x, y = self.rim_center_m
+        inside: NDArray[np.bool_] = (
+            np.hypot(points_m[:, 0] - x, points_m[:, 1] - y) <= self.rim_radius_m
+        )
+        hole_m = max(self.hole_radius_m, self.shape.tip_radius_m)
+        if hole_m > 0.0:
+            inside &= np.hypot(points_m[:, 0], points_m[:, 1]) >= hole_m
+        return inside
+
+    def normals(self, points_m: Floats) -> Floats:
+        """Unit normals (n, 3) at points on it, system frame."""
+        gradients = self.shape.level(self.points_from_system(points_m)).gradients
+        lengths = np.linalg.norm(gradients, axis=1, keepdims=True)
+        unit = np.divide(gradients, lengths, out=np.zeros_like(gradients), where=lengths > 0.0)
+        return self.directions_to_system(unit)
+
+
+def pose_parameters(pose: NDArray[np.float64]) -> CameraParameters:
+    """Key and value of a pose (4, 4) in an optics file: its position, where it is not turned."""
+    if np.array_equal(pose[:3, :3], np.eye(3)):
+        return {"position_m": pose[:3, 3].tolist()}
+    return {"pose": pose.tolist()}
+
+
+@dataclass(frozen=True)
+class Rod:
+    """An opaque cylinder with flat ends: a stem, a needle, or a camera's body.
+
+    Attributes:
+        begin_m, end_m: middles of its ends, system frame.
+        radius_m: of the cylinder.
+        name: in messages.
+
+    Raises:
+        OpticsError: no length or radius.
+    """
+
+    begin_m: tuple[float, float, float]
+    end_m: tuple[float, float, float]
+    radius_m: float
+    name: str = "obstacle"
+
+    def __post_init__(self) -> None:
+        if tuple(self.begin_m) == tuple(self.end_m):
+            raise OpticsError(f"{self.name}: end_m: expected another point than begin_m")
+        if not self.radius_m > 0.0:
+            raise OpticsError(f"{self.name}: radius_m: expected more than 0, got {self.radius_m}")
+
+    def parameters(self) -> CameraParameters:
+        """Keys and values of an optics file."""
+        ends = {"begin_m": list(self.begin_m), "end_m": list(self.end_m)}
+        return {"name": self.name, **ends, "radius_m": self.radius_m}
+
+    def hits(self, origins_m: Floats, directions: Floats) -> Floats:
+        """Lengths (n,) at which rays (n, 3) enter it; 0 where they start inside, NaN: never."""
+        axis = np.subtract(self.end_m, self.begin_m)
+        height_m = float(np.linalg.norm(axis))
+        axis = axis / height_m
+        offsets = origins_m - self.begin_m
+        along, up = directions @ axis, offsets @ axis
+        across = directions - along[:, None] * axis
+        beside = offsets - up[:, None] * axis
+        square = np.einsum("nj,nj->n", across, across)
+        half = np.einsum("nj,nj->n", across, beside)
+        rest = np.einsum("nj,nj->n", beside, beside) - self.radius_m**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(half * half - square * rest)
+            sides = np.stack(((-half - root) / square, (-half + root) / square))
+            endless = (square == 0.0) & (rest <= 0.0)
+            sides = np.where(endless, np.array([[-np.inf], [np.inf]]), sides)
+            ends = np.sort(np.stack((-up / along, (height_m - up) / along)), axis=0)
+            level = (along == 0.0) & (up >= 0.0) & (up <= height_m)
+            ends = np.where(level, np.array([[-np.inf], [np.inf]]), ends)
+            enter = np.maximum(np.maximum(sides[0], ends[0]), 0.0)
+            return np.where(enter <= np.minimum(sides[1], ends[1]), enter, np.nan)

@@ -1,0 +1,279 @@
+"""Tables of surfaces in optics files: their shapes, and where they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field, model_validator
+
+from omnisim.cameras.optics.media import Medium
+from omnisim.cameras.optics.profile_file import read_profile
+from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial, TabulatedProfile
+from omnisim.cameras.optics.shapes.quadrics import Cone, Conic, Hyperbolic, Plane
+from omnisim.cameras.optics.shapes.shape import Shape
+from omnisim.cameras.optics.surface import Surface
+from omnisim.core import poses
+from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError
+from omnisim.core.files.parameters import (
+    Number,
+    Parameters,
+    Table,
+    described,
+    parse_table,
+    table_of,
+)
+
+Coordinate = Annotated[Number, Field(ge=-1e3, le=1e3)]
+_Angle = Annotated[Number, Field(ge=-360.0, le=360.0)]
+Length = Annotated[Number, Field(gt=0.0, le=1e3)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+_Numbers = Annotated[tuple[Number, ...], Field(max_length=1_000_000)]
+_Row = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+_Pose = Annotated[tuple[_Row, _Row, _Row, _Row], described("a pose, a 4 × 4 matrix")]
+Index = Annotated[float, Field(strict=True, ge=1.0, le=5.0)]
+MediumKey = Annotated[
+    Literal["vacuum", "air", "water", "acrylic", "glass"] | Index | tuple[Index, Index, Index],
+    described(
+        "vacuum, air, water, acrylic, glass, a refractive index from 1 to 5, or those of R, G and B"
+    ),
+]
+
+
+class AlignmentTable(Table):
+    """Pose of a part: where it should be, and how it is misaligned."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    position_m: Point | None = None
+    """Metres in the system's frame: x right, y down, z forward, from the camera where it is not
+    misaligned. Left out: 0 for a camera, the pinhole in the focus for a hyperbolic mirror."""
+    decenter_m: Point = (0.0, 0.0, 0.0)
+    """Metres, added to the position."""
+    tilt_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)
+    """Degrees about its own x, y and z axes, as roll, pitch and yaw."""
+    pose: _Pose | None = None
+    """Rows of its pose in the system's frame, in place of position_m, decenter_m and tilt_deg."""
+
+    @model_validator(mode="after")
+    def _pose_alone(self) -> AlignmentTable:
+        if self.pose is not None:
+            for key in ("position_m", "decenter_m", "tilt_deg"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"{key}: pose has it: expected one of them")
+            try:
+                poses.check_pose(self.pose)
+            except OmnisimError as reason:
+                raise ValueError(str(reason)) from None
+        return self
+
+    @property
+    def is_placed(self) -> bool:
+        """A position or pose is given."""
+        return self.position_m is not None or self.pose is not None
+
+    def system_from_part(self, position_m: Point) -> NDArray[np.float64]:
+        """Pose (4, 4) in the system's frame; `position_m`: where none is given."""
+        if self.pose is not None:
+            return np.array(self.pose)
+        at = np.add(self.position_m or position_m, self.decenter_m)
+        return poses.pose(at, *self.tilt_deg)
+
+
+class TableShape(Table):
+    """A profile through the points of a CSV file, or of the table itself, by a cubic spline."""
+
+    file: str | None = None
+    """CSV file with the columns r_m and z_m, relative to this file; r_m grows from 0."""
+    r_m: _Numbers | None = None
+    """Metres from the axis, from 0 on, in place of file."""
+    z_m: _Numbers | None = None
+    """Metres along the axis, as many as r_m has."""
+    tip: Literal["smooth", "pointed"] = "smooth"
+    """Profile on the axis: level, or with a slope as a cone has."""
+
+    @model_validator(mode="after")
+    def _file_or_points(self) -> TableShape:
+        for key, value in (("r_m", self.r_m), ("z_m", self.z_m)):
+            if self.file is not None and value is not None:
+                raise ValueError(f"{key}: file has it: expected one of them")
+            if self.file is None and value is None:
+                raise ValueError(f"{key}: missing; expected file, or r_m and z_m")
+        return self
+
+    def make_profile(self, folder: Path, where: str) -> TabulatedProfile:
+        """The profile; `where` names the table in messages.
+
+        Raises:
+            SensorFileError: points that make none.
+        """
+        is_pointed = self.tip == "pointed"
+        if self.file is not None:
+            return read_profile(folder / self.file, is_pointed)
+        try:
+            return TabulatedProfile(np.array(self.r_m), np.array(self.z_m), is_pointed)
+        except OpticsError as reason:
+            raise SensorFileError(f"{where}: {reason}") from None
+
+
+class SphereShape(Table):
+    """A sphere."""
+
+    radius_m: Annotated[Number, Field(ge=-1e3, le=1e3)]
+    """Metres; more than 0: bulges towards the camera."""
+
+
+class PortShape(Table):
+    """A flat window: two boundaries. Its position is the middle of the side at the camera."""
+
+    thickness_m: Length
+    """Metres."""
+    wall: MediumKey = "acrylic"
+    """Medium of the window."""
+
+
+class DomeShape(Table):
+    """A spherical window: two concentric boundaries. Its position is its centre."""
+
+    radius_m: Length
+    """Radius of the outer side in metres."""
+    thickness_m: Length
+    """Metres, less than the radius."""
+    wall: MediumKey = "acrylic"
+    """Medium of the window."""
+
+
+_PARAMETRIC: dict[str, type[Parameters]] = {
+    "conic": Conic,
+    "hyperbolic": Hyperbolic,
+    "cone": Cone,
+    "plane": Plane,
+    "polynomial": Polynomial,
+    "asphere": Asphere,
+}
+SHAPE_TABLES: dict[str, type[Table]] = {
+    "sphere": SphereShape,
+    "table": TableShape,
+    "port": PortShape,
+    "dome": DomeShape,
+}
+ShapeName = Literal[
+    "hyperbolic",
+    "sphere",
+    "conic",
+    "cone",
+    "plane",
+    "polynomial",
+    "asphere",
+    "table",
+    "port",
+    "dome",
+]
+
+
+def shape_schemas() -> Iterator[tuple[str, type[Table], type]]:
+    """Name of each shape, the table of its keys, and the class with their help."""
+    for name, kind in _PARAMETRIC.items():
+        yield name, table_of(kind), kind
+    for name, table in SHAPE_TABLES.items():
+        yield name, table, table
+
+
+class SurfaceTable(AlignmentTable):
+    """A mirror, or a boundary between media; in the order in which rays from the camera meet them.
+
+    The keys of its shape are further keys of this table.
+    """
+
+    name: str | None = None
+    """Name in messages; left out: its shape's."""
+    shape: ShapeName
+    """Its form, with further keys; its axis is z, its vertex the position."""
+    medium: MediumKey | None = None
+    """Medium behind it, seen from the camera; left out: it is a mirror."""
+    rim_radius_m: Length | None = None
+    """Radius of its rim in metres; left out: as far as its shape goes."""
+    rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    """(x, y) of the rim's middle from its axis in metres."""
+    hole_radius_m: Annotated[Number, Field(ge=0.0, le=1e3)] = 0.0
+    """Radius of a hole about its axis in metres."""
+
+    def make_surfaces(self, source: str, key: str) -> list[Surface]:
+        """The surface, or both boundaries of a window.
+
+        Args:
+            source: names the file in messages.
+            key: of this table in it.
+
+        Raises:
+            SensorFileError: naming the key and what was expected.
+        """
+        try:
+            return self._make_surfaces(source, key)
+        except OpticsError as reason:
+            words = str(reason).removeprefix(f"{self.name or self.shape}: ")
+            raise SensorFileError(f"{source}: {key}.{words}") from None
+
+    def _make_surfaces(self, source: str, key: str) -> list[Surface]:
+        given = dict(self.__pydantic_extra__ or {})
+        table = SHAPE_TABLES.get(self.shape) or table_of(_PARAMETRIC[self.shape])
+        shape = parse_table(given, table, SensorFileError, source, key)
+        if isinstance(shape, PortShape | DomeShape):
+            if self.medium is None:
+                words = f"medium: missing; a {self.shape} has one behind it"
+                raise SensorFileError(f"{source}: {key}.{words}")
+            return self._window(shape, self.medium, f"{source}: {key}")
+        found = self._shape(shape, source, key)
+        position_m = (0.0, 0.0, found.vertex_m if isinstance(found, Hyperbolic) else 0.0)
+        if not self.is_placed and not isinstance(found, Hyperbolic):
+            raise SensorFileError(f"{source}: {key}.position_m: missing")
+        return [self._surface(found, self.system_from_part(position_m), self.medium)]
+
+    def _shape(self, table: Table, source: str, key: str) -> Shape:
+        if isinstance(table, TableShape):
+            return table.make_profile(Path(source).parent, f"{source}: {key}")
+        values = dict(table)
+        kind = Conic if isinstance(table, SphereShape) else _PARAMETRIC[self.shape]
+        try:
+            made = kind(**values)
+        except OpticsError as reason:
+            words = str(reason).removeprefix("shape.")
+            raise SensorFileError(f"{source}: {key}.{words}") from None
+        assert isinstance(made, Shape)
+        return made
+
+    def _window(self, window: PortShape | DomeShape, medium: Medium, where: str) -> list[Surface]:
+        """Boundaries of a port or dome, the camera's side first."""
+        if not self.is_placed:
+            raise SensorFileError(f"{where}.position_m: missing")
+        center = self.system_from_part((0.0, 0.0, 0.0))
+        if isinstance(window, PortShape):
+            outer = center @ poses.pose((0.0, 0.0, window.thickness_m))
+            shapes: list[Shape] = [Plane(), Plane()]
+            placed = [center, outer]
+        else:
+            if window.thickness_m >= window.radius_m:
+                raise SensorFileError(
+                    f"{where}.thickness_m: expected less than radius_m = {window.radius_m:g}, "
+                    f"got {window.thickness_m:g}"
+                )
+            radii_m = window.radius_m - window.thickness_m, window.radius_m
+            shapes = [Conic(-radius_m) for radius_m in radii_m]
+            placed = [center @ poses.pose((0.0, 0.0, radius_m)) for radius_m in radii_m]
+        media = window.wall, medium
+        return [self._surface(*part) for part in zip(shapes, placed, media, strict=True)]
+
+    def _surface(self, shape: Shape, pose: NDArray[np.float64], medium: Medium | None) -> Surface:
+        return Surface(
+            shape,
+            pose,
+            math.inf if self.rim_radius_m is None else self.rim_radius_m,
+            self.rim_center_m,
+            self.hole_radius_m,
+            medium,
+            self.name or self.shape,
+        )

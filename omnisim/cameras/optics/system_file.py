@@ -1,0 +1,220 @@
+"""Optics files: a camera and the surfaces in front of it, in TOML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.camera_table import camera_from_table
+from omnisim.cameras.optics.surface import Rod
+from omnisim.cameras.optics.surface_tables import (
+    AlignmentTable,
+    Length,
+    MediumKey,
+    Point,
+    SurfaceTable,
+)
+from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
+from omnisim.core.errors import CalibrationError, OmnisimError, SensorFileError
+from omnisim.core.files.parameters import Number, Table, described, parse_table
+from omnisim.core.files.toml_file import read_tables
+from omnisim.core.poses import POSE_TOLERANCE, is_rotation
+
+_OF_SENSORS = ("mounting", "polygons")  # keys of [optics] in a sensor file
+_Direction = tuple[Number, Number, Number]
+_Looking = Annotated[
+    Literal["up", "ahead", "down"] | tuple[_Direction, _Direction, _Direction],
+    described("up, ahead, down, or a rotation, a 3 × 3 matrix"),
+]
+
+
+class CameraTable(AlignmentTable):
+    """The central camera behind the surfaces.
+
+    Either a model with its own parameters as further keys, or a calibration file.
+    """
+
+    model: str | None = None
+    """Name of the camera model; its parameters are further keys of this table."""
+    calibration: str | None = None
+    """Calibration file, relative to this file, in place of model."""
+    camera: str | None = None
+    """Name of a camera in the calibration file; left out: the first."""
+
+    def make_camera(self, source: str, key: str) -> CentralCamera:
+        """The camera.
+
+        Args:
+            source: names the file in messages.
+            key: of this table in it.
+
+        Raises:
+            SensorFileError: naming the key and what was expected.
+        """
+        extra = dict(self.__pydantic_extra__ or {})
+        if self.calibration is not None:
+            if self.model is not None or extra:
+                other = "model" if self.model is not None else min(extra)
+                words = "calibration has it: expected one of them"
+                raise SensorFileError(f"{source}: {key}.{other}: {words}")
+            from omnisim.cameras.calibration.calibration import (
+                load_calibration,
+            )  # only who asks needs the formats
+
+            try:
+                found = load_calibration(Path(source).parent / self.calibration)
+                return found.camera(self.camera).camera
+            except CalibrationError as reason:
+                raise SensorFileError(f"{source}: {key}.calibration: {reason}") from None
+        parameters = {"model": self.model, **extra}
+        width, height = extra.get("width_px"), extra.get("height_px")
+        model = CAMERA_MODELS.get(self.model or "")
+        has_center = model is not None and "principal_point_px" in model.__dataclass_fields__
+        if has_center and isinstance(width, int) and isinstance(height, int):
+            middle = [0.5 * (width - 1), 0.5 * (height - 1)]
+            parameters.setdefault("principal_point_px", middle)
+        return camera_from_table(parameters, source, key)
+
+
+class ObstacleTable(Table):
+    """An opaque cylinder in the rays' way: a stem, a needle, or the camera's own body."""
+
+    name: str = "obstacle"
+    """Name in messages."""
+    begin_m: Point
+    """Middle of one end, metres in the system's frame."""
+    end_m: Point
+    """Middle of the other end."""
+    radius_m: Length
+    """Metres."""
+
+    @model_validator(mode="after")
+    def _has_length(self) -> ObstacleTable:
+        if self.begin_m == self.end_m:
+            raise ValueError(f"end_m: expected another point than begin_m, got {list(self.end_m)}")
+        return self
+
+
+class OpticsFile(Table):
+    """A whole optics file."""
+
+    medium: MediumKey = "air"
+    """Medium around the camera; a number is a refractive index, three are those of R, G and B."""
+    looking: _Looking | None = None
+    """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
+    left out: up into a mirror, else as the camera itself."""
+    origin_m: Point = (0.0, 0.0, 0.0)
+    """Origin of the sensor's frame, metres in the system's; by default the camera's pinhole."""
+    color: Literal["R", "G", "B"] | None = None
+    """Primary whose wavelength is refracted; left out: helium's d line."""
+    chromatic: Annotated[bool, Field(strict=True)] = False
+    """Draw red, green and blue each by rays of its own wavelength: three times the work. Ground
+    truth is that of green."""
+    camera: CameraTable
+    surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
+    obstacles: Annotated[tuple[ObstacleTable, ...], Field(max_length=64)] = ()
+
+    def orientation(self, where: str) -> NDArray[np.float64] | None:
+        """Rotation (3, 3) of `looking`, or None; `where` names the key in messages.
+
+        Raises:
+            SensorFileError: a matrix that is no rotation.
+        """
+        if self.looking is None or isinstance(self.looking, str):
+            return None if self.looking is None else ORIENTATIONS[self.looking]
+        matrix = np.array(self.looking)
+        if not is_rotation(matrix, POSE_TOLERANCE):
+            raise SensorFileError(f"{where}: expected a rotation, got {matrix.tolist()}")
+        return matrix
+
+
+def read_optics_file(path: str | Path) -> OpticalSystem:
+    """Read an optical system, from an optics file or from a sensor file with `[optics]`.
+
+    Raises:
+        SensorFileError: naming file, key, value and what was expected.
+    """
+    if Path(path).suffix.lower() == ".csv":
+        raise SensorFileError(
+            f"{path}: a mirror's profile: expected an optics file, .toml, with a surface of "
+            'shape = "table" that names it, as `omnisim optics design -o mirror.toml` writes'
+        )
+    table = read_tables(Path(path), SensorFileError)
+    in_sensor = table.get("optics")
+    if "surfaces" in table or not isinstance(in_sensor, dict):
+        return parse_optics(table, str(path))
+    if isinstance(in_sensor.get("file"), str):
+        file = Path(path).parent / in_sensor["file"]
+        return parse_optics(read_tables(file, SensorFileError), str(file))
+    own = {key: value for key, value in in_sensor.items() if key not in _OF_SENSORS}
+    return parse_optics(own, str(path), "optics")
+
+
+def parse_optics(table: Mapping[str, Any], source: str = "optics", at: str = "") -> OpticalSystem:
+    """Make the optical system of a table with the keys of an optics file.
+
+    Args:
+        table: as a system's `parameters()`, or as an optics file.
+        source: names the file in messages; paths are relative to its folder.
+        at: key of the table in it; empty: the file itself.
+
+    Raises:
+        SensorFileError: naming `source`, key, value and what was expected.
+    """
+    if table.get("model") == OpticalSystem.model_name:
+        table = {key: value for key, value in table.items() if key != "model"}
+    return _make_system(parse_table(table, OpticsFile, SensorFileError, source, at), source, at)
+
+
+def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
+    below = f"{at}." if at else ""
+    surfaces = [
+        surface
+        for number, table in enumerate(file.surfaces)
+        for surface in table.make_surfaces(source, f"{below}surfaces.{number}")
+    ]
+    camera = file.camera.make_camera(source, f"{below}camera")
+    orientation = file.orientation(f"{source}: {below}looking")
+    try:
+        return OpticalSystem(
+            camera,
+            tuple(surfaces),
+            tuple(Rod(one.begin_m, one.end_m, one.radius_m, one.name) for one in file.obstacles),
+            file.medium,
+            file.camera.system_from_part((0.0, 0.0, 0.0)),
+            file.origin_m,
+            file.color,
+            orientation,
+            file.chromatic,
+        )
+    except OmnisimError as reason:
+        raise SensorFileError(f"{source}: {below}{reason}") from None
+
+
+def input_files(path: Path) -> dict[str, Path]:
+    """Files that `read_optics_file` reads profiles from, and the file itself, for messages.
+
+    Raises:
+        SensorFileError: the file cannot be read.
+    """
+    found = {"the optics file": path}
+    table = read_tables(path, SensorFileError)
+    in_sensor = table.get("optics")
+    if "surfaces" not in table and isinstance(in_sensor, dict):
+        table = in_sensor
+        if isinstance(in_sensor.get("file"), str):
+            path = path.parent / in_sensor["file"]
+            found["the sensor's optics file"] = path
+            table = read_tables(path, SensorFileError)
+    surfaces = table.get("surfaces")
+    for number, surface in enumerate(surfaces if isinstance(surfaces, list) else []):
+        if isinstance(surface, dict) and isinstance(surface.get("file"), str):
+            found[f"the profile of surfaces.{number}"] = path.parent / surface["file"]
+    return found

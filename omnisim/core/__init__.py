@@ -1,0 +1,1 @@
+"""Foundations: errors, versions, poses, coordinate frames, the state of the world."""

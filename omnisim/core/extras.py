@@ -1,0 +1,98 @@
+"""Packages of omnisim, required and in extras, and errors where an extra is missing."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from importlib.util import find_spec
+
+from omnisim.core.errors import GraphicsError, OmnisimError
+
+DISTRIBUTION = "omnisim-camera"  # the index has another one that is called omnisim
+
+# Module of each package, by the package's name on the index, as in pyproject.toml.
+REQUIRED = {
+    "numpy": "numpy",
+    "OpenImageIO": "OpenImageIO",
+    "pillow": "PIL",
+    "pycollada": "collada",
+    "pydantic": "pydantic",
+    "PyYAML": "yaml",
+    "rich": "rich",
+    "scipy": "scipy",
+    "trimesh": "trimesh",
+    "typer": "typer",
+    "websockets": "websockets",
+}
+EXTRAS = {
+    "opengl": {"moderngl": "moderngl"},  # required, too, where it has a wheel
+    "plots": {"matplotlib": "matplotlib"},
+    "reports": {"matplotlib": "matplotlib", "jinja2": "jinja2"},
+    "rays": {"embreex": "embreex"},
+    "bake": {"embreex": "embreex", "xatlas": "xatlas"},
+    "video": {"av": "av"},
+    "mujoco": {"mujoco-core": "mujoco"},
+    "usd": {"usd-core": "pxr"},
+    "ray": {"ray": "ray"},
+    "ros": {"rosbags": "rosbags"},
+    "draco": {"DracoPy": "DracoPy"},
+    "meshopt": {"meshoptimizer": "meshoptimizer"},  # built by its installation
+    "oracles": {
+        "embreex": "embreex",
+        "mcap-ros2-support": "mcap_ros2",
+        "mitsuba": "mitsuba",
+        "opencv-contrib-python-headless": "cv2",
+        "pycolmap": "pycolmap",
+        "xatlas": "xatlas",
+        **({"pyrender": "pyrender"} if sys.version_info < (3, 12) else {}),
+    },
+}
+
+
+def is_installed(module: str) -> bool:
+    """Find a module without importing it."""
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:  # its package is not, either
+        return False
+
+
+def missing_packages(extra: str) -> list[str]:
+    """Packages of an extra that are not installed."""
+    return [package for package, module in EXTRAS[extra].items() if not is_installed(module)]
+
+
+def install_hint(extra: str) -> str:
+    """Command that installs an extra beside omnisim, also beside one from a checkout."""
+    return f"pip install '{DISTRIBUTION}[{extra}]'"
+
+
+def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimError) -> None:
+    """Refuse a feature whose packages are missing, before any work is done.
+
+    Args:
+        extra: key of `EXTRAS`.
+        feature: subject of the message: a command, an option or a file.
+        error: raised.
+
+    Raises:
+        OmnisimError: naming the packages and the command that installs them.
+    """
+    missing = missing_packages(extra)
+    if missing:
+        raise error(f"{feature} needs {' and '.join(missing)}: {install_hint(extra)}")
+
+
+def require_opengl(feature: str) -> None:
+    """Refuse a feature where OpenGL cannot even be looked for, before anything imports moderngl.
+
+    Raises:
+        GraphicsError: another system than Linux, or no moderngl.
+    """
+    if platform.system() != "Linux":
+        need = "OpenGL through EGL, which Linux alone has"
+    elif not is_installed("moderngl"):
+        need = f"moderngl: {install_hint('opengl')}"
+    else:
+        return
+    raise GraphicsError(f"{feature} needs {need}; back end 'rays' needs no OpenGL")

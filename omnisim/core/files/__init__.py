@@ -1,0 +1,1 @@
+"""Files: images, TOML, CSV and NPZ, written whole or not at all, and their digests."""

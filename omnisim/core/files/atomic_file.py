@@ -1,0 +1,166 @@
+"""Atomic writing of files and folders, and checks of their paths."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from omnisim.core.errors import OutputError
+
+partials: set[Path] = set()  # being written: who ends the process at once removes them
+
+
+@contextmanager
+def atomic_write(path: Path) -> Iterator[Path]:
+    """Yield a name beside `path` to write to; at the end of the block it becomes `path`.
+
+    When the block fails nothing is left, and what was at `path` before stays as it was.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    target = path.resolve()  # a link stays a link
+    partial = _partial_beside(target)
+    try:
+        yield partial
+        os.replace(partial, target)
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+    finally:
+        _remove(partial)
+
+
+@contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Yield a new folder of the same name to fill; at the end of the block it becomes `path`.
+
+    It is inside a hidden folder beside `path`, so that files which carry their folder's name have
+    the right one. When the block fails nothing is left.
+
+    Raises:
+        OutputError: a file cannot be written, or something is at `path` at the end.
+    """
+    target = path.resolve()
+    partial = _partial_beside(target)
+    try:
+        folder = partial / target.name
+        folder.mkdir(parents=True)
+        yield folder
+        os.rename(folder, target)
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be written: {reason.strerror or reason}") from None
+    finally:
+        _remove(partial)
+
+
+def check_new_folder(path: Path) -> None:
+    """Check that a folder can be made, before the work is done.
+
+    Raises:
+        OutputError: something is there, or its parent is missing or cannot be written.
+    """
+    try:
+        if path.exists() or path.is_symlink():
+            raise OutputError(f"{path}: is there already: expected the name of a new folder")
+        if not path.name:
+            raise OutputError(f"{path}: expected the name of a new folder")
+        _check_target(path, may_make_folder=False)
+    except OSError as reason:  # a name too long, a folder without permission
+        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+
+
+def remove_partials() -> None:
+    """Remove the files and folders that are being written."""
+    for partial in tuple(partials):
+        _remove(partial)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8: all of it, or nothing.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with atomic_write(path) as partial:
+        partial.write_text(text, encoding="utf-8", newline="\n")
+
+
+def check_target(path: Path, may_make_folder: bool = False) -> None:
+    """Check that a file can be written, before the work is done.
+
+    Args:
+        path: file that is going to be written.
+        may_make_folder: its folder is going to be made where it is not there yet.
+
+    Raises:
+        OutputError: the folder is not there or cannot be written, or `path` is a folder, a device
+            or a pipe.
+    """
+    try:
+        _check_target(path, may_make_folder)
+    except OSError as reason:  # a name too long, a folder without permission
+        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
+
+
+def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path | None]) -> None:
+    """Refuse to write one file twice, or over one that is read.
+
+    Args:
+        writes: files that are going to be written, by what a message calls them; None: is not.
+        reads: files that are read, in the same way.
+
+    Raises:
+        OutputError: two of them are the same file.
+    """
+    known = {os.path.realpath(path): what for what, path in reads.items() if path is not None}
+    for what, path in writes.items():
+        if path is None:
+            continue
+        target = os.path.realpath(path)
+        if target in known:
+            raise OutputError(f"{path}: is {known[target]}: expected another name for {what}")
+        known[target] = f"{what} already"
+
+
+def check_suffix(path: Path, *suffixes: str) -> None:
+    """Refuse a path with another suffix than the formats': it may be another file's.
+
+    Raises:
+        OutputError: another suffix.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: expected a name that ends in {' or '.join(suffixes)}")
+
+
+def _partial_beside(target: Path) -> Path:
+    partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
+    partials.add(partial)
+    return partial
+
+
+def _remove(partial: Path) -> None:
+    if partial.is_dir() and not partial.is_symlink():
+        shutil.rmtree(partial, ignore_errors=True)
+    else:
+        partial.unlink(missing_ok=True)
+    partials.discard(partial)
+
+
+def _check_target(path: Path, may_make_folder: bool) -> None:
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder: expected the name of a file")
+    if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
+        raise OutputError(f"{path}: is no regular file: expected the name of a file")
+    folder = path.parent
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: is a file: expected a folder")
+    if may_make_folder and not folder.exists():
+        path, folder = folder, folder.parent
+    if not folder.is_dir():
+        raise OutputError(f"{path}: the folder {folder} does not exist: create it first")
+    if not os.access(folder, os.W_OK):
+        raise OutputError(f"{path}: the folder {folder} cannot be written to")

@@ -1,0 +1,427 @@
+"""Image files in and out (the only importer of OpenImageIO).
+
+The camera's parameters and pose travel inside, as one JSON text in ImageDescription, which every
+format here can hold.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import atomic_write, check_suffix, check_target
+from omnisim.core.files.sources import note_file
+from omnisim.core.version import __version__
+
+EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+FLOAT_SUFFIXES = (".exr",)
+METADATA_KEY = "ImageDescription"
+# On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
+JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
+_PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
+_LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
+# Longer metadata ends the process in JPEG's writer, and TIFF's reader does not find it.
+_LARGEST_TEXT, _SHORT_TEXTS = 65_000, (".jpg", ".jpeg", ".tif", ".tiff")
+_QUIET = threading.RLock()  # held while standard error is discarded
+_KINDS = {
+    "uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT
+}  # fmt: skip
+
+Attributes = Mapping[str, str | int | float]
+Metadata = Mapping[str, Any]  # as JSON can hold it
+
+
+def is_float_format(path: Path) -> bool:
+    """Tell linear float formats from 8-bit ones, by the suffix.
+
+    Raises:
+        OutputError: the suffix is of no format that omnisim writes.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
+        known = " ".join(EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES)
+        raise OutputError(
+            f"{path}: unknown picture format: expected one of {known}, got {suffix!r}"
+        )
+    return suffix in FLOAT_SUFFIXES
+
+
+def write_image(
+    path: Path,
+    pixels: NDArray[Any],
+    metadata: Metadata | None = None,
+    jpeg_quality: int = JPEG_QUALITY,
+) -> None:
+    """Write a picture (height, width, 3 or 4): uint8 sRGB, or float32 linear for EXR.
+
+    A fourth channel is alpha; JPEG, which has none, leaves it out. Equal pictures make equal bytes.
+
+    Raises:
+        OutputError: an unknown format, pixels that do not suit it, or a file that cannot be
+            written; nothing is left under `path` then.
+    """
+    data = image_bytes(path, pixels, metadata, jpeg_quality)
+    check_target(path)
+    _store(path, data)
+
+
+def image_bytes(
+    path: Path,
+    pixels: NDArray[Any],
+    metadata: Metadata | None = None,
+    jpeg_quality: int = JPEG_QUALITY,
+) -> bytes:
+    """Contents of the file that `write_image` writes under `path`, whose suffix is its format.
+
+    Raises:
+        OutputError: an unknown format, or pixels or metadata that do not suit it.
+    """
+    is_float = is_float_format(path)
+    kind = "float32" if is_float else "uint8"
+    if pixels.dtype != kind:
+        raise OutputError(f"{path}: expected {kind} pixels, got {pixels.dtype}")
+    given: dict[str, str | int | float] = {
+        "oiio:ColorSpace": "lin_rec709_scene" if is_float else "srgb_rec709_scene",
+        "DateTime": _NO_DATE,
+        "png:compressionLevel": _PNG_LEVEL,
+    }
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        pixels = pixels[..., :3]
+        given |= _jpeg_attributes(jpeg_quality, _JPEG_SUBSAMPLING)
+    attributes = _with_metadata(given, metadata)
+    size = len(str(attributes.get(METADATA_KEY, "")))
+    if size > _LARGEST_TEXT and path.suffix.lower() in _SHORT_TEXTS:
+        raise OutputError(
+            f"{path}: expected a camera of at most {_LARGEST_TEXT} bytes, got {size}, which .png "
+            "and .exr hold"
+        )
+    return _encode(path, pixels, attributes)
+
+
+def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
+    """A picture (height, width, 3 or 4) uint8 sRGB as the bytes of a PNG file.
+
+    Raises:
+        OutputError: pixels of another kind.
+    """
+    if pixels.dtype != np.uint8 or pixels.ndim != 3:
+        raise OutputError(f"PNG: expected (height, width, 3) uint8, got {pixels.shape}")
+    attributes: Attributes = {
+        "oiio:ColorSpace": "srgb_rec709_scene",
+        "png:compressionLevel": _PNG_LEVEL,
+    }
+    return _encode(Path("picture.png"), pixels, attributes)
+
+
+def write_numbers(
+    path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: Metadata | None = None
+) -> None:
+    """Write whole numbers, not colours, (height, width) or (height, width, n) as a PNG file.
+
+    Args:
+        path: with the suffix .png.
+        numbers: 8 or 16 bits each.
+        metadata: omnisim's own, as `write_image` has it.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    check_suffix(path, ".png")
+    check_target(path)
+    channels = numbers.reshape(*numbers.shape[:2], -1)
+    attributes: dict[str, str | int | float] = {"png:compressionLevel": _PNG_LEVEL}
+    if channels.shape[2] == 4:  # the fourth is no alpha that the others were multiplied with
+        attributes["oiio:UnassociatedAlpha"] = 1
+    _write(path, channels, attributes, metadata)
+
+
+class ExrData(NamedTuple):
+    """Contents of an EXR file of data.
+
+    Attributes:
+        values: (height, width) float32 under each channel's name.
+        metadata: omnisim's own; None where the file has none.
+        attributes: other attributes of the file that are words or numbers.
+    """
+
+    values: dict[str, NDArray[np.float32]]
+    metadata: dict[str, Any] | None
+    attributes: dict[str, str | int | float]
+
+
+def write_channels(
+    path: Path,
+    channels: Mapping[str, NDArray[Any]],
+    metadata: Metadata | None = None,
+    attributes: Attributes | None = None,
+) -> None:
+    """Write data, not a picture, as 32-bit floats of an EXR file, losslessly compressed.
+
+    Args:
+        path: with the suffix .exr.
+        channels: (height, width) arrays under their names, "Z" or "direction.X"; booleans become
+            0 and 1, whole numbers have to be exact as floats. Infinities are kept.
+        metadata: omnisim's own, as `write_image` has it.
+        attributes: of the file, as other programs name them.
+
+    Raises:
+        OutputError: another suffix, no channels, arrays of different shapes or with numbers that
+            a float32 does not hold, or a file that cannot be written; nothing is left under
+            `path` then.
+    """
+    check_suffix(path, ".exr")
+    check_target(path)
+    if not channels:
+        raise OutputError(f"{path}: expected at least one channel")
+    shape = next(iter(channels.values())).shape
+    floats = []
+    for name, values in channels.items():
+        where = f"{path}: channel {name}"
+        if values.ndim != 2 or values.shape != shape or values.size == 0:
+            raise OutputError(f"{where}: expected (height, width), got {values.shape}")
+        if values.dtype.kind in "iu" and np.any(np.abs(values.astype(np.float64)) > _LARGEST_EXACT):
+            raise OutputError(f"{where}: expected whole numbers up to {_LARGEST_EXACT}")
+        if values.dtype.kind not in "fiub":
+            raise OutputError(f"{where}: expected numbers, got {values.dtype}")
+        floats.append(values.astype(np.float32))
+    attributes = {"Compression": "zip", "DateTime": _NO_DATE, **(attributes or {})}
+    _write(path, np.stack(floats, axis=-1), attributes, metadata, tuple(channels))
+
+
+def read_channels(path: Path) -> ExrData:
+    """Read an EXR file of data; the first row is at the top.
+
+    Raises:
+        OutputError: the file is missing or not one.
+    """
+    spec, pixels = _read(path, oiio.FLOAT)
+    with _utf8_header(path):
+        found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+        names = tuple(spec.channelnames)
+    text = found.pop(METADATA_KEY, None)
+    return ExrData(
+        {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(names)},
+        _parse_metadata(text),
+        {key: value for key, value in found.items() if isinstance(value, str | int | float)},
+    )
+
+
+def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
+    """Return a picture's pixels (height, width, channels), as stored, and omnisim's metadata.
+
+    The metadata is None where the picture has none of ours.
+
+    Raises:
+        OutputError: the file is missing or not a picture.
+    """
+    spec, pixels = _read(path)
+    with _utf8_header(path):
+        return pixels, _parse_metadata(spec.getattribute(METADATA_KEY))
+
+
+def read_radiance(path: Path) -> NDArray[np.float32]:
+    """Read the linear RGB (height, width, 3) of a float picture, such as .hdr and .exr.
+
+    Raises:
+        OutputError: the file is missing, not a picture, or has less than three channels.
+    """
+    spec, pixels = _read(path, oiio.FLOAT)
+    with _utf8_header(path):
+        names = [name.upper() for name in spec.channelnames]
+    places = [names.index(name) for name in "RGB"] if set("RGB") <= set(names) else [0, 1, 2]
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise OutputError(f"{path}: expected a picture of red, green and blue")
+    return np.ascontiguousarray(pixels[..., places])
+
+
+def write_radiance(path: Path, pixels: NDArray[np.float16]) -> None:
+    """Write linear RGB (height, width, 3) as half floats of an EXR file, losslessly compressed.
+
+    Raises:
+        OutputError: another suffix, pixels of another kind, or a file that cannot be written.
+    """
+    check_suffix(path, ".exr")
+    if pixels.dtype != np.float16 or pixels.ndim != 3 or pixels.shape[2] != 3:
+        raise OutputError(f"{path}: expected (height, width, 3) float16, got {pixels.shape}")
+    attributes: Attributes = {
+        "Compression": "zip",
+        "DateTime": _NO_DATE,
+        "oiio:ColorSpace": "lin_rec709_scene",
+    }
+    _write(path, pixels, attributes, None)
+
+
+def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
+    """Encode a picture (height, width, 3) sRGB as JPEG, and decode it again.
+
+    Args:
+        pixels: the picture.
+        quality: 1 to 100, as libjpeg counts.
+        subsampling: "4:4:4", "4:2:2" or "4:2:0".
+
+    Raises:
+        OutputError: it cannot be encoded.
+    """
+    data = _encode(Path("camera.jpg"), pixels, _jpeg_attributes(quality, subsampling))
+    with _memory_file() as (memory, path):
+        os.pwrite(memory, data, 0)
+        decoded, _ = read_image(path)
+    return decoded
+
+
+def _jpeg_attributes(quality: int, subsampling: str) -> dict[str, str | int | float]:
+    return {"Compression": f"jpeg:{quality}", "jpeg:subsampling": subsampling}
+
+
+def _write(
+    path: Path,
+    pixels: NDArray[Any],
+    attributes: Attributes,
+    metadata: Metadata | None,
+    channel_names: tuple[str, ...] = (),
+) -> None:
+    _store(path, _encode(path, pixels, _with_metadata(attributes, metadata), channel_names))
+
+
+def _with_metadata(attributes: Attributes, metadata: Metadata | None) -> Attributes:
+    own = {} if metadata is None else {METADATA_KEY: json.dumps(metadata)}
+    return {"Software": f"omnisim {__version__}", **attributes, **own}
+
+
+def _store(path: Path, data: bytes) -> None:
+    with atomic_write(path) as partial:
+        partial.write_bytes(data)
+
+
+def _encode(
+    path: Path,
+    pixels: NDArray[Any],
+    attributes: Attributes,
+    channel_names: tuple[str, ...] = (),
+) -> bytes:
+    """Encode a file (height, width, channels) into memory.
+
+    Some of OpenImageIO's writers do not notice a full disk, and one ends the process. So none of
+    them ever sees a disk: they write to memory, and the bytes are written by us.
+    """
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, _KINDS[pixels.dtype.name])
+    if channel_names:
+        spec.channelnames = channel_names
+    for key, value in attributes.items():
+        spec[key] = value
+    with _memory_file() as (memory, target):
+        output = oiio.ImageOutput.create(path.suffix[1:].lower())
+        if output is None:
+            raise OutputError(f"{path}: cannot be encoded: {_one_line(oiio.geterror())}")
+        done = output.open(str(target), spec)
+        done = done and output.write_image(np.ascontiguousarray(pixels))
+        error = output.geterror()
+        if not (output.close() and done):
+            raise OutputError(f"{path}: cannot be encoded: {_one_line(error or output.geterror())}")
+        return os.pread(memory, os.fstat(memory).st_size, 0)
+
+
+@contextmanager
+def _memory_file() -> Iterator[tuple[int, Path]]:
+    """A file in memory: its descriptor, and a path for libraries that want one."""
+    memory = os.memfd_create("omnisim picture")
+    try:
+        yield memory, Path(f"/proc/self/fd/{memory}")
+    finally:
+        os.close(memory)
+
+
+def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec, NDArray[Any]]:
+    """Read a file's header and pixels (height, width, channels), as stored or as `kind`.
+
+    Raises:
+        OutputError: the file is missing or not a picture.
+    """
+    note_file(path)
+    _check_png(path)
+    with _utf8_header(path), _quiet():
+        source = oiio.ImageInput.open(str(path))
+        if source is None:
+            raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
+        try:
+            spec = source.spec()
+            pixels = source.read_image(spec.format if kind is None else kind)
+            if pixels is None:
+                raise OutputError(f"{path}: cannot be read: {_one_line(source.geterror())}")
+            return oiio.ImageSpec(spec), pixels
+        finally:
+            source.close()
+
+
+@contextmanager
+def _utf8_header(path: Path) -> Iterator[None]:
+    """Refuse a header that is not UTF-8, whose words are also in OpenImageIO's messages."""
+    try:
+        yield
+    except UnicodeDecodeError:
+        raise OutputError(f"{path}: cannot be read: expected a header in UTF-8") from None
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Discard standard error, of the process and for some milliseconds: libpng prints to it."""
+    with _QUIET:
+        try:
+            kept = os.dup(2)
+        except OSError:  # there is none
+            yield
+            return
+        try:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 2)
+            os.close(nowhere)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+
+
+def _check_png(path: Path) -> None:
+    """Refuse a damaged PNG file: libpng reads it without the parts that are, such as metadata."""
+    try:
+        data = path.read_bytes() if path.suffix.lower() == ".png" else b""
+    except OSError:
+        return  # OpenImageIO says why
+    if not data.startswith(_PNG_SIGNATURE):
+        return
+    start, kind = len(_PNG_SIGNATURE), b""
+    while kind != b"IEND":  # its parts: length, kind, contents, checksum of kind and contents
+        kind = data[start + 4 : start + 8]
+        end = start + 8 + int.from_bytes(data[start : start + 4], "big")
+        checksum = data[end : end + 4]
+        if len(checksum) < 4:
+            raise OutputError(f"{path}: cannot be read: the file is cut off")
+        if zlib.crc32(memoryview(data)[start + 4 : end]) != int.from_bytes(checksum, "big"):
+            raise OutputError(f"{path}: cannot be read: {kind!r} is damaged")
+        start = end + 4
+
+
+def _parse_metadata(text: object) -> dict[str, Any] | None:
+    try:
+        metadata = json.loads(text) if isinstance(text, str) else None
+    except (json.JSONDecodeError, RecursionError):
+        return None  # somebody else's description
+    return metadata if isinstance(metadata, dict) else None
+
+
+def _one_line(error: str) -> str:
+    return " ".join(error.split()) or "no reason given"

@@ -1,0 +1,51 @@
+"""NumPy archives (.npz) of others: plain arrays, or an error of one line."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OmnisimError
+from omnisim.core.files.sources import note_file
+
+
+def read_arrays(
+    path: Path,
+    error: type[OmnisimError],
+    kind: str,
+    expected: str,
+    names: Collection[str] | None = None,
+) -> dict[str, NDArray[Any]]:
+    """Read all arrays of an archive, or those of some names that it has; nothing is unpickled.
+
+    Args:
+        path: of the archive.
+        error: to raise.
+        kind: of archive, for messages.
+        expected: of the file, likewise.
+        names: of the arrays; None: all.
+
+    Raises:
+        error: it cannot be read, or is no archive.
+    """
+    note_file(path)
+    try:
+        quiet = warnings.catch_warnings(action="ignore")
+        with quiet, np.load(path, allow_pickle=False) as stored:
+            wanted = (
+                stored.files if names is None else [one for one in stored.files if one in names]
+            )
+            arrays = {name: stored[name] for name in wanted}
+    except OSError as reason:
+        words = reason.strerror or f"not a {kind}"
+        raise error(f"{path}: cannot be read: {words}: {expected}") from None
+    except Exception:  # NumPy and zipfile raise all kinds of a damaged file
+        raise error(f"{path}: is no {kind}: {expected}") from None
+    if not all(isinstance(one, np.ndarray) for one in arrays.values()):  # bytes of something else
+        raise error(f"{path}: is no {kind}: {expected}")
+    return arrays

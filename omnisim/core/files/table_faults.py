@@ -1,0 +1,129 @@
+"""Faults of tables in the words of this project, instead of pydantic's."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, get_args, get_origin
+
+import pydantic
+from pydantic_core import ErrorDetails
+
+from omnisim.core.errors import did_you_mean
+from omnisim.core.files.inner_tables import headers_with, table_in
+
+SMALLEST = 1e-9  # of positive numbers: stands for 0
+_MAX_HEADERS = 3  # of tables that have a key; more are no hint
+_RELATIONS = {
+    "greater_than": ("a number >", "gt"),
+    "greater_than_equal": ("a number ≥", "ge"),
+    "less_than": ("a number <", "lt"),
+    "less_than_equal": ("a number ≤", "le"),
+}
+_KINDS = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+}
+
+
+def fault_line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> str:
+    """Line for a fault: key, what was expected, and what was got.
+
+    Args:
+        fault: of pydantic.
+        model: schema of the table.
+        at: key of the table in its file; empty: the file itself.
+    """
+    names = [str(part) for part in fault["loc"]]
+    key = ".".join([at, *names] if at else names) or "file"
+    if fault["type"] == "extra_forbidden":
+        return f"{key}: unknown key; {_hint(model, names)}"
+    if fault["type"] == "missing":
+        return f"{key}: missing"
+    expected = _expected(fault, model, names, key)
+    if expected:
+        return f"{key}: expected {expected}, got {fault['input']!r}"
+    return f"{key}: {fault['msg'].removeprefix('Value error, ')}"
+
+
+def _hint(model: type[pydantic.BaseModel], names: list[str]) -> str:
+    """Table that has an unknown key, else the nearest key of its own table."""
+    table = _table_at(model, names[:-1])
+    known = list(table.model_fields) if table else []
+    word = getattr(table, "synonyms", {}).get(names[-1], names[-1])
+    headers = list(dict.fromkeys(headers_with(model, word)))
+    if word in known or len(headers) > _MAX_HEADERS:
+        return did_you_mean(word, known, "known keys:")
+    if word in model.model_fields:
+        inner = table_in(model.model_fields[word].annotation)
+        if inner is None:
+            return "expected above the first table"
+        headers.insert(
+            0, f"a table of its own, {'[[' + word + ']]' if inner.is_list else '[' + word + ']'}"
+        )
+    if headers:
+        return f"expected in {' or '.join(headers)}"
+    return did_you_mean(word, known, "known keys:")
+
+
+def _expected(
+    fault: ErrorDetails, model: type[pydantic.BaseModel], names: list[str], key: str
+) -> str:
+    """Expected value of a fault; empty: the message says all."""
+    kind, message = fault["type"], fault["msg"].removeprefix("Value error, ")
+    if kind in ("model_type", "dict_type"):
+        is_item = bool(names) and names[-1].isdecimal()
+        return f"a table, [[{key.rpartition('.')[0]}]]" if is_item else f"a table, [{key}]"
+    if kind == "tuple_type":
+        if _holds_tables(model, names):
+            return f"tables, [[{key}]]"
+        return (
+            'a list of words, ["a", "b"]'
+            if _holds_words(model, names)
+            else ("a list of numbers, [x, y, z]")
+        )
+    if kind in _RELATIONS:
+        words, name = _RELATIONS[kind]
+        limit = fault["ctx"][name]
+        return "a number > 0" if limit == SMALLEST else f"{words} {limit:g}"
+    if kind in _KINDS:
+        return _KINDS[kind]
+    begin = r"^(expected|Input should be|(String|Tuple) should have) "
+    expected = re.sub(begin, "", message)
+    if expected == message or ", got " in message:
+        return ""
+    return re.sub(r" after validation, not \d+$", "", expected)
+
+
+def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydantic.BaseModel] | None:
+    """The table that `names` leads to; None where it cannot be followed."""
+    for name in names:
+        if name.isdecimal():  # an index into a list of tables
+            continue
+        field = model.model_fields.get(name)
+        inner = table_in(field.annotation) if field else None
+        if inner is None:
+            return None
+        model = inner.model
+    return model
+
+
+def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
+    """Tell whether `names` leads to a list of tables, whose own keys may be open."""
+    field = model.model_fields.get(names[-1]) if len(names) == 1 else None
+    is_open = field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
+    return is_open or _table_at(model, names) is not None
+
+
+def _holds_words(model: type[pydantic.BaseModel], names: list[str]) -> bool:
+    """Tell whether `names` leads to a list of words."""
+    table = _table_at(model, names[:-1])
+    field = table.model_fields.get(names[-1]) if table else None
+    return field is not None and _are_words(field.annotation)
+
+
+def _are_words(annotation: Any) -> bool:
+    return annotation is str or any(map(_are_words, get_args(annotation)))

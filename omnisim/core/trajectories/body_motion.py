@@ -1,0 +1,73 @@
+"""Motion of a body: where it is at any time, and how fast it moves and turns there.
+
+All that a robot carries asks one motion: pictures, their shutters, lidars, IMUs, odometry and
+ground truth. Where a plan made the drive it is the plan (`omnisim.robots.planned_motion`); else a
+spline through poses (`spline_motion`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class MotionStates(NamedTuple):
+    """States of a body at some times.
+
+    Attributes:
+        world_from_base: (n, 4, 4).
+        velocity_mps: (n, 3) of the base's origin, world.
+        acceleration_mps2: (n, 3) of the base's origin, world; where it jumps, that of one side.
+        angular_rate_radps: (n, 3), base.
+    """
+
+    world_from_base: NDArray[np.float64]
+    velocity_mps: NDArray[np.float64]
+    acceleration_mps2: NDArray[np.float64]
+    angular_rate_radps: NDArray[np.float64]
+
+    def at_mount(self, base_from_mount: NDArray[np.float64]) -> MotionStates:
+        """States of a frame (4, 4) on the body.
+
+        Its acceleration lacks the lever arm's share, which jumps with the turn's acceleration.
+        """
+        lever_m = base_from_mount[:3, 3]
+        swing = np.cross(self.angular_rate_radps, lever_m)
+        rotations = self.world_from_base[:, :3, :3]
+        return MotionStates(
+            self.world_from_base @ base_from_mount,
+            self.velocity_mps + np.einsum("nij,nj->ni", rotations, swing),
+            self.acceleration_mps2,
+            self.angular_rate_radps @ base_from_mount[:3, :3],
+        )
+
+
+class BodyMotion(ABC):
+    """Motion of a body from its start to its end; before and after it rests.
+
+    Attributes:
+        start_s, end_s: first and last time.
+    """
+
+    start_s: float
+    end_s: float
+
+    def at(self, times_s: NDArray[np.float64]) -> MotionStates:
+        """States at times (n,)."""
+        times = np.asarray(times_s, dtype=np.float64)
+        states = self._states(np.clip(times, self.start_s, self.end_s))
+        moves = ((times >= self.start_s) & (times <= self.end_s))[:, None]
+        rates = (np.where(moves, rate, 0.0) for rate in states[1:])
+        return MotionStates(states.world_from_base, *rates)
+
+    def pose_at(self, time_s: float) -> NDArray[np.float64]:
+        """Pose (4, 4) at a time."""
+        pose: NDArray[np.float64] = self.at(np.array([time_s])).world_from_base[0]
+        return pose
+
+    @abstractmethod
+    def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
+        """States at times (n,) from the start to the end."""

@@ -1,0 +1,38 @@
+"""KITTI: the upper three rows of a pose, 12 numbers a line, between blanks; no time.
+
+The numbers are read as they are. The benchmark's are a camera's: x right, y down, z ahead; its
+convention is `omnisim.core.trajectories.trajectory_files`'s to apply.
+Source: KITTI odometry benchmark, development kit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from omnisim.core.trajectories.formats.parsed_trajectory import (
+    ParsedTrajectory,
+    parsed_trajectory,
+    read_rotations,
+)
+from omnisim.core.trajectories.formats.text_table import TextTable
+from omnisim.core.trajectories.trajectory import Trajectory
+
+COLUMNS = [f"{name}{row}" for row in "012" for name in ("x", "y", "z", "t")]
+
+
+def read(table: TextTable) -> ParsedTrajectory:
+    """Read a table of 12 columns.
+
+    Raises:
+        TrajectoryError: naming file, line, what was found and expected.
+    """
+    matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
+    return parsed_trajectory(
+        table, None, matrices[:, :, 3], read_rotations(table, matrices[:, :, :3])
+    )
+
+
+def lines(trajectory: Trajectory) -> Iterator[str]:
+    """Lines of a file, without times."""
+    for row in trajectory.world_from_base[:, :3].reshape(-1, 12):
+        yield " ".join(f"{value:.9f}" for value in row)

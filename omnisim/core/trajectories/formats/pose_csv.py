@@ -1,0 +1,88 @@
+"""Our own CSV: a header, then a pose a line; the columns in any order.
+
+`x_m` and `y_m` must be there. `z_m`, `roll_deg` and `pitch_deg` are 0 where they are not; without
+any of them the poses are those of a floor plan. Without
+`yaw_deg` the robot looks along its path: to the next pose that is elsewhere, at the end as before.
+Without `t_s` the poses have no times.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import did_you_mean
+from omnisim.core.poses import roll_pitch_yaw_from_rotation, rotation_from_roll_pitch_yaw
+from omnisim.core.trajectories.formats.parsed_trajectory import (
+    ParsedTrajectory,
+    parsed_trajectory,
+    read_times,
+)
+from omnisim.core.trajectories.formats.text_table import TextTable, check_printed_times, quote
+from omnisim.core.trajectories.trajectory import Trajectory
+
+COLUMNS = ["t_s", "x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg"]
+
+
+def read(table: TextTable) -> ParsedTrajectory:
+    """Read a table whose first line names its columns.
+
+    Raises:
+        TrajectoryError: naming file, line, what was found and expected.
+    """
+    names = _header(table)
+    table = table.without_header()
+    values = dict(zip(names, table.numbers(names).T, strict=True))
+    zeros = np.zeros(len(table.lines))
+    positions = np.column_stack((values["x_m"], values["y_m"], values.get("z_m", zeros)))
+    roll, pitch = (np.radians(values.get(name, zeros)) for name in ("roll_deg", "pitch_deg"))
+    yaw = np.radians(values["yaw_deg"]) if "yaw_deg" in values else heading_along(positions[:, :2])
+    rotations = np.array(
+        [rotation_from_roll_pitch_yaw(*angles) for angles in zip(roll, pitch, yaw, strict=True)]
+    )
+    times_s = read_times(table, values["t_s"]) if "t_s" in values else None
+    parsed = parsed_trajectory(table, times_s, positions, rotations)
+    has_heights = any(name in values for name in ("z_m", "roll_deg", "pitch_deg"))
+    return dataclasses.replace(parsed, has_heights=has_heights)
+
+
+def _header(table: TextTable) -> list[str]:
+    line = table.lines[0]
+    for k, name in enumerate(line.cells):
+        if name not in COLUMNS:
+            hint = did_you_mean(name, COLUMNS)
+            raise table.fault(line, f"column {quote(name)!r}: {hint}")
+        if name in line.cells[:k]:
+            raise table.fault(line, f"column {name!r} is there twice: expected it once")
+    missing = [name for name in ("x_m", "y_m") if name not in line.cells]
+    if missing:
+        raise table.fault(line, f"no column {missing[0]!r}: expected x_m and y_m at least")
+    return line.cells
+
+
+def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Headings (n,) in radians along a path (n, 2): to the next position that is another one.
+
+    The last ones keep the heading before; where all are the same it is 0.
+    """
+    steps = np.diff(positions_m, axis=0)
+    moving = np.flatnonzero(np.any(steps != 0.0, axis=1))
+    if not len(moving):
+        return np.zeros(len(positions_m))
+    headings: NDArray[np.float64] = np.arctan2(steps[moving, 1], steps[moving, 0])
+    following = np.searchsorted(moving, np.arange(len(positions_m)))
+    along: NDArray[np.float64] = headings[np.minimum(following, len(moving) - 1)]
+    return along
+
+
+def lines(trajectory: Trajectory) -> Iterator[str]:
+    """Lines of a file, with all columns."""
+    check_printed_times(trajectory.times_s)
+    yield ",".join(COLUMNS)
+    angles = roll_pitch_yaw_from_rotation(trajectory.world_from_base[:, :3, :3])
+    degrees = np.degrees(angles)[:, (2, 0, 1)]
+    for row in np.column_stack((trajectory.times_s, trajectory.positions_m, degrees)):
+        yield ",".join(f"{value:.9f}" for value in row)

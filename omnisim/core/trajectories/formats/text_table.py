@@ -1,0 +1,150 @@
+"""Files of numbers in lines, with errors that name file, line, what was found and expected."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.core.files.sources import read_source
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
+LARGEST = 1e20  # any stamp in nanoseconds is below it, and squares of it do not overflow
+LONGEST_QUOTE = 40
+
+
+@dataclass(frozen=True)
+class Line:
+    """Line of a file: its number, from 1, and its cells."""
+
+    number: int
+    cells: list[str]
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Lines of a file that are neither empty nor comments.
+
+    Attributes:
+        source: the file, for messages.
+        lines: with their cells; at least one.
+        separator: "," or None: blanks.
+    """
+
+    source: str
+    lines: list[Line]
+    separator: str | None
+
+    def fault(self, line: Line, words: str) -> TrajectoryError:
+        """Error at a line of this file."""
+        return TrajectoryError(f"{self.source}:{line.number}: {words}")
+
+    def without_header(self) -> TextTable:
+        """Drop the first line.
+
+        Raises:
+            TrajectoryError: nothing is left.
+        """
+        if len(self.lines) == 1:
+            raise TrajectoryError(
+                f"{self.source}: only a header: expected at least one line of numbers"
+            )
+        return replace(self, lines=self.lines[1:])
+
+    def numbers(self, names: list[str]) -> NDArray[np.float64]:
+        """All cells (lines, columns) as finite numbers.
+
+        Args:
+            names: of the columns; as many are wanted in each line.
+
+        Raises:
+            TrajectoryError: another number of columns, or a cell that is not a number.
+        """
+        return np.array([self._row(line, names) for line in self.lines], dtype=np.float64)
+
+    def _row(self, line: Line, names: list[str]) -> list[float]:
+        self._check_width(line, names)
+        return [self._number(line, *pair) for pair in zip(names, line.cells, strict=True)]
+
+    def _check_width(self, line: Line, names: list[str]) -> None:
+        if len(line.cells) != len(names):
+            raise self.fault(
+                line,
+                f"{len(line.cells)} column{'s' if len(line.cells) > 1 else ''}: "
+                f"expected {len(names)}: {' '.join(names)}",
+            )
+
+    def _number(self, line: Line, name: str, cell: str) -> float:
+        if NUMBER.fullmatch(cell):
+            value = float(cell)
+            if abs(value) < LARGEST:
+                return value
+            raise self.fault(line, f"{name} = {quote(cell)}: expected less than {LARGEST:g}")
+        if NOT_FINITE.fullmatch(cell):
+            raise self.fault(line, f"{name} = {cell}: expected a finite number")
+        raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
+
+    def check_times(self, times_s: NDArray[np.float64], printed: list[str]) -> None:
+        """Refuse times (lines,) that do not increase; `printed` is how the file has them."""
+        later = np.diff(times_s) > 0.0
+        if not np.all(later):
+            k = int(np.argmin(later))
+            words = "repeats" if times_s[k + 1] == times_s[k] else "is before"
+            raise self.fault(
+                self.lines[k + 1],
+                f"time {printed[k + 1]} {words} {printed[k]} of line {self.lines[k].number}: "
+                "expected times that increase",
+            )
+
+
+def read_text_table(path: Path) -> TextTable:
+    """Read a text file of lines with cells between commas or blanks; `#` starts a comment line.
+
+    Raises:
+        TrajectoryError: it cannot be read, is not text, or has no line but comments.
+    """
+    try:
+        text = read_source(path).decode("utf-8-sig")
+    except OSError as reason:
+        raise TrajectoryError(f"{path}: cannot be read: {reason.strerror}") from None
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise TrajectoryError(f"{path}: not a text file: expected lines of numbers")
+    numbered = [(k, line.strip()) for k, line in enumerate(text.split("\n"), start=1)]
+    kept = [(k, line) for k, line in numbered if line and not line.startswith("#")]
+    if not kept:
+        raise TrajectoryError(f"{path}: empty: expected at least one line of numbers")
+    separator = "," if "," in kept[0][1] else None
+    lines = [Line(k, [cell.strip() for cell in line.split(separator)]) for k, line in kept]
+    return TextTable(str(path), lines, separator)
+
+
+def is_number(cell: str) -> bool:
+    """A cell is a number, finite or not, and not a word."""
+    return bool(NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
+
+
+def quote(text: str) -> str:
+    """Text for a message of one line."""
+    return text if len(text) <= LONGEST_QUOTE else text[:LONGEST_QUOTE] + "…"
+
+
+def check_printed_times(times_s: NDArray[np.float64]) -> None:
+    """Refuse times (n,) that would be the same once printed to the nanosecond.
+
+    Raises:
+        TrajectoryError: naming the first two.
+    """
+    same = np.diff(np.rint(times_s * 1e9)) <= 0.0
+    if np.any(same):
+        k = int(np.argmax(same))
+        raise TrajectoryError(
+            f"trajectory: times {k} and {k + 1} are less than a nanosecond apart: "
+            "a file cannot tell them from each other"
+        )

@@ -1,0 +1,45 @@
+"""TUM: `t x y z qx qy qz qw` in seconds and metres, between blanks.
+
+Source: TUM RGB-D benchmark, file formats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from omnisim.core.poses import quaternion_from_rotation
+from omnisim.core.trajectories.formats.parsed_trajectory import (
+    ParsedTrajectory,
+    parsed_trajectory,
+    read_quaternions,
+    read_times,
+)
+from omnisim.core.trajectories.formats.text_table import TextTable, check_printed_times
+from omnisim.core.trajectories.trajectory import Trajectory
+
+COLUMNS = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]
+
+
+def read(table: TextTable) -> ParsedTrajectory:
+    """Read a table of 8 columns.
+
+    Raises:
+        TrajectoryError: naming file, line, what was found and expected.
+    """
+    numbers = table.numbers(COLUMNS)
+    times_s = read_times(table, numbers[:, 0])
+    return parsed_trajectory(
+        table, times_s, numbers[:, 1:4], read_quaternions(table, numbers[:, 4:])
+    )
+
+
+def lines(trajectory: Trajectory) -> Iterator[str]:
+    """Lines of a file."""
+    check_printed_times(trajectory.times_s)
+    yield "# " + " ".join(COLUMNS)
+    quaternions = quaternion_from_rotation(trajectory.world_from_base[:, :3, :3])
+    numbers = np.column_stack((trajectory.times_s, trajectory.positions_m, quaternions))
+    for row in numbers:
+        yield " ".join(f"{value:.9f}" for value in row)

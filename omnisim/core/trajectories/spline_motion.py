@@ -1,0 +1,140 @@
+"""Smooth motion through poses: cubic splines, clamped at both ends and wherever the body rests.
+
+The velocity at an end is that of a parabola through the last three poses there: of constant
+acceleration, so that a recording which begins at rest begins at rest here, and one that begins on
+the move does not brake first. A step without motion is rest: the motion on either side of it ends
+there with no velocity, and does not swing about the place. Places and turns are taken apart: a body
+that turns on the spot stays on it.
+
+Source: de Boor, "A Practical Guide to Splines" (1978): clamped cubic splines. Rotations are cubic
+in the rotation vector from each pose to the next, with rates that do not jump: Kang and Park,
+"Cubic spline algorithms for orientation interpolation", IJNME 46 (1999), without its iteration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.core.poses import pose_from_rotation
+from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
+from omnisim.core.trajectories.trajectory import Trajectory
+
+REST = 1e-8  # metres and radians in a step: files print nine digits
+SMALL_RAD = 1e-4  # below, series of angles are exact to rounding
+
+
+class SplineMotion(BodyMotion):
+    """Smooth motion through the poses of a trajectory.
+
+    Args:
+        trajectory: a single pose is at rest.
+        from_rest: it begins and ends at rest, whatever its poses say.
+    """
+
+    def __init__(self, trajectory: Trajectory, from_rest: bool = False):
+        self.start_s, self.end_s = trajectory.times_s[[0, -1]].tolist()
+        times, poses = trajectory.times_s - self.start_s, trajectory.world_from_base
+        if len(times) == 1:
+            times, poses = np.array([0.0, 1.0]), np.repeat(poses, 2, axis=0)
+        positions, self._rotations = poses[:, :3, 3], poses[:, :3, :3]
+        changes = np.swapaxes(self._rotations[:-1], 1, 2) @ self._rotations[1:]
+        vectors = scipy.spatial.transform.Rotation.from_matrix(changes).as_rotvec()
+        turned = np.concatenate((np.zeros((1, 3)), np.cumsum(vectors, axis=0)))
+        slopes = _slopes(times, positions, from_rest)
+        self._position = scipy.interpolate.CubicHermiteSpline(times, positions, slopes)
+        rates = _slopes(times, turned, from_rest)
+        self._rotation = _rotation_vectors(times, vectors, rates)
+
+    def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
+        times = times_s - self.start_s
+        last = len(self._rotations) - 2
+        step = np.clip(np.searchsorted(self._rotation.x, times, side="right") - 1, 0, last)
+        vectors = self._rotation(times)
+        turned = scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
+        rates = _body_rates(vectors, self._rotation(times, 1))
+        return MotionStates(
+            pose_from_rotation(self._rotations[step] @ turned, self._position(times)),
+            self._position(times, 1),
+            self._position(times, 2),
+            rates,
+        )
+
+
+def _slopes(
+    times_s: NDArray[np.float64], values: NDArray[np.float64], from_rest: bool
+) -> NDArray[np.float64]:
+    """Slopes (n, 3) of clamped splines through values (n, 3), 0 at both ends of each rest."""
+    slopes = np.zeros_like(values)
+    last = len(values) - 1
+    for first, end in _moving(np.linalg.norm(np.diff(values, axis=0), axis=1) > REST):
+        part = slice(first, end + 1)
+        times, own = times_s[part], values[part]
+        begin, finish = np.zeros(3), np.zeros(3)
+        if first == 0 and not from_rest:
+            begin = _end_slope(times, own)
+        if end == last and not from_rest:
+            finish = -_end_slope(-times[::-1], own[::-1])
+        spline = scipy.interpolate.CubicSpline(times, own, bc_type=((1, begin), (1, finish)))
+        slopes[part] = spline(times, 1)
+        slopes[[first, end]] = begin, finish  # to the last bit
+    return slopes
+
+
+def _moving(moves: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First and last pose of each run of steps (n,) that move."""
+    edges = np.flatnonzero(np.diff(np.concatenate(((False,), moves, (False,))).astype(np.int8)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _end_slope(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Slope (3,) at the first of values (n, 3); 0 where it would point away from the next one."""
+    chords = np.diff(values[:3], axis=0) / np.diff(times_s[:3])[:, None]
+    if len(chords) == 1:
+        only: NDArray[np.float64] = chords[0]
+        return only
+    first_s, both_s = times_s[1] - times_s[0], times_s[2] - times_s[0]
+    slope: NDArray[np.float64] = chords[0] - (chords[1] - chords[0]) * first_s / both_s
+    return slope if slope @ chords[0] > 0.0 else np.zeros(3)
+
+
+def _rotation_vectors(
+    times_s: NDArray[np.float64], vectors: NDArray[np.float64], rates: NDArray[np.float64]
+) -> scipy.interpolate.PPoly:
+    """Rotation vectors since the pose before, as cubics of time.
+
+    Args:
+        times_s: (n,) of the poses.
+        vectors: (n − 1, 3) from each pose to the next.
+        rates: (n, 3) angular rates at the poses, body.
+    """
+    steps_s = np.diff(times_s)[:, None]
+    begin, finish = rates[:-1], _vector_rates(vectors, rates[1:])
+    cubic = (begin + finish - 2.0 * vectors / steps_s) / steps_s**2
+    square = (3.0 * vectors / steps_s - 2.0 * begin - finish) / steps_s
+    return scipy.interpolate.PPoly(
+        np.stack((cubic, square, begin, np.zeros_like(vectors))), times_s
+    )
+
+
+def _body_rates(vectors: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angular rates (n, 3), body, of rotation vectors (n, 3) with slopes (n, 3)."""
+    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
+    square = np.maximum(angle, SMALL_RAD) ** 2
+    cosine = np.where(angle < SMALL_RAD, 0.5, (1.0 - np.cos(angle)) / square)
+    sine = (np.maximum(angle, SMALL_RAD) - np.sin(np.maximum(angle, SMALL_RAD))) / square**1.5
+    once = np.cross(vectors, slopes)
+    rates: NDArray[np.float64] = slopes - cosine * once + sine * np.cross(vectors, once)
+    return rates
+
+
+def _vector_rates(vectors: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Slopes (n, 3) of rotation vectors (n, 3) with angular rates (n, 3), body: the inverse."""
+    angle = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), SMALL_RAD)
+    twice = 1.0 / angle**2 - 1.0 / (2.0 * angle * np.tan(0.5 * angle))
+    once = np.cross(vectors, rates)
+    slopes: NDArray[np.float64] = rates + 0.5 * once + twice * np.cross(vectors, once)
+    return slopes

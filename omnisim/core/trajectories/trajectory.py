@@ -1,0 +1,209 @@
+"""Trajectory of the robot's base: poses and times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.core.poses import (
+    LARGEST_M,
+    interpolate_pose,
+    is_pose,
+    pose_from_rotation,
+    rotation_from_yaw,
+    yaw_from_rotation,
+)
+from omnisim.core.short_repr import counted, short_repr
+
+LARGEST_S = 1e12  # some 30 000 years: a stamp beyond is in another unit
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses in the order in which they are taken. Its arrays are copies and cannot be written to.
+
+    Attributes:
+        times_s: (n,), n ≥ 1, strictly increasing.
+        world_from_base: (n, 4, 4).
+
+    Raises:
+        TrajectoryError: shapes that do not match, no pose, a value that is not finite, times that
+            do not increase, or a pose that scales or mirrors; names the first one.
+    """
+
+    times_s: NDArray[np.float64]
+    world_from_base: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        times = np.array(self.times_s, dtype=np.float64)
+        poses = np.array(self.world_from_base, dtype=np.float64)
+        if times.ndim != 1 or poses.shape != (len(times), 4, 4):
+            raise TrajectoryError(
+                f"trajectory: expected times (n,) and poses (n, 4, 4), got {times.shape} and "
+                f"{poses.shape}"
+            )
+        if not len(times):
+            raise TrajectoryError("trajectory: no pose: expected at least one")
+        _check_times(times)
+        check_poses(poses)
+        for name, values in (("times_s", times), ("world_from_base", poses)):
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    @classmethod
+    def on_ground(
+        cls, times_s: ArrayLike, positions_m: ArrayLike, yaw_rad: ArrayLike
+    ) -> Trajectory:
+        """Build a level trajectory at z = 0.
+
+        Args:
+            times_s: (n,).
+            positions_m: (n, 2), x and y in the world.
+            yaw_rad: (n,).
+
+        Raises:
+            TrajectoryError: as the constructor.
+        """
+        return cls(np.asarray(times_s, dtype=np.float64), poses_on_ground(positions_m, yaw_rad))
+
+    def __repr__(self) -> str:
+        poses = counted(len(self), "pose")
+        return short_repr(self, poses, f"{self.path_length_m:.4g} m", f"{self.duration_s:.4g} s")
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+    @property
+    def positions_m(self) -> NDArray[np.float64]:
+        """Positions (n, 3) of the base in the world."""
+        return self.world_from_base[:, :3, 3]
+
+    @property
+    def yaw_rad(self) -> NDArray[np.float64]:
+        """Headings (n,) on the ground, within ±π; `np.unwrap` makes them continuous."""
+        return yaw_from_rotation(self.world_from_base)
+
+    def pose_at(self, time_s: float) -> NDArray[np.float64]:
+        """Interpolate the pose (4, 4) at a time; at rest before the first and after the last.
+
+        For legs and turns on the spot, straight and even interpolation is the true path.
+        """
+        times, poses = self.times_s, self.world_from_base
+        step = int(np.searchsorted(times, time_s, side="right")) - 1
+        if not 0 <= step < len(times) - 1:
+            return np.array(poses[0 if step < 0 else -1])
+        share = float((time_s - times[step]) / (times[step + 1] - times[step]))
+        if share == 0.0:
+            return np.array(poses[step])
+        return interpolate_pose(poses[step], poses[step + 1], share)
+
+    @property
+    def step_lengths_m(self) -> NDArray[np.float64]:
+        """Straight distances (n − 1,) from each pose to the next."""
+        return step_lengths_m(self.world_from_base)
+
+    @property
+    def path_length_m(self) -> float:
+        """Sum of the steps' lengths."""
+        return float(np.sum(self.step_lengths_m))
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first pose to the last."""
+        return float(self.times_s[-1] - self.times_s[0])
+
+    def jumps(self, limit_m: float, max_speed_mps: float | None = None) -> NDArray[np.intp]:
+        """Indices k of the steps, from pose k to k + 1, that are longer or faster than allowed."""
+        lengths = self.step_lengths_m
+        far = lengths > limit_m
+        if max_speed_mps is not None:
+            far |= lengths > max_speed_mps * np.diff(self.times_s)
+        return np.flatnonzero(far)
+
+
+def check_continuous(
+    trajectory: Trajectory,
+    limit_m: float,
+    source: str,
+    max_speed_mps: float | None = None,
+    lines: ArrayLike | None = None,
+) -> None:
+    """Refuse a trajectory that jumps.
+
+    Args:
+        trajectory: what is checked.
+        limit_m: longest step allowed; infinity when only the speed matters.
+        source: what the trajectory is called in the message, such as its file.
+        max_speed_mps: highest mean speed over a step, or None: any.
+        lines: (n,) line of each pose in the file, where there is one.
+
+    Raises:
+        TrajectoryError: naming the first jump, its size and what is allowed.
+    """
+    jumps = trajectory.jumps(limit_m, max_speed_mps)
+    if not len(jumps):
+        return
+    k = int(jumps[0])
+    length_m = float(trajectory.step_lengths_m[k])
+    duration_s = float(trajectory.times_s[k + 1] - trajectory.times_s[k])
+    where = f"{source}: " if lines is None else f"{source}:{np.asarray(lines)[k + 1]}: "
+    allowed = f"{limit_m:g} m" if length_m > limit_m else f"{max_speed_mps:g} m/s"
+    raise TrajectoryError(
+        f"{where}step {k} → {k + 1}: {length_m:g} m in {duration_s:g} s: expected at most {allowed}"
+    )
+
+
+def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.float64]:
+    """Level poses (n, 4, 4) world_from_base at z = 0, from positions (n, 2) and headings (n,)."""
+    positions = np.asarray(positions_m, dtype=np.float64)
+    yaw = np.asarray(yaw_rad, dtype=np.float64)
+    if yaw.ndim != 1 or positions.shape != (len(yaw), 2):
+        raise TrajectoryError(
+            f"trajectory: expected positions (n, 2) and headings (n,), got {positions.shape} and "
+            f"{yaw.shape}"
+        )
+    if not np.all(np.abs(yaw) < LARGEST_M):  # false for NaN, too
+        raise TrajectoryError("trajectory: expected headings that are finite numbers in radians")
+    level = np.column_stack((positions, np.zeros(len(yaw))))
+    return pose_from_rotation(rotation_from_yaw(yaw), level)
+
+
+def step_lengths_m(world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Straight distances (n − 1,) between the origins of successive poses (n, 4, 4)."""
+    steps = np.diff(world_from_base[:, :3, 3], axis=0)
+    lengths: NDArray[np.float64] = np.linalg.norm(steps, axis=-1)
+    return lengths
+
+
+def check_poses(poses: NDArray[np.float64]) -> None:
+    """Refuse poses (n, 4, 4) that are not rotations and translations.
+
+    Raises:
+        TrajectoryError: naming the first such pose.
+    """
+    finite = np.all(np.abs(poses) < LARGEST_M, axis=(1, 2))  # false for NaN, too
+    if not np.all(finite):
+        raise TrajectoryError(f"trajectory: pose {np.argmin(finite)}: expected finite numbers")
+    proper = is_pose(poses)
+    if not np.all(proper):
+        raise TrajectoryError(
+            f"trajectory: pose {np.argmin(proper)}: "
+            "expected a rotation and a translation, no scale, no mirroring"
+        )
+
+
+def _check_times(times: NDArray[np.float64]) -> None:
+    finite = np.abs(times) < LARGEST_S
+    if not np.all(finite):
+        k = np.argmin(finite)
+        raise TrajectoryError(f"trajectory: time {k} is {times[k]:g} s: expected a finite time")
+    later = np.diff(times) > 0.0
+    if not np.all(later):
+        k = np.argmin(later)
+        raise TrajectoryError(
+            f"trajectory: time {k + 1}, {times[k + 1]:.9g} s, is not after "
+            f"time {k}, {times[k]:.9g} s: expected times that increase"
+        )

@@ -1,0 +1,78 @@
+"""World: time, and the poses of everything that moves in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.errors import OmnisimError
+from omnisim.core.poses import check_pose
+from omnisim.core.short_repr import short_repr
+
+Pose = NDArray[np.float64]  # (4, 4)
+# Index of a dynamic object, None for the static scene; and the name of its instance.
+ObjectPart = tuple[int | None, str]
+
+
+class ObjectPoses(tuple[Pose, ...]):
+    """Poses (4, 4) of all objects at one time, by which meshes deform, too.
+
+    Attributes:
+        time_s: of the world.
+    """
+
+    time_s: float
+
+    def __new__(cls, poses: Iterable[Pose], time_s: float) -> Self:
+        """Poses in the order of the objects."""
+        made = super().__new__(cls, poses)
+        made.time_s = time_s
+        return made
+
+
+def time_of(poses: Sequence[Pose]) -> float:
+    """Time of poses in seconds; 0 where none is given with them."""
+    return poses.time_s if isinstance(poses, ObjectPoses) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class WorldState:
+    """Time, and the pose of each vehicle and dynamic object at it.
+
+    Attributes:
+        world_from_object: (4, 4) poses by name; of a vehicle, that of its base.
+        time_s: seconds since the world's start.
+
+    Raises:
+        OmnisimError: a matrix that is not a pose, or a time that is not finite.
+    """
+
+    world_from_object: Mapping[str, Pose]
+    time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.time_s):
+            raise OmnisimError(f"time_s: expected a finite number of seconds, got {self.time_s}")
+        checked = {name: check_pose(pose) for name, pose in self.world_from_object.items()}
+        object.__setattr__(self, "world_from_object", checked)
+
+    def __repr__(self) -> str:
+        return short_repr(self, f"{self.time_s:g} s", *self.world_from_object)
+
+    def moved(self, poses: Mapping[str, ArrayLike]) -> WorldState:
+        """State at the same time with some objects at other poses (4, 4), by name.
+
+        Raises:
+            OmnisimError: a matrix that is not a pose.
+        """
+        checked = {name: check_pose(pose) for name, pose in poses.items()}
+        return WorldState({**self.world_from_object, **checked}, self.time_s)
+
+
+# World at a time in seconds; or the vehicle's pose (4, 4) at it, where nothing else moves.
+Motion = Callable[[float], WorldState | Pose]

@@ -1,0 +1,119 @@
+"""Manifest of a data set, `manifest.json`: its shards with their hashes, and statistics."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from omnisim.core.errors import PlanError
+from omnisim.datasets.generate.shard import ShardSummary, find_shard
+from omnisim.datasets.statistics import Statistics
+from omnisim.datasets.tar_file import file_sha256
+
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Manifest:
+    """Data set that is whole.
+
+    Attributes:
+        title: of the data set.
+        licence: of the data set, or None.
+        plan: fingerprint of the plan.
+        channels: of ground truth.
+        shards: by number.
+    """
+
+    title: str
+    licence: str | None
+    plan: str
+    channels: tuple[str, ...]
+    shards: tuple[ShardSummary, ...]
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of all shards."""
+        return sum(shard.size_bytes for shard in self.shards)
+
+    @property
+    def statistics(self) -> Statistics:
+        """Statistics of all shards."""
+        total = Statistics()
+        for shard in self.shards:
+            total.update(shard.statistics)
+        return total
+
+    def to_json(self) -> dict[str, Any]:
+        """Manifest, as JSON can hold it."""
+        return {
+            "title": self.title,
+            "licence": self.licence,
+            "plan": self.plan,
+            "channels": list(self.channels),
+            "bytes": self.size_bytes,
+            "statistics": self.statistics.to_json(),
+            "shards": [
+                {
+                    "file": shard.name,
+                    "sha256": shard.sha256,
+                    "bytes": shard.size_bytes,
+                    "samples": shard.statistics.samples,
+                }
+                for shard in self.shards
+            ],
+        }
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Read the manifest of a data set and the summaries of its shards.
+
+    Raises:
+        PlanError: it is missing, unfinished or damaged.
+    """
+    path = folder / MANIFEST
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        title, licence = str(content["title"]), content["licence"]
+        plan, channels = str(content["plan"]), tuple(map(str, content["channels"]))
+        count = len(content["shards"])
+        if not count:
+            raise ValueError("no shard")
+    except OSError as reason:
+        raise PlanError(
+            f"{path}: cannot be read: {reason.strerror}: expected a data set that `omnisim "
+            "generate` has finished"
+        ) from None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise PlanError(f"{path}: is damaged: `omnisim generate` writes it again") from None
+    found = [find_shard(folder, number) for number in range(count)]
+    for number, shard in enumerate(found):
+        if shard is None or shard.plan != plan:
+            raise PlanError(
+                f"{folder}: shard {number} is missing or damaged: `omnisim generate` makes it again"
+            )
+    shards = tuple(shard for shard in found if shard is not None)
+    return Manifest(title, None if licence is None else str(licence), plan, channels, shards)
+
+
+def check_hashes(folder: Path, manifest: Manifest) -> Iterator[ShardSummary]:
+    """Compare the hash of each shard with that of the manifest; yield it if they agree.
+
+    Raises:
+        PlanError: naming the first that differs, or cannot be read.
+    """
+    for shard in manifest.shards:
+        path = folder / shard.name
+        try:
+            found = file_sha256(path)
+        except OSError as reason:
+            raise PlanError(f"{path}: cannot be read: {reason.strerror}") from None
+        if found != shard.sha256:
+            raise PlanError(
+                f"{path}: is damaged: expected SHA-256 {shard.sha256[:16]}…, got {found[:16]}…: "
+                "remove it, and `omnisim generate` makes it again"
+            )
+        yield shard

@@ -1,0 +1,109 @@
+"""Export of a run: whole, or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+from omnisim.core.errors import OutputError
+from omnisim.core.extras import require_extra
+from omnisim.core.files.atomic_file import atomic_folder, check_new_folder
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.export_formats import FORMATS, check_format, format_named
+from omnisim.datasets.export.recording import Recording
+from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
+from omnisim.sensors.sensor_registry import MOUNT_TYPES
+
+
+def export_run(
+    run: Path,
+    format: str,
+    output: Path,
+    settings: ExportSettings | None = None,
+    camera_name: str | None = None,
+    print_note: PrintNote = lambda note: None,
+) -> Iterator[int]:
+    """Export a run to a folder; yields the run's number of steps, then how many are done.
+
+    The folder appears at the end, when it is whole.
+
+    Args:
+        run: folder of the run, which is finished.
+        format: name of the format, a key of `registry.FORMATS`.
+        output: folder that is not there yet.
+        settings: of the export.
+        camera_name: the only camera to export; None: all that the format takes.
+        print_note: called with what the format cannot say.
+
+    Raises:
+        OmnisimError: an unknown format, a run that is not finished, an extra that is missing, a
+            camera that the format has no model for, or a folder that cannot be written.
+    """
+    extra = FORMATS[check_format(format)].extra
+    if extra is not None:
+        require_extra(extra, f"--to {format}")
+    recording = Recording.read(run, camera_name)
+    check_new_folder(output)
+    if run.resolve() in output.resolve().parents:
+        raise OutputError(f"{output}: is inside of the run: expected a folder elsewhere")
+    form, settings = format_named(format), settings or ExportSettings()
+    _check_settings(settings, form)
+    recording = for_format(recording, form, print_note)
+    if form.dates_stamps and settings.start_ns == 0:
+        print_note("times begin in 1970: --start-time says otherwise")
+    yield recording.steps
+    with atomic_folder(output) as folder:
+        yield from form.write(recording, folder, settings, print_note)
+
+
+def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
+    """Recording with the cameras that a format takes, and notes about what it leaves out.
+
+    Raises:
+        OutputError: the format holds nothing of the run.
+    """
+    manifest = recording.run.manifest
+    held = form.sensors if recording.cameras else (*form.sensors, *form.lone_sensors)
+    others = [name for name in manifest.sensors if name not in manifest.cameras]
+    left_out = [name for name in others if not issubclass(manifest.sensor_class(name), held)]
+    if not (recording.cameras or form.holds_motion or len(left_out) < len(others)):
+        kinds = (MountedCamera, *held)
+        types = [name for name, mount in MOUNT_TYPES.items() if mount.sensor_class in kinds]
+        raise OutputError(
+            f"{recording.run.path}: expected a sensor of type {' or '.join(types)} for "
+            f"{form.name}, got {', '.join(others) or 'none'}"
+        )
+    if form.one_camera and len(recording.cameras) > 1:
+        names = ", ".join(camera.name for camera in recording.cameras)
+        print_note(
+            f"{form.name} holds one camera: {recording.cameras[0].name} is exported: --camera-name "
+            f"takes another of {names}"
+        )
+        recording = dataclasses.replace(recording, cameras=recording.cameras[:1])
+    if not form.has_clocks:
+        framed = [camera.name for camera in recording.cameras]
+        for kind in held:
+            framed += recording.sensors(kind)[:1]
+        recording = recording.in_frames(framed, print_note)
+    if left_out:
+        print_note(f"{form.name} has no place for {', '.join(left_out)}: left out")
+    channels = [name for name in manifest.channels if name not in form.channels]
+    if channels:
+        print_note(f"{form.name} has no place for the channels {', '.join(channels)}: left out")
+    return recording
+
+
+def _check_settings(settings: ExportSettings, form: ExportFormat) -> None:
+    """Refuse settings that a format has no use for.
+
+    Raises:
+        OutputError: naming the option and the formats that have it.
+    """
+    for option, is_given, is_used, others in (
+        ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--points", settings.with_points, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
+    ):
+        if is_given and not is_used:
+            raise OutputError(f"{option}: expected with --to {others}, got {form.name}")

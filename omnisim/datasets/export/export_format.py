@@ -1,0 +1,93 @@
+"""Interface of the formats that runs are exported to."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError
+from omnisim.datasets.export.recording import Recording
+from omnisim.sensors.sensor import MountedSensor
+
+NANOSECONDS = 1_000_000_000
+LARGEST_S = 2**31 - 1  # in 2038: ROS counts seconds in signed 32 bits
+
+PrintNote = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class ExportSettings:
+    """Settings of an export.
+
+    Attributes:
+        start_ns: stamp of the time 0 s, nanoseconds since 1970.
+        compressed: pictures as PNG files in place of their pixels, where a format has both.
+        with_points: also points of each camera's ranges, where a format has point clouds.
+    """
+
+    start_ns: int = 0
+    compressed: bool = False
+    with_points: bool = False
+
+    def stamps_ns(self, times_s: NDArray[np.float64], source: Path) -> list[int]:
+        """Stamps of times, whole nanoseconds.
+
+        Raises:
+            OutputError: a stamp before 1970, or later than ROS can count.
+        """
+        largest_s = LARGEST_S - self.start_ns / NANOSECONDS
+        for time_s in times_s.tolist():
+            if not -self.start_ns / NANOSECONDS <= time_s < largest_s:  # true for NaN, too
+                raise OutputError(
+                    f"{source}: time {time_s:g} s: expected a stamp from 1970 to 2038: "
+                    "--start-time moves it"
+                )
+        return [self.start_ns + round(time_s * NANOSECONDS) for time_s in times_s.tolist()]
+
+
+class ExportFormat(ABC):
+    """Format of exported runs.
+
+    Attributes:
+        name: on the command line.
+        one_camera: it holds the pictures of one camera.
+        sensors: classes of the sensors that it holds beside cameras.
+        lone_sensors: classes of those that it holds where the run has no camera.
+        holds_motion: it holds more of the motion than poses of sensors.
+        channels: of ground truth that it holds.
+        dates_stamps: its stamps are since 1970.
+        has_clocks: each sensor has stamps of its own; else frames have all sensors.
+        has_messages: it has a choice of pixels or PNG, and point clouds.
+    """
+
+    name: ClassVar[str]
+    one_camera: ClassVar[bool] = False
+    sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
+    lone_sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
+    holds_motion: ClassVar[bool] = False
+    channels: ClassVar[tuple[str, ...]] = ()
+    dates_stamps: ClassVar[bool] = True
+    has_clocks: ClassVar[bool] = False
+    has_messages: ClassVar[bool] = False
+
+    @abstractmethod
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write a run into an empty folder; yields the number of steps done after each.
+
+        Args:
+            recording: what is exported.
+            folder: that becomes the export.
+            settings: of the export.
+            print_note: called with what the format cannot say.
+
+        Raises:
+            OmnisimError: a file of the run is damaged, or the format cannot say what is needed.
+        """

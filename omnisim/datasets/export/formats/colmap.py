@@ -1,0 +1,210 @@
+"""COLMAP's reconstruction: cameras, pictures with poses, and points of the ranges.
+
+    images/<camera>/000000.png              pictures
+    masks/<camera>.png                      for `ImageReader.camera_mask_path`
+    sparse/0/cameras, images, points3D      .txt or .bin
+    sparse/0/rigs, frames                   all cameras on one rig, whose first is its reference
+
+The world is omnisim's: metres, z up. A point's track has the pictures whose ranges agree with it;
+its pixels are exact projections. COLMAP projects nothing at or past 90° from a lens's axis: masks
+and tracks leave that out.
+
+Source: COLMAP's documentation, "Output Format" and "Camera Models"; its reconstruction_io.cc.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, ClassVar, NamedTuple, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.formats.colmap import CENTRE_PX, ColmapLens, parameters
+from omnisim.cameras.calibration.formats.colmap import Colmap as ColmapCalibration
+from omnisim.core.poses import inverse
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.formats.colmap_rig import rigid, write_rig_binary, write_rig_text
+from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.picture_folders import (
+    note_missing_ranges,
+    picture_name,
+    write_pictures,
+)
+from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.scene_points import (
+    Observations,
+    ScenePoints,
+    observations,
+    sample_points,
+)
+
+# COLMAP's numbers of the models that `parameters` names.
+MODEL_IDS = {
+    "PINHOLE": 1,
+    "OPENCV": 4,
+    "OPENCV_FISHEYE": 5,
+    "FULL_OPENCV": 6,
+    "EUCM": 16,
+    "EQUIRECTANGULAR": 17,
+}
+Track = list[tuple[int, int]]  # pictures that see a point, and the point's number in each
+
+
+class Picture(NamedTuple):
+    """Picture of the reconstruction.
+
+    Attributes:
+        id: of the picture, from 1.
+        camera_id: from 1.
+        name: path below the folder of pictures.
+        lens_from_world: (4, 4).
+        seen: points.
+    """
+
+    id: int
+    camera_id: int
+    name: str
+    lens_from_world: NDArray[np.float64]
+    seen: Observations
+
+
+class _Colmap(ExportFormat):
+    """Base of COLMAP's two formats."""
+
+    dates_stamps = False
+    channels = ("range",)
+    suffix: ClassVar[str]
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the reconstruction, then the pictures."""
+        cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
+        lenses = [camera.encode(ColmapCalibration(), print_note) for camera in cameras]
+        note_missing_ranges(cameras, "points", print_note)
+        points = sample_points(recording, cameras)
+        model = folder / "sparse" / "0"
+        model.mkdir(parents=True)
+        write = _write_text if self.suffix == ".txt" else _write_binary
+        write(model, lenses, _pictures(recording, cameras, points), points)
+        rig_from_world = inverse(recording.truth.world_from_base @ cameras[0].base_from_lens)
+        lens_from_rig = [
+            inverse(camera.base_from_lens) @ cameras[0].base_from_lens for camera in cameras
+        ]
+        write_rig = write_rig_text if self.suffix == ".txt" else write_rig_binary
+        write_rig(model, lens_from_rig, rig_from_world)
+        yield from write_pictures(recording, cameras, folder, front_only=True)
+
+
+class Colmap(_Colmap):
+    """Reconstruction of COLMAP as text."""
+
+    name = "colmap"
+    suffix = ".txt"
+
+
+class ColmapBinary(_Colmap):
+    """Reconstruction of COLMAP in binary files."""
+
+    name = "colmap-binary"
+    suffix = ".bin"
+
+
+def _pictures(
+    recording: Recording, cameras: list[LensCamera], points: ScenePoints
+) -> Iterator[Picture]:
+    """Pictures step by step, with what they see."""
+    found = observations(recording, cameras, points, front_only=True)
+    number = 0
+    for step in range(recording.steps):
+        for camera_id, camera in enumerate(cameras, start=1):
+            number += 1
+            lens_from_world = inverse(recording.truth.world_from_base[step] @ camera.base_from_lens)
+            name = picture_name(camera, step)
+            yield Picture(number, camera_id, name, lens_from_world, next(found))
+
+
+def _write_text(
+    folder: Path, lenses: list[ColmapLens], pictures: Iterator[Picture], points: ScenePoints
+) -> None:
+    with (folder / "cameras.txt").open("w", encoding="utf-8") as file:
+        file.write("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n")
+        for camera_id, lens in enumerate(lenses, start=1):
+            model, values = parameters(lens)
+            numbers = " ".join(repr(float(value)) for value in values)
+            file.write(f"{camera_id} {model} {lens.width_px} {lens.height_px} {numbers}\n")
+    tracks: list[Track] = [[] for _ in range(len(points))]
+    with (folder / "images.txt").open("w", encoding="utf-8") as file:
+        file.write(
+            "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as X Y POINT3D_ID\n"
+        )
+        for picture in pictures:
+            _extend(tracks, picture)
+            _write_picture(file, picture)
+    with (folder / "points3D.txt").open("w", encoding="utf-8") as file:
+        file.write("# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n")
+        for number, position, color, track in _seen_points(points, tracks):
+            numbers = " ".join(map(repr, position))
+            seen = " ".join(f"{picture} {index}" for picture, index in track)
+            file.write(f"{number} {numbers} {' '.join(map(str, color))} 0 {seen}\n")
+
+
+def _write_picture(file: TextIO, picture: Picture) -> None:
+    numbers = " ".join(map(repr, rigid(picture.lens_from_world)))
+    file.write(f"{picture.id} {numbers} {picture.camera_id} {picture.name}\n")
+    rows = zip((picture.seen.pixels + CENTRE_PX).tolist(), picture.seen.points, strict=True)
+    file.write(" ".join(f"{u:.6f} {v:.6f} {point + 1}" for (u, v), point in rows) + "\n")
+
+
+def _write_binary(
+    folder: Path, lenses: list[ColmapLens], pictures: Iterator[Picture], points: ScenePoints
+) -> None:
+    with (folder / "cameras.bin").open("wb") as file:
+        file.write(struct.pack("<Q", len(lenses)))
+        for camera_id, lens in enumerate(lenses, start=1):
+            model, values = parameters(lens)
+            size = lens.width_px, lens.height_px
+            file.write(struct.pack("<IiQQ", camera_id, MODEL_IDS[model], *size))
+            file.write(struct.pack(f"<{len(values)}d", *values))
+    tracks: list[Track] = [[] for _ in range(len(points))]
+    with (folder / "images.bin").open("wb") as file:
+        file.write(struct.pack("<Q", 0))
+        count = 0
+        for count, picture in enumerate(pictures, start=1):  # noqa: B007
+            _extend(tracks, picture)
+            _pack_picture(file, picture)
+        file.seek(0)
+        file.write(struct.pack("<Q", count))
+    with (folder / "points3D.bin").open("wb") as file:
+        file.write(struct.pack("<Q", sum(map(bool, tracks))))
+        for number, position, color, track in _seen_points(points, tracks):
+            file.write(struct.pack("<Q3d3BdQ", number, *position, *color, 0.0, len(track)))
+            file.write(np.array(track, dtype="<u4").tobytes())
+
+
+def _pack_picture(file: BinaryIO, picture: Picture) -> None:
+    pose = rigid(picture.lens_from_world)
+    file.write(struct.pack("<I7dI", picture.id, *pose, picture.camera_id))
+    file.write(picture.name.encode("utf-8") + b"\0")
+    records = np.empty(len(picture.seen.points), dtype=[("uv", "<f8", 2), ("point", "<u8")])
+    records["uv"] = picture.seen.pixels + CENTRE_PX
+    records["point"] = picture.seen.points + 1
+    file.write(struct.pack("<Q", len(records)) + records.tobytes())
+
+
+def _seen_points(
+    points: ScenePoints, tracks: list[Track]
+) -> Iterator[tuple[int, list[float], list[int], Track]]:
+    """Number, position, colour and track of the points that a picture sees."""
+    rows = zip(points.positions_m.tolist(), points.colors.tolist(), tracks, strict=True)
+    for number, (position, color, track) in enumerate(rows, start=1):
+        if track:
+            yield number, position, color, track
+
+
+def _extend(tracks: list[Track], picture: Picture) -> None:
+    for index, point in enumerate(picture.seen.points.tolist()):
+        tracks[point].append((picture.id, index))

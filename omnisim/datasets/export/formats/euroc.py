@@ -1,0 +1,173 @@
+"""EuRoC MAV, the layout that TUM VI has, too: cameras, IMU and true states, stamped in nanoseconds.
+
+    mav0/cam0/data.csv, data/<ns>.png, sensor.yaml      a folder a camera
+    mav0/imu0/data.csv, sensor.yaml                     readings, and their noise
+    mav0/state_groundtruth_estimate0/data.csv           poses of the body
+
+The body is the IMU, or the vehicle's base where the run has none. `sensor.yaml` has Kalibr's
+models, which come from the same laboratory: `pinhole` with `radial-tangential` or `equidistant`,
+`omni`, `eucm`, `ds`. States are at the stamps of all sensors, with the motion's own velocities and
+the biases that are in the last reading; without an IMU, or in a run that did not record them, of 0.
+
+Source: Burri et al., The EuRoC micro aerial vehicle datasets (2016), and its files.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.documents import parse_yaml
+from omnisim.cameras.calibration.formats.format import ParsedCamera
+from omnisim.cameras.calibration.formats.kalibr import Kalibr
+from omnisim.core.errors import RunError
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.poses import inverse
+from omnisim.core.trajectories.formats import euroc
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.formats.tum import write_lines
+from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.recording import ImuReadings, Recording
+from omnisim.sensors.imu.mounted_imu import MountedImu
+
+PICTURES = "#timestamp [ns],filename"
+READINGS = "#timestamp [ns]," + ",".join(
+    f"{letter}_RS_S_{axis} [{unit}]"
+    for letter, unit in (("w", "rad s^-1"), ("a", "m s^-2"))
+    for axis in "xyz"
+)
+NOISE = (
+    "rate_hz",
+    "gyroscope_noise_density",
+    "gyroscope_random_walk",
+    "accelerometer_noise_density",
+    "accelerometer_random_walk",
+)
+DISTORTIONS = {"radtan": "radial-tangential", "none": "radial-tangential"}
+
+
+class Euroc(ExportFormat):
+    """Data set of EuRoC MAV."""
+
+    name = "euroc"
+    has_clocks = True
+    sensors = (MountedImu,)
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the data set, step by step."""
+        root = folder / "mav0"
+        root.mkdir()
+        cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
+        imus = recording.sensors(MountedImu)
+        if len(imus) > 1:
+            print_note(f"the body is the first IMU, {imus[0]}: {', '.join(imus[1:])} left out")
+        base_from_body = recording.base_from_imu(imus[0]) if imus else np.eye(4)
+        body = f"IMU {imus[0]}" if imus else "base of the vehicle: x forward, y left, z up"
+        write_text(root / "body.yaml", f"comment: {body}\n")
+        readings = recording.imu_readings(imus[0]) if imus else None
+        states = root / "state_groundtruth_estimate0"
+        _write_states(states, recording, base_from_body, readings, settings)
+        if imus and readings is not None:
+            _write_imu(root / "imu0", recording, imus[0], readings, settings)
+        clocks = []
+        for index, camera in enumerate(cameras):
+            folder = root / f"cam{index}"
+            body_from_lens = inverse(base_from_body) @ camera.base_from_lens
+            stamps_ns = settings.stamps_ns(recording.times_s(camera.name), recording.run.path)
+            _begin_camera(folder, camera, body_from_lens, stamps_ns, print_note)
+            clocks.append((camera, folder / "data", stamps_ns))
+        for step in range(recording.steps):
+            for camera, own, stamps_ns in clocks:
+                for index in recording.indices_at(camera.name, step):
+                    camera.copy_picture(index, own / f"{stamps_ns[index]}.png")
+            yield step + 1
+
+
+def _begin_camera(
+    folder: Path,
+    camera: LensCamera,
+    body_from_lens: NDArray[np.float64],
+    stamps_ns: list[int],
+    print_note: PrintNote,
+) -> None:
+    """Write the list of pictures and the calibration."""
+    (folder / "data").mkdir(parents=True)
+    write_lines(folder / "data.csv", iter([PICTURES, *(f"{ns},{ns}.png" for ns in stamps_ns)]))
+    kalibr = Kalibr()
+    lens = camera.encode(kalibr, print_note)
+    text = kalibr.encode([ParsedCamera("cam0", lens)])
+    values = parse_yaml(text, "camchain")["cam0"]
+    distortion = values["distortion_model"]
+    coefficients = list(values["distortion_coeffs"]) or [0.0] * 4
+    intervals_s = np.diff(stamps_ns) * 1e-9
+    rate = [f"rate_hz: {1.0 / np.median(intervals_s):.6g}"] if len(intervals_s) else []
+    lines = [
+        "sensor_type: camera",
+        f"comment: {camera.name}",
+        *_pose_lines(body_from_lens),
+        *rate,
+        f"resolution: [{lens.width_px}, {lens.height_px}]",
+        f"camera_model: {values['camera_model']}",
+        f"intrinsics: {_numbers(values['intrinsics'])}",
+        f"distortion_model: {DISTORTIONS.get(distortion, distortion)}",
+        f"distortion_coefficients: {_numbers(coefficients)}",
+    ]
+    write_lines(folder / "sensor.yaml", iter(lines))
+
+
+def _write_states(
+    folder: Path,
+    recording: Recording,
+    base_from_body: NDArray[np.float64],
+    readings: ImuReadings | None,
+    settings: ExportSettings,
+) -> None:
+    """Write the states of the body."""
+    folder.mkdir()
+    times_s, biases = recording.state_times_s, None
+    states = recording.states(times_s).at_mount(base_from_body)
+    if readings is not None and readings.biases is not None:
+        last = np.searchsorted(readings.times_s, times_s, side="right") - 1
+        biases = readings.biases[np.maximum(last, 0)]
+    stamps_ns = settings.stamps_ns(times_s, recording.run.path)
+    lines = euroc.state_lines(stamps_ns, states.world_from_base, states.velocity_mps, biases)
+    write_lines(folder / "data.csv", lines)
+    text = ["sensor_type: visual-inertial", "comment: ground truth", *_pose_lines(np.eye(4))]
+    write_lines(folder / "sensor.yaml", iter(text))
+
+
+def _write_imu(
+    folder: Path,
+    recording: Recording,
+    name: str,
+    readings: ImuReadings,
+    settings: ExportSettings,
+) -> None:
+    folder.mkdir()
+    stamps_ns = settings.stamps_ns(readings.times_s, recording.run.path / name)
+    rows = zip(stamps_ns, readings.values.tolist(), strict=True)
+    printed = (",".join([str(ns), *(f"{value:.9f}" for value in row)]) for ns, row in rows)
+    write_lines(folder / "data.csv", itertools.chain((READINGS,), printed))
+    source = recording.run.path / name
+    parameters = parse_yaml(recording.imu_parameters(name), str(source))
+    try:
+        noise = [f"{key}: {float(parameters[key])!r}" for key in NOISE]
+    except (KeyError, TypeError, ValueError):
+        raise RunError(f"{source}: sensor.yaml: expected {', '.join(NOISE)}") from None
+    lines = ["sensor_type: imu", f"comment: {name}", *_pose_lines(np.eye(4)), *noise]
+    write_lines(folder / "sensor.yaml", iter(lines))
+
+
+def _pose_lines(pose: NDArray[np.float64]) -> list[str]:
+    """Pose of a sensor on the body, as OpenCV's and YAML's readers take it."""
+    return ["T_BS:", "  cols: 4", "  rows: 4", f"  data: {_numbers(pose.ravel().tolist())}"]
+
+
+def _numbers(values: list[float]) -> str:
+    return f"[{', '.join(repr(float(value) + 0.0) for value in values)}]"

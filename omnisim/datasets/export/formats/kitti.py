@@ -1,0 +1,160 @@
+"""KITTI's odometry benchmark: rectified pinholes, deskewed point clouds, poses of camera 0.
+
+    sequences/00/image_2/000000.png         the first pinhole; image_3: the second one
+    sequences/00/velodyne/000000.bin        x, y, z, reflectance (0: none) as float32
+    sequences/00/calib.txt                  P0 to P3 (3 × 4), Tr from the lidar to camera 0
+    sequences/00/times.txt                  seconds since the first step
+    poses/00.txt                            poses of camera 0 in its frame at the first step
+
+Camera 0 is the first pinhole, x right, y down, z forward: P2 = P0. Without a pinhole it stands at
+the lidar's origin and looks along its x. As in the benchmark, clouds are compensated for motion:
+all points of a revolution are in the lidar's frame at its end, whose time is the step's.
+
+Source: Geiger et al., Are we ready for autonomous driving? (2012); the benchmark's development kit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.errors import OutputError
+from omnisim.core.poses import inverse
+from omnisim.datasets.export.deskewed_cloud import deskewed_points_m
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.formats.kitti360 import LIDAR_FROM_CAMERA
+from omnisim.datasets.export.formats.tum import write_lines
+from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.recording import Recording
+from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+
+SEQUENCE = "00"
+PICTURES = ("image_2", "image_3")
+PARALLEL = 1e-6  # radians between axes of rectified cameras
+
+
+class Kitti(ExportFormat):
+    """Sequence of KITTI's odometry benchmark."""
+
+    name = "kitti"
+    sensors = (MountedLidar,)
+    dates_stamps = False
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the sequence, step by step."""
+        cameras = _pinholes(recording, print_note)
+        lidars = recording.sensors(MountedLidar)
+        if not cameras and not lidars:
+            names = ", ".join(camera.name for camera in recording.cameras)
+            raise OutputError(
+                f"{recording.run.path}: expected a camera that is a pinhole, or a lidar, for "
+                f"{self.name}, got {names}"
+            )
+        if len(lidars) > 1:
+            print_note(f"velodyne is {lidars[0]}: {', '.join(lidars[1:])} left out")
+        base_from_lidar = recording.base_from_lidar(lidars[0]) if lidars else None
+        base_from_camera = _camera_0(cameras, base_from_lidar)
+        sequence = folder / "sequences" / SEQUENCE
+        pictures = dict(zip(PICTURES, cameras, strict=False))
+        for name in (*pictures, *(["velodyne"] if lidars else [])):
+            (sequence / name).mkdir(parents=True)
+        calibration = _calibration(recording, cameras, base_from_camera, base_from_lidar)
+        write_lines(sequence / "calib.txt", iter(calibration))
+        _note_what_is_missing(cameras, lidars, print_note)
+        times_s = recording.truth.times_s - recording.truth.times_s[0]
+        write_lines(sequence / "times.txt", (f"{time_s:.9e}" for time_s in times_s))
+        world_from_camera = recording.truth.world_from_base @ base_from_camera
+        poses = inverse(world_from_camera[0]) @ world_from_camera
+        (folder / "poses").mkdir()
+        lines = (_numbers(pose[:3]) for pose in poses)
+        write_lines(folder / "poses" / f"{SEQUENCE}.txt", lines)
+        for step in range(recording.steps):
+            for name, camera in pictures.items():
+                camera.copy_picture(step, sequence / name / f"{step:06d}.png")
+            if base_from_lidar is not None:
+                cloud = recording.cloud(lidars[0], step)
+                points = np.zeros((len(cloud.points), 4), dtype="<f4")  # no reflectance
+                points[:, :3] = deskewed_points_m(cloud, recording.fine_truth, base_from_lidar)
+                (sequence / "velodyne" / f"{step:06d}.bin").write_bytes(points.tobytes())
+            yield step + 1
+
+
+def _pinholes(recording: Recording, print_note: PrintNote) -> list[LensCamera]:
+    """The first two pinholes; what is left out is noted."""
+    pinholes = [one for one in recording.cameras if isinstance(one.mount.camera, PerspectiveCamera)]
+    taken = [LensCamera.of(camera, print_note) for camera in pinholes[: len(PICTURES)]]
+    names = [camera.name for camera in taken]
+    left_out = [camera.name for camera in recording.cameras if camera.name not in names]
+    if taken or recording.sensors(MountedLidar):
+        for camera, name in zip(taken, PICTURES, strict=False):
+            print_note(f"{camera.name} is {name}")
+        if left_out:
+            print_note(f"kitti holds two pinholes: {', '.join(left_out)} left out")
+    return taken
+
+
+def _camera_0(
+    cameras: list[LensCamera], base_from_lidar: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Pose (4, 4) of camera 0."""
+    if cameras:
+        return cameras[0].base_from_lens
+    assert base_from_lidar is not None
+    pose: NDArray[np.float64] = base_from_lidar @ LIDAR_FROM_CAMERA
+    return pose
+
+
+def _calibration(
+    recording: Recording,
+    cameras: list[LensCamera],
+    base_from_camera: NDArray[np.float64],
+    base_from_lidar: NDArray[np.float64] | None,
+) -> Iterator[str]:
+    """Lines of calib.txt; a camera that is not there has the numbers of the first.
+
+    Raises:
+        OutputError: pinholes that are not parallel.
+    """
+    projections = [np.eye(3, 4)]
+    for index, camera in enumerate(cameras):
+        lens, lens_from_camera = camera.lens, inverse(camera.base_from_lens) @ base_from_camera
+        assert isinstance(lens, PerspectiveCamera)
+        if np.abs(lens_from_camera[:3, :3] - np.eye(3)).max() > PARALLEL:
+            raise OutputError(
+                f"{recording.run.path}: expected parallel pinholes, as KITTI's rectified ones are, "
+                f"got {cameras[0].name}, {camera.name}: --camera-name takes one"
+            )
+        focal, (u, v) = lens.focal_length_px, lens.principal_point_px
+        matrix = np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])
+        shift = np.column_stack((np.eye(3), lens_from_camera[:3, 3]))
+        projections[index:] = [matrix @ shift]
+    left, right = projections[0], projections[-1]
+    for name, projection in zip(("P0", "P1", "P2", "P3"), (left, right) * 2, strict=True):
+        yield f"{name}: {_numbers(projection)}"
+    camera_from_lidar = inverse(LIDAR_FROM_CAMERA)
+    if base_from_lidar is not None:
+        camera_from_lidar = inverse(base_from_camera) @ base_from_lidar
+    yield f"Tr: {_numbers(camera_from_lidar[:3])}"
+
+
+def _note_what_is_missing(
+    cameras: list[LensCamera], lidars: list[str], print_note: PrintNote
+) -> None:
+    """Note numbers of calib.txt that readers want, of what the run has not."""
+    if not cameras:
+        print_note(
+            f"calib.txt: no pinhole: camera 0 stands in the place of {lidars[0]}, with a focal "
+            "length of 1 px"
+        )
+    if not lidars:
+        print_note(f"calib.txt: no lidar: Tr is of one in the place of {cameras[0].name}")
+
+
+def _numbers(values: NDArray[np.float64]) -> str:
+    return " ".join(f"{value + 0.0:.12e}" for value in values.ravel().tolist())

@@ -1,0 +1,193 @@
+"""KITTI-360: fisheyes, pinholes, lidar and poses, as its development kit reads them.
+
+    calibration/calib_cam_to_pose.txt, perspective.txt, image_02.yaml, calib_cam_to_velo.txt
+    data_2d_raw/<drive>/image_02/data_rgb/0000000000.png, timestamps.txt    fisheyes: 02, 03
+    data_2d_raw/<drive>/image_00/data_rect/0000000000.png                   pinholes: 00, 01
+    data_2d_semantics/train/<drive>/image_02/semantic/0000000000.png        classes, 8 bits
+    data_2d_semantics/train/<drive>/image_02/instance/0000000000.png        1000 class + instance
+    data_2d_semantics/train/<drive>/labels.json                             omnisim's
+    data_3d_raw/<drive>/velodyne_points/data/0000000000.bin, timestamps.txt
+    data_poses/<drive>/poses.txt, cam0_to_world.txt
+
+The body is the GPS/IMU, at the base of the vehicle: x forward, y right, z down; the world's z is
+up. Fisheyes are MEI. Classes are the run's own, instances are numbered in each class from 1. The
+drive has the name of the first one, which the development kit expects. Clouds are skewed by the
+motion, as the raw ones of the data set. Without cameras, image_00 stands at the lidar's origin and
+looks along its x.
+
+Source: KITTI-360's documentation; kitti360scripts: loadCalibration.py, project.py, annotation.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.formats.camodocal import Camodocal
+from omnisim.cameras.calibration.formats.format import ParsedCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.formats.kitti360_labels import LabelPictures
+from omnisim.datasets.export.formats.tum import write_lines
+from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.stamps import date_text
+from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+
+DRIVE = "2013_05_28_drive_0000_sync"
+PINHOLES, FISHEYES = ("image_00", "image_01"), ("image_02", "image_03")
+LIDAR_FROM_CAMERA = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
+BASE_FROM_IMU = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+class Kitti360(ExportFormat):
+    """Data set of KITTI-360."""
+
+    name = "kitti360"
+    sensors = (MountedLidar,)
+    channels = ("semantic", "instance")
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the data set, step by step."""
+        cameras = name_cameras(recording, print_note)
+        for name, camera in cameras.items():
+            if camera.name != name:
+                print_note(f"{camera.name} is {name}")
+        lidars = recording.sensors(MountedLidar)
+        if len(lidars) > 1:
+            print_note(f"velodyne_points is {lidars[0]}: {', '.join(lidars[1:])} left out")
+        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+        _write_calibrations(folder / "calibration", cameras, recording, lidars, print_note)
+        _write_poses(folder / "data_poses" / DRIVE, cameras, recording)
+        dates = [date_text(stamp) for stamp in stamps_ns]
+        pictures = {camera: folder / "data_2d_raw" / DRIVE / name / _data(name)
+                    for name, camera in cameras.items()}  # fmt: skip
+        clouds = folder / "data_3d_raw" / DRIVE / "velodyne_points" / "data"
+        for data in [*pictures.values(), *([clouds] if lidars else [])]:
+            data.mkdir(parents=True)
+            write_lines(data.parent / "timestamps.txt", iter(dates))
+        semantics = folder / "data_2d_semantics" / "train" / DRIVE
+        labels = LabelPictures.of(semantics, cameras, print_note) if cameras else None
+        for step in range(recording.steps):
+            if labels is not None:
+                labels.write(step)
+            for camera, data in pictures.items():
+                camera.copy_picture(step, data / f"{step:010d}.png")
+            if lidars:
+                cloud = recording.cloud(lidars[0], step).points
+                points = np.zeros((len(cloud), 4), dtype="<f4")  # no reflectance
+                for index, axis in enumerate("xyz"):
+                    points[:, index] = cloud[axis]
+                (clouds / f"{step:010d}.bin").write_bytes(points.tobytes())
+            yield step + 1
+
+
+def name_cameras(recording: Recording, print_note: PrintNote) -> dict[str, LensCamera]:
+    """Cameras by their names in KITTI-360, pinholes first.
+
+    Raises:
+        OutputError: more than two of a kind.
+    """
+    lenses = [LensCamera.of(camera, print_note) for camera in recording.cameras]
+    pinholes = [lens for lens in lenses if isinstance(lens.lens, PerspectiveCamera)]
+    fisheyes = [lens for lens in lenses if lens not in pinholes]
+    for kind, found in (("pinholes", pinholes), ("fisheyes", fisheyes)):
+        if len(found) > len(PINHOLES):
+            names = ", ".join(lens.name for lens in found)
+            raise OutputError(
+                f"{recording.run.path}: expected at most two {kind}, as KITTI-360 has, got "
+                f"{names}: --camera-name takes one"
+            )
+    return {
+        **dict(zip(PINHOLES, pinholes, strict=False)),
+        **dict(zip(FISHEYES, fisheyes, strict=False)),
+    }
+
+
+def _data(name: str) -> str:
+    return "data_rect" if name in PINHOLES else "data_rgb"
+
+
+def _write_calibrations(
+    folder: Path,
+    cameras: dict[str, LensCamera],
+    recording: Recording,
+    lidars: list[str],
+    print_note: PrintNote,
+) -> None:
+    folder.mkdir()
+    imu_from_lens = {
+        name: inverse(BASE_FROM_IMU) @ camera.base_from_lens for name, camera in cameras.items()
+    }
+    imu_from_velo = None
+    if lidars:
+        imu_from_velo = inverse(BASE_FROM_IMU) @ recording.base_from_lidar(lidars[0])
+    if imu_from_velo is not None and not cameras:
+        imu_from_lens[PINHOLES[0]] = imu_from_velo @ LIDAR_FROM_CAMERA
+    first = next(iter(imu_from_lens))
+    lines = []
+    for name in (*PINHOLES, *FISHEYES):  # the development kit wants all four
+        pose = imu_from_lens.get(name, imu_from_lens[first])
+        lines.append(f"{name}: {_matrix(pose[:3])}")
+    missing = [name for name in (*PINHOLES, *FISHEYES) if name not in cameras]
+    if missing:
+        place = f"the pose of {first}" if cameras else f"the place of {lidars[0]}"
+        print_note(
+            f"calib_cam_to_pose.txt: {', '.join(missing)}, which the run has not, have {place}: "
+            "the development kit wants all four"
+        )
+    write_lines(folder / "calib_cam_to_pose.txt", iter(lines))
+    _write_pinholes(folder / "perspective.txt", cameras)
+    for name in (name for name in FISHEYES if name in cameras):
+        camera = cameras[name]
+        lens = camera.encode(Camodocal(), print_note, UnifiedCamera.model_name)
+        text = Camodocal().encode([ParsedCamera(name, lens)])
+        write_text(folder / f"{name}.yaml", text)
+        if isinstance(lens, UnifiedCamera) and not lens.xi:
+            print_note(f"{name}.yaml: PINHOLE, which the development kit does not read")
+    if imu_from_velo is not None:
+        cam0 = imu_from_lens.get(PINHOLES[0], imu_from_lens[first])
+        velo_from_cam0 = inverse(imu_from_velo) @ cam0
+        write_text(folder / "calib_cam_to_velo.txt", _matrix(velo_from_cam0[:3]) + "\n")
+
+
+def _write_pinholes(path: Path, cameras: dict[str, LensCamera]) -> None:
+    """Write the rectified pinholes; both, where there is one: the development kit wants them."""
+    lenses = [cameras[name].lens for name in PINHOLES if name in cameras]
+    lines = []
+    for index, lens in enumerate((lenses * 2)[:2]):
+        assert isinstance(lens, PerspectiveCamera)
+        focal, (u, v) = lens.focal_length_px, lens.principal_point_px
+        projection = np.array([[focal, 0, u, 0], [0, focal, v, 0], [0, 0, 1, 0]])
+        lines += [
+            f"S_rect_0{index}: {lens.width_px} {lens.height_px}",
+            f"R_rect_0{index}: {_matrix(np.eye(3))}",
+            f"P_rect_0{index}: {_matrix(projection)}",
+        ]
+    if lines:
+        write_lines(path, iter(lines))
+
+
+def _write_poses(folder: Path, cameras: dict[str, LensCamera], recording: Recording) -> None:
+    folder.mkdir(parents=True)
+    poses = recording.truth.world_from_base
+    lines = (f"{step} {_matrix(pose[:3])}" for step, pose in enumerate(poses @ BASE_FROM_IMU))
+    write_lines(folder / "poses.txt", lines)
+    if PINHOLES[0] in cameras:
+        world_from_cam0 = poses @ cameras[PINHOLES[0]].base_from_lens
+        lines = (f"{step} {_matrix(pose)}" for step, pose in enumerate(world_from_cam0))
+        write_lines(folder / "cam0_to_world.txt", lines)
+
+
+def _matrix(values: NDArray[np.float64]) -> str:
+    return " ".join(f"{value + 0.0:.10e}" for value in values.ravel().tolist())

@@ -1,0 +1,105 @@
+"""Nerfstudio's data set: `transforms.json`, pictures, masks, depths of pinholes, points.
+
+    transforms.json                 intrinsics and poses, OpenGL axes: x right, y up, z back
+    images/<camera>/000000.png      pictures
+    masks/<camera>.png              255: shows the scene; only of cameras that do not everywhere
+    depths/<camera>/000000.png      along the axis in millimetres, 16 bits, 0: none; of pinholes
+    points.ply                      points of the ranges, to begin with
+
+The world is omnisim's: metres, z up. Source: nerfstudio's documentation, "Data conventions".
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from omnisim.cameras.calibration.formats.nerfstudio import OPENGL_FROM_OPENCV, intrinsics
+from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio as NerfstudioCalibration
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.image_files import write_numbers
+from omnisim.datasets.export.depth_pictures import FarDepths
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.picture_folders import (
+    MASKS,
+    PICTURES,
+    mask_name,
+    note_missing_ranges,
+    picture_name,
+    write_pictures,
+)
+from omnisim.datasets.export.ply_points import write_ply
+from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.scene_points import sample_points
+
+DEPTHS, POINTS = "depths", "points.ply"
+STEPS_PER_M = 1000.0  # nerfstudio's default depth_unit_scale_factor is a thousandth
+
+
+class Nerfstudio(ExportFormat):
+    """Data set of nerfstudio."""
+
+    name = "nerfstudio"
+    dates_stamps = False
+    channels = ("range",)
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the data set."""
+        cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
+        lenses = [intrinsics(camera.encode(NerfstudioCalibration(), print_note))
+                  for camera in cameras]  # fmt: skip
+        models = {lens["camera_model"] for lens in lenses}
+        if len(models) > 1:
+            raise OutputError(
+                f"{recording.run.path}: nerfstudio expects one camera_model, got "
+                f"{', '.join(sorted(models))}: --camera-name takes one camera"
+            )
+        note_missing_ranges(cameras, POINTS, print_note)
+        document: dict[str, Any] = {"camera_model": lenses[0]["camera_model"]}
+        shared = lenses[0] if all(lens == lenses[0] for lens in lenses) else {}
+        document |= shared
+        points = sample_points(recording, cameras)
+        if len(points):
+            document["ply_file_path"] = POINTS
+            write_ply(folder / POINTS, points)
+        document["frames"] = [
+            frame | ({} if shared else lens)
+            for camera, lens in zip(cameras, lenses, strict=True)
+            for frame in _frames(recording, camera)
+        ]
+        write_text(folder / "transforms.json", json.dumps(document, indent=2) + "\n")
+        depths = {camera: FarDepths(camera.name, STEPS_PER_M)
+                  for camera in cameras if _has_depths(camera)}  # fmt: skip
+        for camera in depths:
+            (folder / DEPTHS / camera.name).mkdir(parents=True)
+        for done in write_pictures(recording, cameras, folder):
+            for camera, far in depths.items():
+                path = folder / DEPTHS / picture_name(camera, done - 1)
+                write_numbers(path, far.encode(camera.depths_m(done - 1)))
+            yield done
+        for far in depths.values():
+            far.note(print_note)
+
+
+def _has_depths(camera: LensCamera) -> bool:
+    return camera.is_pinhole and camera.recorded.has("range")
+
+
+def _frames(recording: Recording, camera: LensCamera) -> Iterator[dict[str, Any]]:
+    """Frames of a camera, without intrinsics."""
+    has_mask = camera.mask() is not None
+    for step, world_from_base in enumerate(recording.truth.world_from_base):
+        name = picture_name(camera, step)
+        frame: dict[str, Any] = {"file_path": f"{PICTURES}/{name}"}
+        if has_mask:
+            frame["mask_path"] = f"{MASKS}/{mask_name(camera)}"
+        if _has_depths(camera):
+            frame["depth_file_path"] = f"{DEPTHS}/{name}"
+        opengl = world_from_base @ camera.base_from_lens * OPENGL_FROM_OPENCV
+        yield {**frame, "transform_matrix": (opengl + 0.0).tolist()}

@@ -1,0 +1,228 @@
+"""Cameras of a run as lenses, which is what the formats of other tools know.
+
+A mirror's picture is a mirror image: no lens has it. Flipped left to right it is a lens's, whose
+frame is turned by half a turn. Ranges are flipped along; rays and points stay what they are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+from omnisim.cameras.calibration.calibration import calibration_of, save_calibration
+from omnisim.cameras.calibration.encode import caveats, encode
+from omnisim.cameras.calibration.file_frame import is_catadioptric, lens_of
+from omnisim.cameras.calibration.formats.format import Format, LensT
+from omnisim.cameras.camera import CentralCamera, pixel_grid
+from omnisim.cameras.mirrors.elliptic import EllipticCamera
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.errors import CalibrationError
+from omnisim.core.files.image_files import write_image
+from omnisim.datasets.export.export_format import PrintNote
+from omnisim.datasets.export.recorded_camera import RecordedCamera
+
+LensCameraT = TypeVar("LensCameraT", bound=CentralCamera)
+# Half turns from the frame of a flipped lens to the optical frame.
+_ABOUT_X, _ABOUT_Y = np.diag([1.0, -1.0, -1.0, 1.0]), np.diag([-1.0, 1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class LensCamera:
+    """Camera of a run as a lens.
+
+    Attributes:
+        recorded: the camera.
+        model: its model, which has one viewpoint.
+    """
+
+    recorded: RecordedCamera
+    model: CentralCamera
+
+    @classmethod
+    def of(cls, recorded: RecordedCamera, print_note: PrintNote) -> LensCamera:
+        """Take a camera as a lens.
+
+        Args:
+            recorded: the camera.
+            print_note: called where its pictures are flipped.
+
+        Raises:
+            RunError: it has no single viewpoint.
+        """
+        camera = cls(recorded, recorded.central)
+        if camera.is_flipped:
+            print_note(
+                f"{recorded.name}: looks into a mirror: its pictures are flipped left to right, as "
+                "a lens has them"
+            )
+        return camera
+
+    @property
+    def name(self) -> str:
+        """Name of the camera."""
+        return self.recorded.name
+
+    @property
+    def is_flipped(self) -> bool:
+        """True for a mirror's pictures."""
+        return is_catadioptric(self.model)
+
+    @property
+    def base_from_lens(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the lens's frame: x right, y down, z forward."""
+        pose: NDArray[np.float64] = self.recorded.mount.base_from_optical @ self.optical_from_lens
+        return pose
+
+    @cached_property
+    def lens(self) -> CentralCamera:
+        """The lens, without the rim of a mirror.
+
+        Raises:
+            CalibrationError: its model has no flipped pictures.
+        """
+        lens = lens_of(self.model)
+        if not self.is_flipped or lens is None:
+            return self.model
+        return flipped_lens(lens, str(self.recorded.run.path / self.name))
+
+    def save_calibration(self, path: Path) -> None:
+        """Write the lens as omnisim's calibration file.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        save_calibration(calibration_of(self.lens, self.name), path, "omnisim")
+
+    def encode(self, form: Format[LensT], print_note: PrintNote, model: str | None = None) -> LensT:
+        """Lens by a model of a calibration format, the same or the nearest.
+
+        Args:
+            form: the format.
+            print_note: called with the residual of a fit.
+            model: name of the only model to take; None: any.
+
+        Raises:
+            CalibrationError: no model of the format is near.
+        """
+        calibrated = CalibratedCamera(self.name, self.model)
+        place = str(self.recorded.run.path / self.name)
+        encoded = encode(calibrated, form, place, model)
+        if (fit := encoded.residuals) is not None:
+            print_note(
+                f"{self.name}: {encoded.lens.model_name}, fitted to {fit.source_model}: RMS "
+                f"{fit.rms_px:.3g} px, at most {fit.max_px:.3g} px"
+            )
+        for caveat in caveats(encoded.lens, form):
+            print_note(f"{self.name}: {caveat}")
+        return flipped_lens(encoded.lens, place) if self.is_flipped else encoded.lens
+
+    def flip(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Array (height, width, …) of the picture, flipped where the picture is."""
+        return np.ascontiguousarray(values[:, ::-1]) if self.is_flipped else values
+
+    def copy_picture(self, step: int, target: Path) -> None:
+        """Write the picture of a step as a PNG file.
+
+        Raises:
+            OutputError: a file cannot be read or written.
+        """
+        picture = self.recorded.picture(step)  # a damaged one is not worth a copy
+        source = self.recorded.picture_file(step)
+        if self.is_flipped or source.suffix != target.suffix:
+            write_image(target, self.flip(picture))
+        else:
+            shutil.copyfile(source, target)
+
+    @property
+    def is_pinhole(self) -> bool:
+        """True for a lens whose picture is a plane's, distorted or not."""
+        lens = self.lens
+        return isinstance(lens, PerspectiveCamera) or (
+            isinstance(lens, UnifiedCamera) and lens.xi == 0.0
+        )
+
+    @property
+    def is_panorama(self) -> bool:
+        """True for a picture of all directions."""
+        return isinstance(self.model, EquirectangularCamera)
+
+    def depths_m(self, step: int) -> NDArray[np.float32]:
+        """Coordinates (height, width) of the points along the lens's axis; +inf: nothing.
+
+        Raises:
+            OutputError: a file is missing or damaged.
+        """
+        ranges_m = self.recorded.channel(step, "range")
+        along = self.recorded.directions @ self.axis
+        hit = np.isfinite(ranges_m)
+        depths = np.full(ranges_m.shape, np.inf, dtype=np.float32)
+        depths[hit] = ranges_m[hit] * along[hit]
+        return self.flip(depths)
+
+    @property
+    def optical_from_lens(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the lens's frame in the optical frame: none, or a half turn."""
+        if not self.is_flipped:
+            return np.eye(4)
+        return _ABOUT_X if isinstance(self.model, EllipticCamera) else _ABOUT_Y
+
+    def mask(self, front_only: bool = False) -> NDArray[np.bool_] | None:
+        """Pixels (height, width) that show the scene; None: all of them.
+
+        Args:
+            front_only: leave out rays at and past 90° from the axis.
+        """
+        shown = self.recorded.valid
+        if (covered := self.recorded.mount.covered) is not None:
+            shown = shown & covered
+        if front_only:
+            shown = shown & (self.recorded.directions @ self.axis > 0.0)
+        return None if shown.all() else self.flip(shown)
+
+    @property
+    def axis(self) -> NDArray[np.float64]:
+        """Axis (3,) of the lens, optical frame."""
+        return self.optical_from_lens[:3, 2]
+
+
+def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
+    """Lens whose picture is another's, flipped left to right.
+
+    Args:
+        lens: the other.
+        place: names the camera in messages.
+
+    Raises:
+        CalibrationError: its model has none.
+    """
+    if not isinstance(lens, ParametricCamera):
+        raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped pictures")
+    size = lens.width_px, lens.height_px
+    changes: dict[str, Any] = {}
+    if any(field.name == "principal_point_px" for field in dataclasses.fields(lens)):
+        u, v = lens.principal_point_px
+        changes["principal_point_px"] = (lens.width_px - 1 - u, v)
+    if isinstance(lens, UnifiedCamera):
+        k1, k2, p1, p2, *more = lens.distortion or (0.0, 0.0, 0.0, 0.0)
+        changes["distortion"] = (k1, k2, p1, -p2 + 0.0, *more)
+        changes["skew_px"] = -lens.skew_px + 0.0
+    flipped = dataclasses.replace(lens, **changes)
+    pixels = pixel_grid(*size)[:: max(1, size[1] // 32), :: max(1, size[0] // 32)]
+    own = lens.ray_from_pixel(pixels)
+    mirrored = flipped.ray_from_pixel(np.stack((size[0] - 1 - pixels[..., 0], pixels[..., 1]), -1))
+    seen = own.valid & mirrored.valid
+    same = np.abs(own.directions[seen] * (-1.0, 1.0, 1.0) - mirrored.directions[seen])
+    if not np.array_equal(own.valid, mirrored.valid) or same.max(initial=0.0) > 1e-9:
+        raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped pictures")
+    return flipped

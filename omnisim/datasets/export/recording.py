@@ -1,0 +1,273 @@
+"""Recorded runs as exporters read them: whole, with poses, odometry and sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.documents import parse_yaml, read_text
+from omnisim.core.errors import OmnisimError, RunError
+from omnisim.core.poses import check_pose, inverse
+from omnisim.core.trajectories.body_motion import MotionStates
+from omnisim.core.trajectories.spline_motion import SplineMotion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.datasets.export.recorded_camera import RecordedCamera
+from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud
+from omnisim.datasets.export.stored_scans import read_table
+from omnisim.robots.odometry import Odometry
+from omnisim.robots.odometry_files import read_odometry
+from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
+from omnisim.runs.true_states import read_states
+from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
+from omnisim.sensors.imu.mounted_imu import COLUMNS as IMU_COLUMNS
+from omnisim.sensors.sensor import MountedSensor
+
+STAMP_S = 2e-9  # files of nine digits, read twice
+NOTED_S = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ImuReadings:
+    """Readings of an IMU.
+
+    Attributes:
+        times_s: (n,).
+        values: (n, 6) angular rate in rad/s and specific force in m/s², frame of the unit.
+        biases: (n, 6) that are in them, or None: the run has none.
+    """
+
+    times_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+    biases: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Finished run.
+
+    Steps have poses and odometry. A sensor measures at each step, or at a rate of its own: its
+    measurements are numbered from 0, stamped by `times_s(name)`, in the files
+    `run.file(name, index, suffix)`, and those up to a step's time are `indices_at(name, step)`.
+    A format whose frames have all sensors takes `in_frames`, of which a frame is a step.
+
+    Attributes:
+        run: its folder.
+        truth: poses of the base at the steps, or frames.
+        odometry: readings of the wheels, or None: it has none.
+        cameras: those that are exported.
+        frames: number of each sensor's measurement by frame, by its name; empty: frames are steps.
+    """
+
+    run: RunFolder
+    truth: Trajectory
+    odometry: Odometry | None
+    cameras: tuple[RecordedCamera, ...]
+    frames: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, path: Path, camera_name: str | None = None) -> Recording:
+        """Read a run.
+
+        Args:
+            path: its folder.
+            camera_name: the only camera to export; None: all.
+
+        Raises:
+            OmnisimError: no run, one that is not finished, no such camera, or a damaged file.
+        """
+        run = RunFolder.read(path)
+        for step in range(run.manifest.steps):
+            if (missing := run.missing_file(step)) is not None:
+                raise RunError(
+                    f"{missing}: is missing: expected a finished run: its command goes on with it"
+                )
+        names = run.manifest.cameras if camera_name is None else [run.camera(camera_name)]
+        truth = read_trajectory(path / GROUND_TRUTH)
+        run.check_steps(GROUND_TRUTH, len(truth))
+        odometry = None
+        if not run.manifest.is_rig:
+            odometry = read_odometry(path / ODOMETRY)
+            run.check_steps(ODOMETRY, len(odometry.times_s))
+        return cls(run, truth, odometry, tuple(RecordedCamera.read(run, name) for name in names))
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, or frames."""
+        return len(self.truth)
+
+    def times_s(self, name: str) -> NDArray[np.float64]:
+        """Times (n,) of a sensor's measurements, those of its frames where frames are taken."""
+        times_s = self.run.times_s(name)
+        return times_s[self.frames[name]] if name in self.frames else times_s
+
+    def indices_at(self, name: str, step: int) -> range:
+        """Numbers of a sensor's measurements after the step before, up to a step's time."""
+        return self.run.indices_at(name, step)
+
+    def index_of(self, name: str, frame: int) -> int:
+        """Number of a sensor's measurement of a frame."""
+        return int(self.frames[name][frame]) if name in self.frames else frame
+
+    @cached_property
+    def _states(self) -> tuple[NDArray[np.float64], MotionStates] | None:
+        path = self.run.path / STATES
+        return read_states(path) if self.run.has(STATES) else None
+
+    @property
+    def state_times_s(self) -> NDArray[np.float64]:
+        """Times (n,) at which states of the base are recorded: of all measurements, the fastest
+        sensor's among them; in runs of older versions the steps."""
+        return self.truth.times_s if self._states is None else self._states[0]
+
+    @property
+    def fine_truth(self) -> Trajectory:
+        """Poses of the base at all times at which states are recorded."""
+        return Trajectory(self.state_times_s, self.states(self.state_times_s).world_from_base)
+
+    def states(self, times_s: NDArray[np.float64]) -> MotionStates:
+        """True states of the base at times (n,): the recorded ones, and between them a spline's."""
+        if self._states is None:
+            return SplineMotion(self.truth).at(times_s)
+        known_s, states = self._states
+        index = np.clip(np.searchsorted(known_s, times_s - STAMP_S), 0, len(known_s) - 1)
+        if np.all(np.abs(known_s[index] - times_s) <= STAMP_S):
+            return MotionStates(*(one[index] for one in states))
+        return SplineMotion(Trajectory(known_s, states.world_from_base)).at(times_s)
+
+    def in_frames(self, names: Sequence[str], print_note: Callable[[str], None]) -> Recording:
+        """Recording whose steps are the measurements of the slowest of some sensors.
+
+        The others' nearest measurements are taken beside each. Where none has a rate of its own it
+        is the recording itself.
+
+        Args:
+            names: sensors of the frames.
+            print_note: called with sensors that measure at other times.
+        """
+        if not any(self.run.has_own_rate(name) for name in names):
+            return self
+        times = {name: self.run.times_s(name) for name in names}
+        clock = min(names, key=lambda name: len(times[name]))
+        frames = {name: _nearest(times[name], times[clock]) for name in names}
+        for name in names:
+            late_s = float(np.abs(times[name][frames[name]] - times[clock]).max())
+            if late_s > NOTED_S:
+                print_note(
+                    f"{name}: measures up to {late_s:.3g} s from {clock}, whose times are taken"
+                )
+        poses = self.states(times[clock]).world_from_base
+        cameras = tuple(
+            dataclasses.replace(camera, indices=frames.get(camera.name)) for camera in self.cameras
+        )
+        truth = Trajectory(times[clock], poses)
+        return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
+
+    def imu_readings(self, name: str) -> ImuReadings:
+        """Readings of an IMU.
+
+        Raises:
+            RunError: a file of them cannot be read, or is damaged.
+        """
+        folder, columns = self.run.path / name, IMU_COLUMNS.split(",")
+        if (folder / READINGS).is_file():
+            table = read_table(folder / READINGS, *columns).columns
+            biases = read_table(folder / BIASES, *BIAS_COLUMNS.split(",")).columns
+            walks = np.column_stack(list(biases.values())[1:])
+            if len(walks) != len(table["t_s"]):
+                raise RunError(f"{folder / BIASES}: expected {len(table['t_s'])} rows, as readings")
+            values = np.column_stack(list(table.values()))
+            return ImuReadings(values[:, 0], values[:, 1:], walks)
+        files = [self.run.file(name, step, ".csv") for step in range(self.run.manifest.steps)]
+        parts = [np.column_stack(list(read_table(one, *columns).columns.values())) for one in files]
+        values = np.concatenate(parts)
+        return ImuReadings(values[:, 0], values[:, 1:], None)
+
+    def sensors(self, kind: type[MountedSensor]) -> list[str]:
+        """Names of the sensors of a class."""
+        manifest = self.run.manifest
+        return [name for name in manifest.sensors if issubclass(manifest.sensor_class(name), kind)]
+
+    def objects(self) -> dict[str, Trajectory]:
+        """Poses of other vehicles and dynamic objects by name.
+
+        Raises:
+            TrajectoryError: a file is damaged.
+        """
+        files = sorted((self.run.path / OBJECTS).glob("*.tum"))
+        return {file.stem: read_trajectory(file) for file in files}
+
+    def mount(
+        self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
+    ) -> NDArray[np.float64]:
+        """Pose (4, 4) on the base of a sensor by its pose at a time; None: of the first step."""
+        world_from_base = self.truth.world_from_base[0]
+        if time_s is not None and time_s != self.truth.times_s[0]:
+            world_from_base = self.states(np.array([time_s])).world_from_base[0]
+        pose: NDArray[np.float64] = inverse(world_from_base) @ world_from_sensor
+        return pose
+
+    def cloud(self, name: str, step: int) -> StoredCloud:
+        """Point cloud of a lidar by the number of its measurement, or frame.
+
+        Raises:
+            RunError: its file cannot be read, or is damaged.
+        """
+        table = self.run.manifest.sensors[name].model_extra or {}
+        index = self.index_of(name, step)
+        return read_cloud(self.run.file(name, index, f".{table['file_format']}"))
+
+    def depth_camera(self, name: str) -> RecordedCamera:
+        """Depth camera, whose pictures are depths.
+
+        Raises:
+            RunError: its calibration cannot be read.
+        """
+        camera = RecordedCamera.read(self.run, name)
+        return dataclasses.replace(camera, indices=self.frames.get(name))
+
+    def base_from_lidar(self, name: str) -> NDArray[np.float64]:
+        """Pose (4, 4) of a lidar.
+
+        Raises:
+            RunError: its first file cannot be read.
+        """
+        return self.mount(
+            self.cloud(name, 0).header.pose("world_from_lidar"), self.times_s(name)[0]
+        )
+
+    def base_from_imu(self, name: str) -> NDArray[np.float64]:
+        """Pose (4, 4) of an IMU.
+
+        Raises:
+            RunError: its parameters cannot be read.
+        """
+        path = self.run.path / name / PARAMETERS
+        try:
+            numbers = np.array(parse_yaml(read_text(path), str(path))["T_BS"]["data"])
+            return check_pose(numbers.astype(np.float64).reshape(4, 4))
+        except (KeyError, TypeError, ValueError, OmnisimError):
+            raise RunError(f"{path}: T_BS: expected the 16 numbers of a pose") from None
+
+    def imu_parameters(self, name: str) -> str:
+        """Text of an IMU's parameters, in EuRoC's keys.
+
+        Raises:
+            CalibrationError: the file cannot be read.
+        """
+        return read_text(self.run.path / name / PARAMETERS)
+
+
+def _nearest(times_s: NDArray[np.float64], wanted_s: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Numbers (n,) of the times (m,) that are nearest to wanted ones (n,)."""
+    after = np.clip(np.searchsorted(times_s, wanted_s), 1, max(len(times_s) - 1, 1))
+    after = np.minimum(after, len(times_s) - 1)
+    before = np.maximum(after - 1, 0)
+    is_before = wanted_s - times_s[before] <= times_s[after] - wanted_s
+    return np.where(is_before, before, after)

@@ -1,0 +1,87 @@
+"""Bags of ROS 2: topics and messages in MCAP or SQLite files, by rosbags."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Literal
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+# Version 9 writes the quality of service in another form, which older releases do not know.
+VERSION: Literal[8] = 8
+STORAGE = {"mcap": StoragePlugin.MCAP, "sqlite": StoragePlugin.SQLITE3}
+_UNLIMITED = QosTime(0, 0)
+
+
+def _qos(durability: QosDurability) -> Qos:
+    depth = 1 if durability is QosDurability.TRANSIENT_LOCAL else 10
+    return Qos(
+        QosHistory.KEEP_LAST,
+        depth,
+        QosReliability.RELIABLE,
+        durability,
+        _UNLIMITED,
+        _UNLIMITED,
+        QosLiveliness.AUTOMATIC,
+        _UNLIMITED,
+        False,
+    )
+
+
+class Bag:
+    """Bag that is being written; a context manager.
+
+    Args:
+        folder: of the bag; it does not exist.
+        storage: key of `STORAGE`.
+    """
+
+    def __init__(self, folder: Path, storage: str):
+        self._store = get_typestore(Stores.ROS2_HUMBLE)
+        self._writer = Writer(folder, version=VERSION, storage_plugin=STORAGE[storage])
+        self._connections: dict[str, Connection] = {}
+
+    def __enter__(self) -> Bag:
+        self._writer.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        reason: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self._writer.close()
+        else:
+            self._writer.abort()
+
+    def write(self, topic: str, stamp_ns: int, message: object, is_latched: bool = False) -> None:
+        """Write a message of the types of `omnisim.datasets.export.ros2.ros_messages`.
+
+        Args:
+            topic: of one type always.
+            stamp_ns: of the message.
+            message: its contents.
+            is_latched: who subscribes late receives it, too.
+        """
+        kind = type(message).__name__.replace("__", "/")
+        if topic not in self._connections:
+            durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
+            self._connections[topic] = self._writer.add_connection(
+                topic, kind, typestore=self._store, offered_qos_profiles=[_qos(durability)]
+            )
+        self._writer.write(
+            self._connections[topic], stamp_ns, self._store.serialize_cdr(message, kind)
+        )

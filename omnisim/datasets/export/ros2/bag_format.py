@@ -1,0 +1,212 @@
+"""ROS 2 bags of runs.
+
+| topic | type | |
+| --- | --- | --- |
+| `/<camera>/image_raw` | Image, rgb8 | `--compressed`: `/<camera>/image_raw/compressed`, PNG |
+| `/<camera>/camera_info` | CameraInfo | only where it is the camera to the last bit |
+| `/<camera>/calibration` | String, latched | omnisim's calibration, JSON: any model |
+| `/<camera>/range` | Image, 32FC1 | metres along the ray, inf: nothing |
+| `/<camera>/semantic`, `/<camera>/instance` | Image, 16UC1, 32SC1 | numbers of `/labels` |
+| `/labels` | String, latched | table of classes and instances, JSON |
+| `/<camera>/points` | PointCloud2 | `--points`: its points, with colours |
+| `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimetres, 0: none (REP 118) |
+| `/<scanner>/scan` | LaserScan | |
+| `/<lidar>/points` | PointCloud2 | with ring, time since the revolution's start, range, instance |
+| `/<imu>/data_raw` | Imu | at its own rate, without orientation |
+| `/<sonar>/range` | Range | |
+| `/odom` | Odometry | by dead reckoning; a rig has none |
+| `/ground_truth/pose` | PoseStamped | true pose of the base in `map`, at the fastest rate |
+| `/ground_truth/odom` | Odometry | the same, with true velocities in `base_link` |
+| `/tf`, `/tf_static` | TFMessage | `map → odom → base_link → sensors`, `map → objects` |
+
+Without odometry there is no frame `odom`: `map → base_link`.
+
+Source: REP 103, 105, 117, 118; common_interfaces of Humble.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from omnisim.core.errors import OutputError
+from omnisim.core.poses import inverse
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.ros2 import ros_messages as messages
+from omnisim.datasets.export.ros2.bag import Bag
+from omnisim.datasets.export.ros2.streams import (
+    BASE,
+    LABELLED,
+    CameraStream,
+    DepthStream,
+    ImuStream,
+    LidarStream,
+    RangeStream,
+    ScanStream,
+    StampedMessage,
+    Stream,
+    ros_name,
+)
+from omnisim.robots.odometry import Odometry
+from omnisim.runs.run_folder import LABELS
+from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
+from omnisim.sensors.imu.mounted_imu import MountedImu
+from omnisim.sensors.laser_scanner.mounted_scanner import MountedScanner
+from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+from omnisim.sensors.range_sensor.mounted_range_sensor import MountedRangeSensor
+from omnisim.sensors.sensor import MountedSensor
+
+OpenStream = Callable[[Recording, str, ExportSettings], Stream]
+MAP, ODOM = "map", "odom"
+STREAMS: tuple[tuple[type[MountedSensor], OpenStream], ...] = (
+    (MountedDepthCamera, DepthStream),
+    (MountedScanner, ScanStream),
+    (MountedLidar, LidarStream),
+    (MountedImu, ImuStream),
+    (MountedRangeSensor, RangeStream),
+)
+
+
+class Ros2Bag(ExportFormat):
+    """Base of the bags, which differ in their storage."""
+
+    has_messages = True
+    holds_motion = True
+    has_clocks = True
+    channels = ("range", *LABELLED)
+    sensors = tuple(kind for kind, _ in STREAMS)
+    storage: ClassVar[str]
+
+    def write(
+        self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
+    ) -> Iterator[int]:
+        """Write the bag, step by step."""
+        streams = open_streams(recording, settings)
+        motion = _Motion(recording, settings)
+        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+        for stream in streams:
+            if isinstance(stream, CameraStream) and stream.lens is None:
+                print_note(
+                    f"{stream.name}: CameraInfo has no model of it: its calibration is on "
+                    f"/{stream.topic}/calibration"
+                )
+        folder.rmdir()  # rosbags makes it
+        with Bag(folder, self.storage) as bag:
+            _write_latched(bag, streams, stamps_ns[0])
+            if recording.run.has(LABELS):
+                text = (recording.run.path / LABELS).read_text(encoding="utf-8")
+                bag.write("/labels", stamps_ns[0], messages.text(text), is_latched=True)
+            for step, stamp_ns in enumerate(stamps_ns):
+                found = [one for stream in streams for one in stream.messages_of(step)]
+                found += motion.between(step)
+                for one in sorted(found, key=lambda one: one.stamp_ns):
+                    bag.write(one.topic, one.stamp_ns, one.message)
+                motion.write(bag, step, stamp_ns)
+                yield step + 1
+
+
+class Ros2Mcap(Ros2Bag):
+    """Bag in an MCAP file."""
+
+    name = "ros2-mcap"
+    storage = "mcap"
+
+
+class Ros2Sqlite(Ros2Bag):
+    """Bag in an SQLite file."""
+
+    name = "ros2-sqlite"
+    storage = "sqlite"
+
+
+def open_streams(recording: Recording, settings: ExportSettings) -> list[Stream]:
+    """Streams of all sensors.
+
+    Raises:
+        OutputError: two whose topics or frames would have the same name.
+    """
+    streams: list[Stream] = [
+        CameraStream(recording, camera, settings) for camera in recording.cameras
+    ]
+    for kind, open_stream in STREAMS:
+        streams += [open_stream(recording, name, settings) for name in recording.sensors(kind)]
+    sources = [(stream.topic, stream.name) for stream in streams]
+    sources += [(ros_name(name), name) for name in recording.objects()]
+    taken = {MAP: "the world", ODOM: "the odometry", BASE: "the vehicle", "labels": "the labels"}
+    for ros, name in sources:
+        if ros in taken:
+            raise OutputError(
+                f"{recording.run.path}: expected a topic and frame of its own for {name}, got "
+                f"{ros}, which is {taken[ros]}"
+            )
+        taken[ros] = name
+    return streams
+
+
+def _write_latched(bag: Bag, streams: list[Stream], stamp_ns: int) -> None:
+    mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
+    if mounts:
+        bag.write("/tf_static", stamp_ns, messages.transforms(stamp_ns, mounts), is_latched=True)
+    for stream in streams:
+        if isinstance(stream, CameraStream):
+            text = messages.text(stream.calibration)
+            bag.write(f"/{stream.topic}/calibration", stamp_ns, text, is_latched=True)
+
+
+class _Motion:
+    """Messages of the motion of a run."""
+
+    def __init__(self, recording: Recording, settings: ExportSettings):
+        times_s = recording.state_times_s
+        self._state_times_s, self._states = times_s, recording.states(times_s)
+        self._stamps_ns = settings.stamps_ns(times_s, recording.run.path)
+        self._truth = recording.truth
+        self._odometry = recording.odometry
+        self._reckoned = None if self._odometry is None else self._odometry.dead_reckoned()
+        self._objects = recording.objects()
+
+    def between(self, step: int) -> Iterator[StampedMessage]:
+        """True states after the step before, up to a step's time."""
+        steps_s, states = self._truth.times_s, self._states
+        begin_s = steps_s[step - 1] if step > 0 else -np.inf
+        end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
+        first, last = np.searchsorted(self._state_times_s, (begin_s, end_s), side="right")
+        for index in range(first, last):
+            stamp_ns, pose = self._stamps_ns[index], states.world_from_base[index]
+            truth = messages.pose_stamped(stamp_ns, MAP, pose)
+            yield StampedMessage("/ground_truth/pose", stamp_ns, truth)
+            velocity_mps = pose[:3, :3].T @ states.velocity_mps[index]
+            odometry = messages.true_odometry(
+                stamp_ns, (MAP, BASE), pose, velocity_mps, states.angular_rate_radps[index]
+            )
+            yield StampedMessage("/ground_truth/odom", stamp_ns, odometry)
+
+    def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
+        """Write the messages of a step."""
+        map_from_base = self._truth.world_from_base[step]
+        poses = {(MAP, BASE): map_from_base}
+        if self._odometry is not None and self._reckoned is not None:
+            odom_from_base = self._reckoned.world_from_base[step]
+            poses = {
+                (MAP, ODOM): map_from_base @ inverse(odom_from_base),
+                (ODOM, BASE): odom_from_base,
+            }
+            rates = self._rates(self._odometry, step)
+            reading = messages.odometry(stamp_ns, (ODOM, BASE), odom_from_base, *rates)
+            bag.write("/odom", stamp_ns, reading)
+        for name, motion in self._objects.items():
+            poses[MAP, ros_name(name)] = motion.world_from_base[step]
+        bag.write("/tf", stamp_ns, messages.transforms(stamp_ns, poses))
+
+    @staticmethod
+    def _rates(odometry: Odometry, step: int) -> tuple[float, float]:
+        """Speed and turn rate since the step before, as the wheels report them."""
+        if step == 0:
+            return 0.0, 0.0
+        duration_s = float(odometry.times_s[step] - odometry.times_s[step - 1])
+        distance_m, turn_rad = odometry.distances_m[step - 1], odometry.turns_rad[step - 1]
+        return float(distance_m) / duration_s, float(turn_rad) / duration_s

@@ -1,0 +1,227 @@
+"""ROS 2 messages of what a run holds.
+
+Frames are those of REP 103: x forward, y left, z up, and in names that end in `_optical_frame` x
+right, y down, z forward. Ranges that are none are ±inf (REP 117), depths 0 (REP 118).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.stores.ros2_humble import builtin_interfaces__msg__Time as Time
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Point as Point
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Pose as Pose
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__PoseStamped as PoseStamped
+from rosbags.typesys.stores.ros2_humble import (
+    geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
+)
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Quaternion as Quaternion
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Transform as Transform
+from rosbags.typesys.stores.ros2_humble import (
+    geometry_msgs__msg__TransformStamped as TransformStamped,
+)
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Twist as Twist
+from rosbags.typesys.stores.ros2_humble import (
+    geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
+)
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Vector3 as Vector3
+from rosbags.typesys.stores.ros2_humble import nav_msgs__msg__Odometry as Odometry
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CameraInfo as CameraInfo
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as Image
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Imu as Imu
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__LaserScan as LaserScan
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__PointCloud2 as PointCloud2
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__PointField as PointField
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Range as Range
+from rosbags.typesys.stores.ros2_humble import (
+    sensor_msgs__msg__RegionOfInterest as RegionOfInterest,
+)
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
+from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
+
+from omnisim.cameras.calibration.formats.camera_info import IDENTITY, CameraInfoLens, camera_info
+from omnisim.core.poses import quaternion_from_rotation
+from omnisim.datasets.export.export_format import NANOSECONDS
+
+# sensor_msgs/PointField's numbers of the types.
+_POINT_TYPES = {"u1": 2, "u2": 4, "u4": 6, "f4": 7, "f8": 8}
+_ENCODINGS = {
+    ("uint8", 3): "rgb8",
+    ("uint16", 1): "16UC1",
+    ("uint32", 1): "32SC1",  # there is no unsigned one
+    ("float32", 1): "32FC1",
+}
+UNKNOWN = np.zeros(36)  # of covariances
+
+
+def header(stamp_ns: int, frame: str) -> Header:
+    """Header of a message."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    return Header(Time(seconds, nanoseconds), frame)
+
+
+def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
+    """Image of a picture (height, width, 3) uint8, or of depths or labels (height, width)."""
+    height, width = pixels.shape[:2]
+    kind = pixels.dtype.name, 1 if pixels.ndim == 2 else pixels.shape[2]
+    data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
+    return Image(
+        header(stamp_ns, frame), height, width, _ENCODINGS[kind], 0, len(data) // height, data
+    )
+
+
+def compressed_image(stamp_ns: int, frame: str, png: bytes) -> CompressedImage:
+    """Image of the bytes of a PNG file."""
+    return CompressedImage(header(stamp_ns, frame), "png", np.frombuffer(png, dtype=np.uint8))
+
+
+def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> CameraInfo:
+    """Calibration of a lens that ROS has a model for."""
+    model, d, k, p = camera_info(lens)
+    return CameraInfo(
+        header(stamp_ns, frame),
+        lens.height_px,
+        lens.width_px,
+        model,
+        np.array(d),
+        np.array(k),
+        np.array(IDENTITY),
+        np.array(p),
+        0,
+        0,
+        RegionOfInterest(0, 0, 0, 0, False),
+    )
+
+
+def point_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> PointCloud2:
+    """Cloud of points, whose fields are those of the array."""
+    fields = []
+    for name in points.dtype.names or ():
+        values = points[name]
+        offset = int(points.dtype.fields[name][1]) if points.dtype.fields else 0
+        fields.append(PointField(name, offset, _POINT_TYPES[values.dtype.str[1:]], 1))
+    size, count = points.dtype.itemsize, len(points)
+    data = np.frombuffer(points.tobytes(), dtype=np.uint8)
+    return PointCloud2(
+        header(stamp_ns, frame), 1, count, fields, False, size, size * count, data, True
+    )
+
+
+def laser_scan(
+    stamp_ns: int,
+    frame: str,
+    angles_rad: NDArray[np.float64],
+    ranges_m: NDArray[np.float64],
+    limits_m: tuple[float, float],
+) -> LaserScan:
+    """Scan of evenly spaced beams, counter-clockwise."""
+    first, last = float(angles_rad[0]), float(angles_rad[-1])
+    step = (last - first) / max(1, len(angles_rad) - 1)
+    ranges, none = ranges_m.astype(np.float32), np.zeros(0, dtype=np.float32)
+    return LaserScan(header(stamp_ns, frame), first, last, step, 0.0, 0.0, *limits_m, ranges, none)
+
+
+def range_message(
+    stamp_ns: int, frame: str, cone_rad: float, limits_m: tuple[float, float], range_m: float
+) -> Range:
+    """Range of a sonar, or of an infrared sensor, which has one ray."""
+    kind = Range.ULTRASOUND if cone_rad else Range.INFRARED
+    return Range(header(stamp_ns, frame), kind, cone_rad, *limits_m, range_m)
+
+
+def imu(
+    stamp_ns: int, frame: str, rates_radps: Sequence[float], forces_mps2: Sequence[float]
+) -> Imu:
+    """Reading of an IMU, which knows no orientation."""
+    no_orientation = np.array([-1.0, *[0.0] * 8])
+    return Imu(
+        header(stamp_ns, frame),
+        Quaternion(0.0, 0.0, 0.0, 1.0),
+        no_orientation,
+        Vector3(*rates_radps),
+        UNKNOWN[:9],
+        Vector3(*forces_mps2),
+        UNKNOWN[:9],
+    )
+
+
+def odometry(
+    stamp_ns: int,
+    frames: tuple[str, str],
+    pose: NDArray[np.float64],
+    speed_mps: float,
+    turn_rate_radps: float,
+) -> Odometry:
+    """Pose by dead reckoning of a child frame in its parent, and speed ahead in the child."""
+    parent, child = frames
+    twist = Twist(Vector3(speed_mps, 0.0, 0.0), Vector3(0.0, 0.0, turn_rate_radps))
+    return Odometry(
+        header(stamp_ns, parent),
+        child,
+        PoseWithCovariance(_pose(pose), UNKNOWN),
+        TwistWithCovariance(twist, UNKNOWN),
+    )
+
+
+def true_odometry(
+    stamp_ns: int,
+    frames: tuple[str, str],
+    pose: NDArray[np.float64],
+    velocity_mps: NDArray[np.float64],
+    angular_rate_radps: NDArray[np.float64],
+) -> Odometry:
+    """True pose of a child frame in its parent, with velocity (3,) and rate (3,) in the child."""
+    parent, child = frames
+    twist = Twist(Vector3(*velocity_mps.tolist()), Vector3(*angular_rate_radps.tolist()))
+    return Odometry(
+        header(stamp_ns, parent),
+        child,
+        PoseWithCovariance(_pose(pose), UNKNOWN),
+        TwistWithCovariance(twist, UNKNOWN),
+    )
+
+
+def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> PoseStamped:
+    """Pose (4, 4) in a frame."""
+    return PoseStamped(header(stamp_ns, frame), _pose(pose))
+
+
+def transforms(stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.float64]]) -> TFMessage:
+    """Poses (4, 4) by the names of parent and child."""
+    return TFMessage(
+        [_transform(stamp_ns, parent, child, pose) for (parent, child), pose in poses.items()]
+    )
+
+
+def text(content: str) -> String:
+    """Message of a text."""
+    return String(content)
+
+
+def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void]:
+    """Records (n,) of columns (n,) by name, packed."""
+    named = list(columns)
+    records = np.empty(len(named[0][1]), dtype=[(name, values.dtype.str) for name, values in named])
+    for name, values in named:
+        records[name] = values
+    return records
+
+
+def _pose(pose: NDArray[np.float64]) -> Pose:
+    return Pose(Point(*pose[:3, 3].tolist()), _quaternion(pose))
+
+
+def _transform(
+    stamp_ns: int, parent: str, child: str, pose: NDArray[np.float64]
+) -> TransformStamped:
+    transform = Transform(Vector3(*pose[:3, 3].tolist()), _quaternion(pose))
+    return TransformStamped(header(stamp_ns, parent), child, transform)
+
+
+def _quaternion(pose: NDArray[np.float64]) -> Quaternion:
+    return Quaternion(*quaternion_from_rotation(pose[None, :3, :3])[0].tolist())

@@ -1,0 +1,277 @@
+"""Streams of a run as ROS 2 messages: topics of each sensor at a step."""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+from omnisim.cameras.calibration.encode import encode_exactly
+from omnisim.cameras.calibration.formats.camera_info import CameraInfoLens
+from omnisim.cameras.calibration.formats.ros import Ros
+from omnisim.core.files.image_files import read_image
+from omnisim.datasets.export.export_format import ExportSettings
+from omnisim.datasets.export.recorded_camera import RecordedCamera
+from omnisim.datasets.export.recording import ImuReadings, Recording
+from omnisim.datasets.export.ros2 import ros_messages as messages
+from omnisim.datasets.export.stored_scans import read_table
+from omnisim.sensors.calibration_file import CALIBRATION
+
+BASE = "base_link"
+CLOUD_COLORS = "rgb"
+LABELLED = ("semantic", "instance")  # channels whose numbers are those of the run's labels
+
+
+class StampedMessage(NamedTuple):
+    """Message on its way into a bag."""
+
+    topic: str
+    stamp_ns: int
+    message: object
+
+
+class Stream(ABC):
+    """Stream of one sensor.
+
+    Args:
+        recording: the run.
+        name: of the sensor.
+        settings: of the export.
+
+    Attributes:
+        frame: of the sensor.
+    """
+
+    def __init__(self, recording: Recording, name: str, settings: ExportSettings):
+        self.recording, self.name, self.settings = recording, name, settings
+        self.topic = ros_name(name)
+        self.frame = self.topic
+
+    @abstractmethod
+    def base_from_frame(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the sensor's frame."""
+
+    @abstractmethod
+    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+        """Messages of a measurement by its number."""
+
+    def messages_of(self, step: int) -> Iterator[StampedMessage]:
+        """Messages of all measurements after the step before, up to a step's time."""
+        for index in self.recording.indices_at(self.name, step):
+            yield from self.messages_at(index, self._stamps_ns[index])
+
+    @cached_property
+    def _stamps_ns(self) -> list[int]:
+        times_s = self.recording.times_s(self.name)
+        return self.settings.stamps_ns(times_s, self.recording.run.path)
+
+    def _mount(self, world_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose (4, 4) on the base by the pose at the first measurement."""
+        first_s = float(self.recording.times_s(self.name)[0])
+        return self.recording.mount(world_from_sensor, first_s)
+
+    def _first_file(self, suffix: str) -> Path:
+        return self.recording.run.file(self.name, 0, suffix)
+
+
+class CameraStream(Stream):
+    """Pictures, ranges and points of a camera."""
+
+    def __init__(self, recording: Recording, camera: RecordedCamera, settings: ExportSettings):
+        super().__init__(recording, camera.name, settings)
+        self.camera = camera
+        self.frame = f"{self.topic}_optical_frame"
+        self.lens = true_lens(camera)
+
+    @property
+    def calibration(self) -> str:
+        """Text of the calibration, omnisim's JSON."""
+        return (self.camera.run.path / self.name / CALIBRATION).read_text(encoding="utf-8")
+
+    def base_from_frame(self) -> NDArray[np.float64]:
+        """Pose of the optical frame."""
+        return self.camera.mount.base_from_optical
+
+    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+        """Picture, calibration where ROS has one, ranges, and points if they are asked for."""
+        needs_picture = not self.settings.compressed or self.settings.with_points
+        picture = self.camera.picture(step) if needs_picture else None
+        if self.settings.compressed:
+            png = self.camera.picture_file(step).read_bytes()
+            compressed = messages.compressed_image(stamp_ns, self.frame, png)
+            yield StampedMessage(f"/{self.topic}/image_raw/compressed", stamp_ns, compressed)
+        else:
+            yield self._image("image_raw", stamp_ns, picture)
+        if self.lens is not None:
+            info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
+            yield StampedMessage(f"/{self.topic}/camera_info", stamp_ns, info)
+        for name in LABELLED:
+            if self.camera.has(name):
+                yield self._image(name, stamp_ns, self.camera.channel(step, name))
+        if not self.camera.has("range"):
+            return
+        ranges_m = self.camera.channel(step, "range")
+        yield self._image("range", stamp_ns, ranges_m)
+        if self.settings.with_points:
+            points_m, hit = self.camera.points_m(ranges_m)
+            cloud = colored_points(points_m, None if picture is None else picture[hit])
+            message = messages.point_cloud(stamp_ns, self.frame, cloud)
+            yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
+
+    def _image(self, topic: str, stamp_ns: int, pixels: Any) -> StampedMessage:
+        message = messages.image(stamp_ns, self.frame, pixels)
+        return StampedMessage(f"/{self.topic}/{topic}", stamp_ns, message)
+
+
+class DepthStream(Stream):
+    """Depths of a depth camera."""
+
+    def __init__(self, recording: Recording, name: str, settings: ExportSettings):
+        super().__init__(recording, name, settings)
+        self.camera = recording.depth_camera(name)
+        self.frame = f"{self.topic}_optical_frame"
+        self.lens = true_lens(self.camera)
+
+    def base_from_frame(self) -> NDArray[np.float64]:
+        """Pose of the optical frame."""
+        return self.camera.mount.base_from_optical
+
+    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+        """Depths in millimetres, the calibration, and points if they are asked for."""
+        depths = read_image(self.camera.picture_file(step))[0][..., 0].astype(np.uint16)
+        image = messages.image(stamp_ns, self.frame, depths)
+        yield StampedMessage(f"/{self.topic}/depth/image_rect", stamp_ns, image)
+        if self.lens is not None:
+            info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
+            yield StampedMessage(f"/{self.topic}/depth/camera_info", stamp_ns, info)
+        if self.settings.with_points:
+            with np.errstate(divide="ignore"):
+                ranges_m = 1e-3 * np.where(depths, depths, np.inf) / self.camera.directions[..., 2]
+            points_m, _ = self.camera.points_m(ranges_m)
+            message = messages.point_cloud(stamp_ns, self.frame, colored_points(points_m, None))
+            yield StampedMessage(f"/{self.topic}/depth/points", stamp_ns, message)
+
+
+class ScanStream(Stream):
+    """Scans of a laser scanner."""
+
+    def base_from_frame(self) -> NDArray[np.float64]:
+        """Pose of the scanner."""
+        scan = read_table(self._first_file(".csv"), "beam", "angle_deg", "range_m").header
+        return self._mount(scan.pose("world_from_scanner"))
+
+    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+        """Scan."""
+        path = self.recording.run.file(self.name, step, ".csv")
+        scan = read_table(path, "beam", "angle_deg", "range_m")
+        limits_m = scan.header.number("range_min_m"), scan.header.number("range_max_m")
+        angles_rad = np.radians(scan.columns["angle_deg"])
+        message = messages.laser_scan(
+            stamp_ns, self.frame, angles_rad, scan.columns["range_m"], limits_m
+        )
+        yield StampedMessage(f"/{self.topic}/scan", stamp_ns, message)
+
+
+class RangeStream(Stream):
+    """Ranges of a sonar or infrared sensor."""
+
+    def base_from_frame(self) -> NDArray[np.float64]:
+        """Pose of the sensor."""
+        header = read_table(self._first_file(".csv"), "range_m").header
+        return self._mount(header.pose("world_from_sensor"))
+
+    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+        """Range."""
+        table = read_table(self.recording.run.file(self.name, step, ".csv"), "range_m")
+        header = table.header
+        message = messages.range_message(
+            stamp_ns,
+            self.frame,
+            math.radians(header.number("beam_angle_deg")),
+            (header.number("range_min_m"), header.number("range_max_m")),
+            float(table.columns["range_m"][0]),
+        )
+        yield StampedMessage(f"/{self.topic}/range", stamp_ns, message)
+
+
+class LidarStream(Stream):
+    """Point clouds of a lidar."""
+
+    def base_from_frame(self) -> NDArray[np.float64]:
+        """Pose of the lidar."""
+        return self.recording.base_from_lidar(self.name)
+
+    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+        """Cloud with all fields, stamped with its end."""
+        cloud = self.recording.cloud(self.name, step)
+        message = messages.point_cloud(stamp_ns, self.frame, cloud.points)
+        yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
+
+
+class ImuStream(Stream):
+    """Readings of an IMU."""
+
+    def base_from_frame(self) -> NDArray[np.float64]:
+        """Pose of the IMU."""
+        return self.recording.base_from_imu(self.name)
+
+    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+        """One reading."""
+        values = self._readings.values[step].tolist()
+        message = messages.imu(stamp_ns, self.frame, values[:3], values[3:])
+        yield StampedMessage(f"/{self.topic}/data_raw", stamp_ns, message)
+
+    def messages_of(self, step: int) -> Iterator[StampedMessage]:
+        """Readings after the step before, up to a step's time."""
+        steps_s, times_s = self.recording.truth.times_s, self._readings.times_s
+        begin_s = steps_s[step - 1] if step > 0 else -np.inf
+        end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
+        first, last = np.searchsorted(times_s, (begin_s, end_s), side="right")
+        for index in range(first, last):
+            yield from self.messages_at(index, self._stamps_ns[index])
+
+    @cached_property
+    def _readings(self) -> ImuReadings:
+        return self.recording.imu_readings(self.name)
+
+    @cached_property
+    def _stamps_ns(self) -> list[int]:
+        return self.settings.stamps_ns(self._readings.times_s, self.recording.run.path)
+
+
+def ros_name(name: str) -> str:
+    """Nearest name that ROS allows: ASCII letters, digits and _, no digit first."""
+    safe = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"_{safe}" if safe[0].isdigit() else safe
+
+
+def true_lens(camera: RecordedCamera) -> CameraInfoLens | None:
+    """Lens of CameraInfo that is the camera, to the last bit; None: ROS has no such model."""
+    if not camera.has_one_viewpoint:
+        return None
+    calibrated = CalibratedCamera(camera.name, camera.mount.camera)
+    encoded = encode_exactly(calibrated, Ros(), camera.name)
+    return None if encoded is None or encoded.metadata.mirrored else encoded.lens
+
+
+def colored_points(
+    points_m: NDArray[np.float64], colors: NDArray[np.uint8] | None
+) -> NDArray[np.void]:
+    """Records (n,) of points with x, y, z, and rgb as viewers of ROS expect it."""
+    xyz = points_m.astype(np.float32)
+    columns: list[tuple[str, NDArray[Any]]] = [
+        (axis, xyz[:, index]) for index, axis in enumerate("xyz")
+    ]
+    if colors is not None:
+        bgra = np.zeros((len(colors), 4), dtype=np.uint8)
+        bgra[:, :3] = colors[:, ::-1]
+        columns.append((CLOUD_COLORS, bgra.view(np.float32)[:, 0]))
+    return messages.point_fields(columns)

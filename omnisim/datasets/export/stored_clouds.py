@@ -1,0 +1,57 @@
+"""Point clouds of a run's lidars read back from PLY and PCD files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import RunError
+from omnisim.datasets.export.file_headers import FileHeader
+from omnisim.sensors.lidar.point_cloud import POINT
+
+_ENDS = {".ply": b"end_header\n", ".pcd": b"DATA binary\n"}
+_COMMENTS = {".ply": "comment ", ".pcd": "# "}
+_COUNTS = {".ply": "element vertex ", ".pcd": "POINTS "}
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCloud:
+    """Point cloud of a revolution.
+
+    Attributes:
+        header: parameters and poses of the lidar.
+        points: (n,) of `omnisim.sensors.lidar.point_cloud.POINT`.
+    """
+
+    header: FileHeader
+    points: NDArray[np.void]
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """Points (n, 3) in the lidar's frame at each one's own time."""
+        return np.stack([self.points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+
+
+def read_cloud(path: Path) -> StoredCloud:
+    """Read a cloud as `PointCloud.save` writes it.
+
+    Raises:
+        RunError: the file cannot be read, or is another's or damaged.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    head, end, data = content.partition(_ENDS[path.suffix])
+    lines = head.decode("utf-8", errors="replace").splitlines()
+    counts = [line.removeprefix(_COUNTS[path.suffix]) for line in lines if
+              line.startswith(_COUNTS[path.suffix])]  # fmt: skip
+    count = int(counts[0]) if counts and counts[0].isdecimal() else -1
+    if not end or len(data) != count * POINT.itemsize:
+        raise RunError(f"{path}: is damaged: expected a point cloud as a drive writes it")
+    comment = _COMMENTS[path.suffix]
+    comments = [line.removeprefix(comment) for line in lines if line.startswith(comment)]
+    return StoredCloud(FileHeader(path, comments), np.frombuffer(data, dtype=POINT))

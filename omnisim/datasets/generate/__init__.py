@@ -1,0 +1,1 @@
+"""Data sets generated from a plan, in shards."""

@@ -1,0 +1,284 @@
+"""Draws of samples: scene, rig, place, colours and objects as functions of seed and number."""
+
+from __future__ import annotations
+
+import colorsys
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import PlanError
+from omnisim.core.poses import pose, roll_pitch_yaw_from_rotation
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.datasets.free_space import FreeSpace
+from omnisim.datasets.generate.distributions import Distribution, Stream
+from omnisim.datasets.generate.plan import Plan
+from omnisim.datasets.generate.prepared_plan import PlanObject, PreparedPlan
+
+# Purposes of streams: one more number drawn for one moves no other.
+_WHICH, _PLACE, _VARY, _COLORS, _OBJECTS = range(5)
+MOST_TRIES = 200  # for a place that keeps its distances
+
+
+@dataclass(frozen=True)
+class Which:
+    """Numbers of scene, rig and setup of a sample, which no later attempt changes.
+
+    Attributes:
+        scene: of the plan.
+        rig: of the plan.
+        light: setup of its light; 0: light does not vary.
+        camera: setup of its cameras; 0: they do not vary.
+    """
+
+    scene: int
+    rig: int
+    light: int
+    camera: int
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Object that is placed.
+
+    Attributes:
+        name: of its instance.
+        object: number in the plan.
+        world_from_object: (4, 4).
+    """
+
+    name: str
+    object: int
+    world_from_object: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """All that one attempt at a sample depends on.
+
+    Attributes:
+        number: of the sample.
+        attempt: from 0.
+        which: scene and rig.
+        position_m: (3,) of the viewpoint.
+        yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
+        shift_m: (3,) of the camera on it.
+        time_s: of the world.
+        exposure_ev: on top of the camera's.
+        colors: linear RGB by instance.
+        objects: that are placed.
+    """
+
+    number: int
+    attempt: int
+    which: Which
+    position_m: NDArray[np.float64]
+    yaw_deg: float
+    pitch_deg: float
+    roll_deg: float
+    shift_m: tuple[float, float, float]
+    time_s: float
+    exposure_ev: float
+    colors: dict[str, tuple[float, float, float]]
+    objects: tuple[Placed, ...]
+
+
+def draw_which(plan: Plan, number: int) -> Which:
+    """Draw the scene and the rig of a sample."""
+    stream = Stream(plan.seed, number, 0, _WHICH)
+    scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
+    rig = stream.choose(range(len(plan.cameras)), [one.weight for one in plan.cameras])
+    setup = number // plan.vary.pictures_per_setup
+    varies = plan.cameras[rig].varies
+    return Which(scene, rig, setup if plan.vary.lights else 0, setup if varies else 0)
+
+
+def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
+    """Draw a sample.
+
+    Raises:
+        OmnisimError: a file of the plan with a fault, or no place.
+    """
+    plan = prepared.plan
+    which = draw_which(plan, number)
+
+    def stream(purpose: int) -> Stream:
+        return Stream(plan.seed, number, attempt, purpose)
+
+    place = _place(prepared, which.scene, stream(_PLACE))
+    vary, own = plan.vary, stream(_VARY)
+    yaw_deg = vary.yaw_deg.draw(own)
+    pitch_deg, roll_deg = vary.pitch_deg.draw(own), vary.roll_deg.draw(own)
+    shift_m = (vary.shift_m.draw(own), vary.shift_m.draw(own), vary.shift_m.draw(own))
+    if place.turns_along and "yaw_deg" not in vary.model_fields_set:
+        yaw_deg = 0.0
+    drawn = Draw(
+        number=number,
+        attempt=attempt,
+        which=which,
+        position_m=place.position_m,
+        yaw_deg=place.yaw_deg + yaw_deg,
+        pitch_deg=place.pitch_deg + pitch_deg,
+        roll_deg=place.roll_deg + roll_deg,
+        shift_m=shift_m,
+        time_s=vary.time_s.draw(own),
+        exposure_ev=vary.exposure_ev.draw(own),
+        colors=_colors(prepared, which.scene, stream(_COLORS)),
+        objects=(),
+    )
+    if not prepared.objects:
+        return drawn
+    return dataclasses.replace(drawn, objects=_objects(prepared, drawn, stream(_OBJECTS)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Position of the viewpoint (3,), and the attitude that the place itself has."""
+
+    position_m: NDArray[np.float64]
+    yaw_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+    turns_along: bool = False
+
+
+def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
+    stand = prepared.plan.stand
+    match stand.where:
+        case "free":
+            on_floor = _on_floor(prepared.free_space(scene), stream)
+            return _Place(on_floor + (0.0, 0.0, stand.height_m.draw(stream)))
+        case "path":
+            return _along(prepared, scene, stream)
+        case "around":
+            return _around(prepared, scene, stream)
+        case _:
+            return _of_file(prepared.poses[stream.whole(len(prepared.poses))])
+
+
+def _on_floor(free: FreeSpace, stream: Stream) -> NDArray[np.float64]:
+    places = free.places()
+    cell = places[stream.whole(len(places))]
+    return free.point_in(cell, (stream.share(), stream.share()))
+
+
+def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
+    """Point of a path, evenly by length, and the heading there."""
+    stand, paths = prepared.plan.stand, prepared.paths(scene)
+    legs = np.concatenate([np.stack((path[:-1], path[1:]), axis=1) for path in paths])
+    lengths = np.linalg.norm(legs[:, 1] - legs[:, 0], axis=1)
+    begin, end = legs[stream.choose(range(len(legs)), lengths.tolist())]
+    direction = (end - begin) / np.linalg.norm(end - begin)
+    left = np.array((-direction[1], direction[0]))
+    point = begin + stream.share() * (end - begin) + stand.beside_m.draw(stream) * left
+    yaw_deg = math.degrees(math.atan2(direction[1], direction[0]))
+    return _Place(_above(prepared, scene, point, stream), yaw_deg, turns_along=True)
+
+
+def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
+    """Point at a distance from an object, and the heading towards it."""
+    middle = stream.choose(prepared.middles(scene))
+    distance_m = prepared.plan.stand.distance_m.draw(stream)
+    angle = 2.0 * math.pi * stream.share()
+    point = middle[:2] + distance_m * np.array((math.cos(angle), math.sin(angle)))
+    position_m = _above(prepared, scene, point, stream)
+    return _Place(position_m, math.degrees(angle) - 180.0, turns_along=True)
+
+
+def _above(
+    prepared: PreparedPlan, scene: int, point_m: NDArray[np.float64], stream: Stream
+) -> NDArray[np.float64]:
+    """Viewpoint above the floor at a point (2,)."""
+    free = prepared.free_space(scene)
+    cell = free.cell_of(point_m)
+    floor_m = math.nan if cell is None else float(free.floor_m[cell])
+    if math.isnan(floor_m):
+        floor_m = float(np.nanmin(free.floor_m))
+    return np.array((*point_m, floor_m + prepared.plan.stand.height_m.draw(stream)))
+
+
+def _of_file(world_from_base: NDArray[np.float64]) -> _Place:
+    """Pose of a file, as yaw, pitch and roll."""
+    roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(world_from_base[:3, :3]))
+    return _Place(world_from_base[:3, 3], yaw, pitch, roll, turns_along=True)
+
+
+def _colors(
+    prepared: PreparedPlan, scene: int, stream: Stream
+) -> dict[str, tuple[float, float, float]]:
+    found = {}
+    for table in prepared.plan.vary.recolor:
+        for name in prepared.instances(scene, table.nodes, "vary.recolor.nodes"):
+            is_drawn = stream.share() < table.share
+            parts = [one.draw(stream) for one in (table.hue_deg, table.saturation, table.value)]
+            if is_drawn:
+                hue, saturation, value = parts
+                rgb = colorsys.hsv_to_rgb(hue / 360.0 % 1.0, _unit(saturation), _unit(value))
+                red, green, blue = linear_from_srgb(np.array(rgb)).tolist()
+                found[name] = (red, green, blue)
+    return found
+
+
+def _unit(value: float) -> float:
+    return min(max(value, 0.0), 1.0)
+
+
+def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Placed, ...]:
+    """Objects on the free floor, apart from one another and from the viewpoint."""
+    free = prepared.free_space(drawn.which.scene)
+    own_m = prepared.plan.stand.radius_m
+    taken = [(drawn.position_m[:2], own_m)]
+    placed = []
+    for index, (table, shape) in enumerate(
+        zip(prepared.plan.objects, prepared.objects, strict=True)
+    ):
+        least, most = table.count
+        for number in range(least + stream.whole(most - least + 1)):
+            point = _apart(free, taken, shape, drawn.position_m[:2], table.distance_m, stream)
+            taken.append((point[:2], shape.radius_m))
+            world_from_object = _standing(shape, point, table.yaw_deg.draw(stream))
+            placed.append(Placed(f"{shape.title}_{number}", index, world_from_object))
+    return tuple(placed)
+
+
+def _apart(
+    free: FreeSpace,
+    taken: Sequence[tuple[NDArray[np.float64], float]],
+    shape: PlanObject,
+    viewpoint_m: NDArray[np.float64],
+    distance_m: Distribution,
+    stream: Stream,
+) -> NDArray[np.float64]:
+    """Point (3,) on the floor for an object.
+
+    Raises:
+        PlanError: there is none.
+    """
+    for _ in range(MOST_TRIES):
+        angle, distance = 2.0 * math.pi * stream.share(), distance_m.draw(stream)
+        point = viewpoint_m + distance * np.array((math.cos(angle), math.sin(angle)))
+        cell = free.cell_of(point)
+        if cell is None or not free.clears(cell, shape.radius_m):
+            continue
+        if all(np.hypot(*(point - other)) > radius + shape.radius_m for other, radius in taken):
+            return np.array((*point, free.floor_m[cell]))
+    raise PlanError(
+        f"objects: {shape.title}: no free place of {shape.radius_m:.2g} m in {MOST_TRIES} draws: "
+        "expected fewer or smaller objects, or another distance_m"
+    )
+
+
+def _standing(
+    shape: PlanObject, point_m: NDArray[np.float64], yaw_deg: float
+) -> NDArray[np.float64]:
+    """Pose (4, 4) that turns an object about its middle and puts it on the floor."""
+    turned = pose((0.0, 0.0, 0.0), 0.0, 0.0, yaw_deg)
+    centered = np.eye(4)
+    centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]
+    world_from_object: NDArray[np.float64] = turned @ centered
+    world_from_object[:3, 3] += point_m
+    return world_from_object

@@ -1,0 +1,220 @@
+"""Generation of a data set: the shards that are missing, then manifest and card."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from omnisim.core.errors import OutputError, PlanError
+from omnisim.core.files.atomic_file import write_text
+from omnisim.datasets.card import write_card
+from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
+from omnisim.datasets.free_space_file import PATTERN
+from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.datasets.generate.shard import ShardMaker, ShardSummary, find_shard
+from omnisim.datasets.generate.workers import Job, Made, make_shards, scratch_folder, threads_shared
+
+PLAN, SHARDS = "plan.json", "shard-*.tar"
+PROBED_SAMPLES = 12  # by each worker, for an estimate
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Size of a data set, and the time that it takes.
+
+    Attributes:
+        samples: of all shards.
+        sample_bytes: mean size of a sample in its shard.
+        samples_per_s: rate of all workers together.
+        start_s: until a worker's first sample.
+    """
+
+    samples: int
+    sample_bytes: float
+    samples_per_s: float
+    start_s: float
+
+    @property
+    def seconds(self) -> float:
+        """Time of all shards."""
+        return self.start_s + self.samples / self.samples_per_s
+
+
+class Generation:
+    """Data set that is being made in a folder.
+
+    Args:
+        path: of the plan.
+        folder: of the data set, which may be there already.
+        shards: numbers to make; None: all of the plan.
+        workers: processes; 1: this one.
+        device: EGL's number of the GPU; None takes the first.
+
+    Attributes:
+        prepared: plan with its files read.
+        job: what its workers are told.
+        shards: numbers to make.
+        missing: numbers of the shards that are not there yet.
+
+    Raises:
+        OmnisimError: a fault of the plan or of one of its files, shards that the plan does not
+            have, or a folder of another plan.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        folder: Path,
+        shards: range | None = None,
+        workers: int = 1,
+        device: int | None = None,
+    ):
+        self.prepared = PreparedPlan.read(path, folder)
+        self.job, self._workers = Job(path, folder, device), workers
+        count = self.prepared.plan.shards
+        self.shards = range(count) if shards is None else shards
+        if not self.shards or self.shards[0] < 0 or self.shards[-1] >= count:
+            raise PlanError(
+                f"--shards: expected some of 0:{count}, as the plan has shards = {count}, got "
+                f"{self.shards.start}:{self.shards.stop}"
+            )
+        self.prepared.check_setups()
+        self._own_folder()
+        self.missing = [number for number in self.shards if self._found(number) is None]
+
+    def run(self) -> Iterator[Made]:
+        """Make the shards that are missing; yield after each sample and each shard.
+
+        Raises:
+            OmnisimError: a sample that cannot be drawn, or a file that cannot be written.
+        """
+        if not self.missing:
+            return
+        self._keep_folder()
+        if self._workers > 1:
+            for number in range(len(self.prepared.plan.scenes)):
+                self.prepared.find_free_space(number)  # once for all workers
+            with threads_shared(self._workers):
+                for made in make_shards(self.job, self.missing, self._workers):
+                    self._keep_folder()
+                    yield made
+            return
+        maker = ShardMaker(self.prepared, self.job.folder, self.job.device)
+        try:
+            for number in self.missing:
+                for _ in maker.steps(number):
+                    yield Made(number, False)
+                self._keep_folder()
+                yield Made(number, True)
+        finally:
+            maker.close()
+
+    def _keep_folder(self) -> None:
+        """Take the folder again, where another process has given it up."""
+        if not (self.job.folder / PLAN).is_file():
+            self.job.folder.mkdir(exist_ok=True)
+            write_text(self.job.folder / PLAN, self._claim)
+
+    def finish(self) -> Manifest | None:
+        """Write manifest and card, once all shards of the plan are there; None: some are not.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        found = [self._found(number) for number in range(self.prepared.plan.shards)]
+        summaries = tuple(one for one in found if one is not None)
+        if len(summaries) < len(found):
+            return None
+        manifest = Manifest(
+            self.prepared.plan.title or self.job.plan.stem,
+            self.prepared.plan.licence,
+            self.prepared.fingerprint,
+            self.prepared.plan.channels,
+            summaries,
+        )
+        content = json.dumps(manifest.to_json(), indent=1) + "\n"
+        target = self.job.folder / MANIFEST
+        if not target.is_file() or target.read_text(encoding="utf-8") != content:
+            write_card(self.job.folder, manifest)
+            write_text(target, content)
+        for free_space in self.job.folder.glob(PATTERN):
+            free_space.unlink(missing_ok=True)
+        return manifest
+
+    def give_up(self) -> None:
+        """Give a folder up that this process has taken, after a fault before any shard is in it.
+
+        Another process of the same plan that is at work in it takes it again.
+        """
+        folder = self.job.folder
+        if not self._has_taken_folder or any(folder.glob(SHARDS)):
+            return
+        for path in (folder / PLAN, *folder.glob(PATTERN)):
+            path.unlink(missing_ok=True)
+        if self._is_new_folder and not any(folder.iterdir()):
+            folder.rmdir()
+
+    def _found(self, number: int) -> ShardSummary | None:
+        found = find_shard(self.job.folder, number)
+        return found if found is not None and found.plan == self.prepared.fingerprint else None
+
+    def _own_folder(self) -> None:
+        """Make the folder this plan's, or refuse it."""
+        folder = self.job.folder
+        content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
+        text = self._claim = json.dumps(content, indent=1) + "\n"
+        self._is_new_folder, self._has_taken_folder = not folder.exists(), False
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            there = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
+            before = (folder / PLAN).read_text(encoding="utf-8") if PLAN in there else None
+        except OSError as reason:
+            raise OutputError(f"{folder}: cannot be written: {reason.strerror}") from None
+        except UnicodeDecodeError:
+            before = ""
+        if before == text:
+            return
+        is_abandoned = there == [PLAN] and before is not None and before.startswith(text[:10])
+        if there and not is_abandoned:  # a plan that made no shard has no claim
+            what = "another plan, or of other scenes" if before else "no data set"
+            raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
+        write_text(folder / PLAN, text)
+        self._has_taken_folder = True
+
+
+def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimate:
+    """Measure some samples of a plan, and throw them away.
+
+    Raises:
+        OmnisimError: a fault of the plan or of one of its files, or a sample that cannot be drawn.
+    """
+    begin_s = time.perf_counter()
+    with scratch_folder() as folder:
+        prepared = PreparedPlan.read(path, folder)
+        prepared.check()
+        read_s = time.perf_counter() - begin_s
+        samples = min(PROBED_SAMPLES, prepared.plan.pictures_per_shard)
+        job = Job(path, folder, device, samples)
+        times_s: dict[int, list[float]] = {number: [] for number in range(workers)}
+        if workers > 1:
+            with threads_shared(workers):
+                for made in make_shards(job, list(times_s), workers):
+                    if not made.is_whole:
+                        times_s[made.shard].append(time.perf_counter() - begin_s)
+        else:
+            maker = ShardMaker(prepared, folder, device)
+            try:
+                for _ in maker.steps(0, samples):
+                    times_s[0].append(time.perf_counter() - begin_s)
+            finally:
+                maker.close()
+        sizes = sum(one.stat().st_size for one in folder.glob("*.tar"))
+    rate = sum((len(own) - 1) / (own[-1] - own[0]) for own in times_s.values() if len(own) > 1)
+    start_s = max(own[0] for own in times_s.values())
+    count = samples * workers
+    if not rate:
+        rate = 1.0 / max(start_s - read_s, 1e-3)
+    return Estimate(prepared.plan.pictures, sizes / count, rate, start_s)

@@ -1,0 +1,309 @@
+"""Plan of a data set, `plan.toml`: scenes, places, cameras, and what varies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from omnisim.core.errors import OmnisimError, PlanError
+from omnisim.core.files.parameters import Fraction, NotNegative, Positive, Table
+from omnisim.core.files.toml_file import read_toml
+from omnisim.datasets.generate.distributions import LARGEST_SEED, Distributed, Distribution
+from omnisim.datasets.generate.plan_vary import MAX_PICTURES, Name, VaryTable, fixed
+from omnisim.ground_truth.channels import check_channels
+from omnisim.ground_truth.coco import BoxLimits
+
+Weight = Annotated[float, Field(strict=True, gt=0.0, le=1e9)]
+Where = Literal["free", "path", "around", "poses"]
+MAX_SHARDS = 1_000_000  # of a data set
+
+
+def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
+    needs_others = [name for name in names if "flow" in name or "occluded" in name]
+    if needs_others:
+        raise ValueError(f"{needs_others[0]}: expected channels of single pictures")
+    try:
+        return check_channels(names)
+    except OmnisimError as reason:
+        raise ValueError(str(reason)) from None
+
+
+class PlanSceneTable(Table):
+    """Scene that pictures are taken in."""
+
+    file: Name
+    """Scene file, relative to the plan; or the name of a built-in scene."""
+    name: Name | None = None
+    """Name in the data set; left out: that of its file."""
+    weight: Weight = 1.0
+    """Share of the pictures, relative to the other scenes'."""
+    up_axis: Literal["x", "y", "z"] | None = None
+    """Axis of the file that points up; left out: as its format has it."""
+    meters_per_unit: Positive | None = None
+    """Metres in a unit of the file; left out: as its format has it."""
+    labels: Name | None = None
+    """Label file, relative to the plan, instead of the scene's own labels."""
+    floor_m: Annotated[float, Field(strict=True, ge=-1e6, le=1e6)] | None = None
+    """Height of the floor to stand on; left out: the one below the scene's start."""
+
+    @property
+    def title(self) -> str:
+        """Name in the data set."""
+        return self.name or Path(self.file).stem
+
+
+class PlanCameraTable(Table):
+    """Camera, or rig, that takes pictures; without sensor, calibration and optics the paper's."""
+
+    name: Name | None = None
+    """Name in the data set, distinct; left out: that of its file."""
+    sensor: Name | None = None
+    """Sensor file, relative to the plan."""
+    calibration: Name | None = None
+    """Calibration file, relative to the plan."""
+    camera_name: Name | None = None
+    """Camera of the calibration file, or "all": the whole rig, each pose seen by each camera; left
+    out: the first."""
+    mirrored: Annotated[bool, Field(strict=True)] | None = None
+    """It looks into a mirror; left out: as in the file's metadata."""
+    optics: Name | None = None
+    """Optics file, relative to the plan."""
+    size_px: Annotated[int, Field(strict=True, ge=1, le=16384)] | None = None
+    """Shorter side of the picture; left out: as in the file."""
+    quality: Literal["fast", "default", "fine"] | None = None
+    """Quality of the capture."""
+    preset: Name | None = None
+    """Degradations by the name of a preset, or the path of its file; the world is at rest."""
+    parameters: dict[Name, Distributed] = Field(default_factory=dict)
+    """What is added to parameters of the camera's model, by their names in its file, in pixels of
+    the file; to each number of a list another."""
+    degradation: dict[Name, dict[Name, Distributed]] = Field(default_factory=dict)
+    """Parameters of degradations that are drawn, as in the sensor file's [degradation]."""
+    mount_shift_m: Distributed = fixed(0.0)
+    """Shift of each camera on its rig along each axis, metres: extrinsics that are not exact."""
+    mount_turn_deg: Distributed = fixed(0.0)
+    """Turn of each camera on its rig about each axis, degrees."""
+    weight: Weight = 1.0
+    """Share of the pictures, relative to the other cameras'."""
+
+    @model_validator(mode="after")
+    def _one_file(self) -> PlanCameraTable:
+        files = [key for key in ("sensor", "calibration", "optics") if getattr(self, key)]
+        if len(files) > 1:
+            raise ValueError(f"expected one of sensor, calibration and optics, got {files}")
+        for key in ("camera_name", "mirrored"):
+            if getattr(self, key) is not None and self.calibration is None:
+                raise ValueError(f"{key}: expected a calibration beside it")
+        return self
+
+    @property
+    def title(self) -> str:
+        """Name in the data set."""
+        source = self.sensor or self.calibration or self.optics
+        return self.name or ("paper" if source is None else Path(source).stem)
+
+    @property
+    def varies(self) -> bool:
+        """True where each setup has a camera of its own."""
+        return not {"parameters", "degradation", "mount_shift_m", "mount_turn_deg"}.isdisjoint(
+            _without_defaults(self)
+        )
+
+
+class StandTable(Table):
+    """Places of the viewpoint."""
+
+    where: Where = "free"
+    """`free`: on the free floor; `path`: along paths of the scene; `around`: around objects;
+    `poses`: those of a file."""
+    height_m: Distributed = fixed(1.0)
+    """Height of the viewpoint above the floor, metres."""
+    radius_m: Positive = 0.25
+    """Radius around the viewpoint, down to the floor, that is clear of surfaces."""
+    step_m: NotNegative = 0.1
+    """Height of what is driven over: lower surfaces do not count."""
+    region: Literal["start", "all"] = "start"
+    """`start`: the free floor that hangs together with the scene's start; `all`: all of it."""
+    paths: tuple[Name, ...] = ()
+    """Names of the scene's paths; none: all of them."""
+    beside_m: Distributed = fixed(0.0)
+    """Distance to the left of a path, metres."""
+    nodes: tuple[Name, ...] = ()
+    """Names of the objects to stand around; `*` and `?` stand for any letters."""
+    distance_m: Distributed = Distribution("uniform", (1.0, 3.0))
+    """Distance from the object's middle on the floor plan, metres."""
+    file: Name | None = None
+    """File of poses, relative to the plan: TUM, KITTI, EuRoC or CSV; of the viewpoint on a level
+    vehicle, x forward."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> StandTable:
+        if self.where == "around" and not self.nodes:
+            raise ValueError('nodes: expected names of objects with where = "around"')
+        if (self.where == "poses") != (self.file is not None):
+            raise ValueError('file: expected with where = "poses", and only there')
+        if self.height_m.low <= 0.0 and self.where != "poses":
+            raise ValueError(f"height_m: expected heights above 0, got {self.height_m.low:g}")
+        return self
+
+
+class PlacedTable(Table):
+    """Objects that are placed on the free floor, without touching."""
+
+    file: Name
+    """Scene file of the object, relative to the plan; or the name of a built-in scene."""
+    name: Name | None = None
+    """Name of its instances, before their number; left out: that of its file."""
+    up_axis: Literal["x", "y", "z"] | None = None
+    """Axis of the file that points up; left out: as its format has it."""
+    meters_per_unit: Positive | None = None
+    """Metres in a unit of the file; left out: as its format has it."""
+    count: tuple[
+        Annotated[int, Field(strict=True, ge=0, le=100)],
+        Annotated[int, Field(strict=True, ge=0, le=100)],
+    ] = (1, 1)
+    """Least and most of them in a picture."""
+    yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
+    """Heading, degrees."""
+    distance_m: Distributed = Distribution("uniform", (0.5, 5.0))
+    """Distance from the viewpoint on the floor plan, metres."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> PlacedTable:
+        if self.count[0] > self.count[1]:
+            raise ValueError(f"count: expected [least, most], got {list(self.count)}")
+        return self
+
+    @property
+    def title(self) -> str:
+        """Name of its instances."""
+        return self.name or Path(self.file).stem
+
+
+class RejectTable(Table):
+    """Pictures that are drawn again."""
+
+    least_hits: Fraction = 0.1
+    """Least share of the pixels with a ray that hit something."""
+    near_m: NotNegative = 0.1
+    """Range below which a surface is too near."""
+    most_near: Fraction = 0.25
+    """Largest share of the pixels that are too near."""
+    attempts: Annotated[int, Field(strict=True, ge=1, le=1000)] = 50
+    """Draws until the plan is given up."""
+
+    @property
+    def is_needed(self) -> bool:
+        """True where a picture can be rejected."""
+        return self.least_hits > 0.0 or (self.near_m > 0.0 and self.most_near < 1.0)
+
+
+class Plan(Table):
+    """Data set: what is in its pictures, and how they are stored."""
+
+    synonyms: ClassVar[Mapping[str, str]] = {"scene": "scenes", "camera": "cameras"}
+
+    scenes: Annotated[tuple[PlanSceneTable, ...], Field(min_length=1)]
+    cameras: tuple[PlanCameraTable, ...] = (PlanCameraTable(),)
+    stand: StandTable = StandTable()
+    vary: VaryTable = VaryTable()
+    objects: tuple[PlacedTable, ...] = ()
+    reject: RejectTable = RejectTable()
+    channels: Annotated[tuple[Name, ...], AfterValidator(_channels)] = ()
+    """Channels of ground truth beside the pictures."""
+    min_area_px: Annotated[int, Field(strict=True, ge=1)] = 1
+    """Visible pixels of an object from which on it is annotated; with the channel instance."""
+    min_visible: Fraction | None = None
+    """Share of the pixels that an object would cover alone, from which on it is annotated; with the
+    channel instance and the extra `rays`. Annotations then have their `visible_share`, also with 0;
+    left out: shares are not found."""
+    pictures_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 100
+    """Samples of a shard."""
+    shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1
+    """Number of shards."""
+    seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] = 0
+    """Seed of all that is drawn: another seed, other pictures."""
+    picture_format: Literal["png", "jpg"] = "png"
+    """File format of the pictures."""
+    channel_format: Literal["auto", "npy"] = "auto"
+    """`npy`: arrays as they are, quick to load; `auto`: a common file format for each."""
+    title: Name | None = None
+    """Name of the data set; left out: the plan's."""
+    licence: Name | None = None
+    """Licence of the data set, for its card."""
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Plan:
+        for key, tables in (("cameras", self.cameras), ("objects", self.objects)):
+            titles = [table.title for table in tables]
+            for title in titles:
+                if titles.count(title) > 1:
+                    raise ValueError(f"{key}: name = {title!r}: expected each name once")
+        files: dict[str, str] = {}
+        for scene in self.scenes:
+            if files.setdefault(scene.title, scene.file) != scene.file:
+                raise ValueError(
+                    f"scenes: name = {scene.title!r}: expected a name for each file, got "
+                    f"{files[scene.title]!r} and {scene.file!r}"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _annotated(self) -> Plan:
+        for key in ("min_area_px", "min_visible"):
+            if key in self.model_fields_set and "instance" not in self.channels:
+                raise ValueError(f"{key}: expected the channel instance, whose objects it is about")
+        return self
+
+    @property
+    def box_limits(self) -> BoxLimits:
+        """Limits of the objects that are annotated."""
+        return BoxLimits(self.min_area_px, self.min_visible)
+
+    @property
+    def pictures(self) -> int:
+        """Samples of all shards."""
+        return self.shards * self.pictures_per_shard
+
+    @property
+    def sky_files(self) -> tuple[str, ...]:
+        """Environment maps, relative to the plan."""
+        return () if self.vary.sky is None else self.vary.sky.files
+
+    def content(self) -> dict[str, Any]:
+        """Keys and values that pictures depend on, as JSON can hold them, without defaults."""
+        left_out = ("shards", "title", "licence")
+        found: dict[str, Any] = _plain(self)
+        return {key: value for key, value in found.items() if key not in left_out}
+
+
+def read_plan(path: Path) -> Plan:
+    """Read a plan.
+
+    Raises:
+        PlanError: one line for each fault, naming file, key, value and what was expected.
+    """
+    return read_toml(path, Plan, PlanError)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Distribution):
+        return {value.kind: list(value.numbers)}
+    if isinstance(value, Table):
+        return {key: _plain(inner) for key, inner in _without_defaults(value).items()}
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    return [_plain(inner) for inner in value] if isinstance(value, tuple) else value
+
+
+def _without_defaults(table: Table) -> dict[str, Any]:
+    """Keys of a table whose values are not their defaults."""
+    fields = type(table).model_fields
+    return {
+        key: value
+        for key, value in table
+        if value != fields[key].get_default(call_default_factory=True)
+    }

@@ -1,0 +1,190 @@
+"""Cameras of a plan: as their files have them, and as each setup draws them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.errors import OmnisimError, PlanError, did_you_mean
+from omnisim.core.files.sources import recorded_sources
+from omnisim.core.poses import pose
+from omnisim.datasets.generate.distributions import Distribution, Shares
+from omnisim.datasets.generate.plan import PlanCameraTable
+from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.degradation_file import (
+    EFFECTS,
+    parse_degradation,
+    preset,
+)
+from omnisim.rendering.camera.degradations.exposure import Exposure
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+WHOLE_RIG = "all"
+ROUNDING = 1e-9  # of a parameter that is computed from others
+
+
+@dataclass(frozen=True, eq=False)
+class PlanRig:
+    """Cameras that take each sample of theirs together.
+
+    Attributes:
+        title: name in the data set.
+        cameras: by name; a single camera's name is empty.
+    """
+
+    title: str
+    cameras: dict[str, OmniCamera]
+
+    @property
+    def first(self) -> OmniCamera:
+        """Camera whose viewpoint is placed."""
+        return next(iter(self.cameras.values()))
+
+
+class RigFile:
+    """Cameras of a plan's table, whose file is read once.
+
+    Args:
+        table: of the plan.
+        plan: path of its file.
+        is_exposed: the exposure varies from picture to picture.
+
+    Attributes:
+        sources: files that it was read from.
+
+    Raises:
+        OmnisimError: a file with a fault.
+    """
+
+    def __init__(self, table: PlanCameraTable, plan: Path, is_exposed: bool):
+        self.table, self._plan, self._is_exposed = table, plan, is_exposed
+        with recorded_sources() as self.sources:
+            self._read = _read_cameras(table, plan.parent)
+            if table.preset is not None:
+                preset(table.preset, plan.parent)
+
+    def rig(self, stream: Shares | None = None) -> PlanRig:
+        """Rig with its size, quality and degradations.
+
+        Args:
+            stream: that what varies is drawn from; None: nothing does.
+
+        Raises:
+            OmnisimError: parameters that the camera cannot have.
+        """
+        table, found = self.table, {}
+        for name, camera in self._read.items():
+            if stream is not None:
+                camera = self._drawn(camera, stream)
+            if table.size_px is not None:
+                camera = camera.resized(table.size_px)
+            if table.quality is not None:
+                camera = camera.with_quality(table.quality)
+            if table.preset is not None:
+                camera = camera.with_degradation(preset(table.preset, self._plan.parent))
+            if stream is not None and table.degradation:
+                camera = camera.with_degradation(self._degradation(camera.degradation, stream))
+            found[name] = self._exposed(camera) if self._is_exposed else camera
+        return PlanRig(table.title, found)
+
+    def _place(self, key: str) -> str:
+        return f"{self._plan}: cameras: {self.table.title}: {key}"
+
+    def _drawn(self, camera: OmniCamera, stream: Shares) -> OmniCamera:
+        """Camera with parameters and a mount of its own."""
+        table = self.table
+        model = self._varied(camera.model, table.parameters, stream)
+        shift_m = [table.mount_shift_m.draw(stream) for _ in range(3)]
+        turn_deg = [table.mount_turn_deg.draw(stream) for _ in range(3)]
+        mount = camera.base_from_rig @ pose(shift_m, *turn_deg)
+        return dataclasses.replace(camera, model=model, base_from_rig=mount)
+
+    def _varied(
+        self, model: CentralCamera, parameters: Mapping[str, Distribution], stream: Shares
+    ) -> CentralCamera:
+        """Camera model with something added to its parameters."""
+        if not parameters:
+            return model
+        wanted: dict[str, Any] = dict(model.parameters())
+        known = {key: _numbers(value) for key, value in wanted.items()}
+        for key, distribution in parameters.items():
+            if not (numbers := known.get(key, [])):
+                there = [key for key, numbers in known.items() if numbers]
+                raise PlanError(
+                    f"{self._place(f'parameters.{key}')}: of model {model.model_name!r}: "
+                    f"{did_you_mean(key, there, 'expected one of')}"
+                )
+            known[key] = [one + distribution.draw(stream) for one in numbers]
+            wanted[key] = known[key] if isinstance(wanted[key], list) else known[key][0]
+        try:
+            found = camera_of_parameters(wanted)
+        except OmnisimError as reason:
+            raise PlanError(f"{self._place('parameters')}: {reason}") from None
+        for key in parameters:
+            if not np.allclose(_numbers(found.parameters()[key]), known[key], rtol=ROUNDING):
+                raise PlanError(
+                    f"{self._place(f'parameters.{key}')}: follows from the other parameters: "
+                    "expected one of these"
+                )
+        return found
+
+    def _degradation(self, before: Degradation, stream: Shares) -> Degradation:
+        """Degradation with parameters that are drawn."""
+        tables: dict[str, dict[str, Any]] = dict(before.tables())
+        for name, keys in self.table.degradation.items():
+            drawn = {key: _number(name, key, one.draw(stream)) for key, one in keys.items()}
+            tables[name] = {**tables.get(name, {}), **drawn}
+        return parse_degradation(tables, self._place("").removesuffix(": "), self._plan.parent)
+
+    def _exposed(self, camera: OmniCamera) -> OmniCamera:
+        """Camera whose exposure can be set for each picture."""
+        degradation = camera.degradation
+        if degradation.is_metered:
+            raise PlanError(
+                f"{self._plan}: vary.exposure_ev: camera {self.table.title} meters its exposure: "
+                "expected degradation.exposure.ev of this camera instead"
+            )
+        if degradation.exposure is not None:
+            return camera
+        return camera.with_degradation(dataclasses.replace(degradation, exposure=Exposure()))
+
+
+def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]:
+    if table.sensor is not None:
+        return {"": OmniCamera.from_file(folder / table.sensor)}
+    if table.optics is not None:
+        from omnisim.cameras.optics.system_file import read_optics_file  # few plans have one
+
+        return {"": OmniCamera(read_optics_file(folder / table.optics))}
+    if table.calibration is None:
+        return {"": OmniCamera()}
+    # formats and fits are worth their time only to plans with a calibration
+    from omnisim.cameras.calibration.calibration import load_calibration
+    from omnisim.cameras.calibration.rig import Rig
+    from omnisim.robots.rig_vehicle import rig_vehicle
+
+    calibration = load_calibration(folder / table.calibration, mirrored=table.mirrored)
+    if table.camera_name == WHOLE_RIG:
+        vehicle = rig_vehicle(table.title, Rig.of(calibration))
+        return {mounted.name: mounted.sensor for mounted in vehicle.cameras}
+    camera = calibration.camera(table.camera_name)
+    return {"": OmniCamera(camera.camera, polygons=None)}
+
+
+def _numbers(value: Any) -> list[float]:
+    """Numbers of a camera's parameter, which is one or a list of them; none of other parameters."""
+    values = value if isinstance(value, list) else [value]
+    return values if all(isinstance(one, float) for one in values) else []
+
+
+def _number(effect: str, key: str, value: float) -> float | int:
+    """Number of a degradation's key, whole where the key's are."""
+    field = getattr(EFFECTS.get(effect), "__dataclass_fields__", {}).get(key)
+    return round(value) if field is not None and isinstance(field.default, int) else value

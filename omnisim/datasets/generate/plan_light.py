@@ -1,0 +1,154 @@
+"""Light of a setup: the scene's lamps and sky, as they are drawn."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omnisim.core.errors import PlanError
+from omnisim.core.files.parameters import parse_table
+from omnisim.datasets.generate.distributions import Shares
+from omnisim.datasets.generate.plan_vary import VaryLightTable, VarySkyTable, VaryTable
+from omnisim.scene.files.scene_file import SceneFile
+from omnisim.scene.light.sky import under_sky
+from omnisim.scene.light.sun import sun_position
+from omnisim.scene.model import Scene
+from omnisim.scene.parts import Light, LightKind
+
+YEAR = datetime(2026, 1, 1, tzinfo=UTC)
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
+_SRGB_FROM_XYZ = np.array(
+    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnLight:
+    """Scene in a light that is drawn.
+
+    Attributes:
+        scene: with its lighting.
+        values: what was drawn, as JSON can hold it.
+    """
+
+    scene: Scene
+    values: dict[str, Any]
+
+
+def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> DrawnLight:
+    """Draw the light of a scene.
+
+    Args:
+        scene: in its own light.
+        vary: table of the plan.
+        stream: that is drawn from.
+        plan: path of its file, which maps are beside.
+
+    Raises:
+        OmnisimError: it is night, or a map that cannot be read.
+    """
+    values: dict[str, Any] = {}
+    if vary.light is not None:
+        values["light"] = _draw_lamps(vary.light, len(scene.lighting.lights), stream)
+        scene = _lit(scene, values["light"])
+    if vary.sky is not None:
+        values["sky"] = _draw_sky(vary.sky, stream, plan)
+        scene = _under_sky(scene, values["sky"], plan)
+    return DrawnLight(scene, values)
+
+
+def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]:
+    """Keys of a scene file's [sky].
+
+    Raises:
+        PlanError: the sun is below the horizon.
+    """
+    yaw_deg, brightness = table.yaw_deg.draw(stream), table.brightness.draw(stream)
+    if table.files:
+        file = table.files[min(int(stream.share() * len(table.files)), len(table.files) - 1)]
+        return {"file": file, "yaw_deg": yaw_deg, "brightness": brightness}
+    sky = {"brightness": brightness, "turbidity": table.turbidity.draw(stream)}
+    if table.hour is None:
+        sky["sun_elevation_deg"] = table.sun_elevation_deg.draw(stream)
+        sky["sun_azimuth_deg"] = table.sun_azimuth_deg.draw(stream)
+        return sky
+    hour, day = table.hour.draw(stream), table.day.draw(stream)
+    time = YEAR + timedelta(days=round(day) - 1, hours=hour)
+    sun = sun_position(time, table.latitude_deg.draw(stream), 0.0)
+    if sun.elevation_deg <= 0.0:
+        raise PlanError(
+            f"{plan}: vary.sky.hour = {hour:.3g}: expected a sun above the horizon, got "
+            f"{sun.elevation_deg:.3g}°"
+        )
+    sky["sun_elevation_deg"] = sun.elevation_deg
+    sky["sun_azimuth_deg"] = 90.0 + yaw_deg - sun.azimuth_deg
+    return sky
+
+
+def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
+    """Scene under another sky, whose sun takes the directional lamps' place."""
+    lamps = (one for one in scene.lighting.lights if one.kind is not LightKind.DIRECTIONAL)
+    lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
+    scene = dataclasses.replace(scene, lighting=lighting)
+    read = {"file": scene.name, "sky": sky}
+    settings = parse_table(read, SceneFile, PlanError, f"{plan}: vary")
+    return under_sky(scene, settings, f"{plan}: vary", plan.parent)
+
+
+def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:
+    """Factors of a scene's lamps, and their temperatures."""
+    found: dict[str, Any] = {"ambient_factor": table.ambient_factor.draw(stream)}
+    found["lamp_factors"] = [table.lamp_factor.draw(stream) for _ in range(count)]
+    if (kelvin := table.lamp_temperature_k) is not None:
+        found["lamp_temperatures_k"] = [kelvin.draw(stream) for _ in range(count)]
+    return found
+
+
+def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
+    """Scene with other lamps and another ambient light."""
+    lighting = scene.lighting
+    lamps = [
+        dataclasses.replace(lamp, intensity=factor * lamp.intensity)
+        for lamp, factor in zip(lighting.lights, values["lamp_factors"], strict=True)
+    ]
+    if "lamp_temperatures_k" in values:
+        kelvins = values["lamp_temperatures_k"]
+        lamps = [_of_temperature(*pair) for pair in zip(lamps, kelvins, strict=True)]
+    red, green, blue = (values["ambient_factor"] * one for one in lighting.ambient)
+    lit = dataclasses.replace(lighting, lights=tuple(lamps), ambient=(red, green, blue), baked=None)
+    return dataclasses.replace(scene, lighting=lit)
+
+
+def _of_temperature(lamp: Light, kelvin: float) -> Light:
+    """Lamp of a black body's colour, as bright as it was."""
+    level = float(_LUMINANCE @ lamp.color)
+    red, green, blue = (level * one for one in black_body_rgb(kelvin))
+    return dataclasses.replace(lamp, color=(red, green, blue))
+
+
+def black_body_rgb(kelvin: float) -> tuple[float, float, float]:
+    """Linear sRGB of a black body from 1667 K to 25 000 K, of luminance 1.
+
+    Source: Kim et al., "Design of advanced color temperature control system for HDTV
+    applications", 2002: a cubic fit of the Planckian locus in CIE xy.
+    """
+    inverse = 1000.0 / kelvin
+    powers = np.array([inverse**3, inverse**2, inverse, 1.0])
+    if kelvin <= 4000.0:
+        x = float(np.dot((-0.2661239, -0.2343589, 0.8776956, 0.179910), powers))
+    else:
+        x = float(np.dot((-3.0258469, 2.1070379, 0.2226347, 0.240390), powers))
+    if kelvin <= 2222.0:
+        y = float(np.polyval((-1.1063814, -1.34811020, 2.18555832, -0.20219683), x))
+    elif kelvin <= 4000.0:
+        y = float(np.polyval((-0.9549476, -1.37418593, 2.09137015, -0.16748867), x))
+    else:
+        y = float(np.polyval((3.0817580, -5.87338670, 3.75112997, -0.37001483), x))
+    rgb = np.maximum(_SRGB_FROM_XYZ @ (x / y, 1.0, (1.0 - x - y) / y), 0.0)
+    red, green, blue = (rgb / (_LUMINANCE @ rgb)).tolist()
+    return red, green, blue

@@ -1,0 +1,129 @@
+"""Tables of a plan for what varies: attitude, time, light, sky and colours."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from omnisim.core.files.parameters import LARGEST, Fraction, Table
+from omnisim.datasets.generate.distributions import Distributed, Distribution, within
+
+Name = Annotated[str, Field(min_length=1, strict=True)]
+MAX_PICTURES = 100_000  # of a shard, or a setup
+COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colours are known
+
+
+def fixed(value: float) -> Distribution:
+    """Distribution of one number."""
+    return Distribution("constant", (value,))
+
+
+class RecolorTable(Table):
+    """Instances of a colour of their own in each picture."""
+
+    nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Names of the instances; `*` and `?` stand for any letters."""
+    hue_deg: Distributed = Distribution("uniform", (0.0, 360.0))
+    """Hue of the colour, degrees."""
+    saturation: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.0, 0.9))
+    """Saturation, 0 to 1."""
+    value: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.2, 0.95))
+    """Value, 0 to 1."""
+    share: Fraction = 1.0
+    """Share of the pictures that have it."""
+
+
+class VaryLightTable(Table):
+    """Lamps of the scenes, from setup to setup; but for the sun of [vary.sky]."""
+
+    lamp_factor: Distributed = fixed(1.0)
+    """Factor of each lamp's intensity, at least 0: another for each lamp."""
+    lamp_temperature_k: Distributed | None = None
+    """Colour temperature of each lamp, kelvin; left out: the lamps' own colours."""
+    ambient_factor: Distributed = fixed(1.0)
+    """Factor of the light from everywhere, at least 0."""
+
+    @model_validator(mode="after")
+    def _is_light(self) -> VaryLightTable:
+        for key in ("lamp_factor", "ambient_factor"):
+            if (low := getattr(self, key).low) < 0.0:
+                raise ValueError(f"{key}: expected factors of at least 0, got {low:g}")
+        kelvin = self.lamp_temperature_k
+        if kelvin is not None and not (kelvin.low >= COLDEST_K and kelvin.high <= HOTTEST_K):
+            raise ValueError(
+                f"lamp_temperature_k: expected {COLDEST_K:g} to {HOTTEST_K:g}, got {kelvin}"
+            )
+        return self
+
+
+class VarySkyTable(Table):
+    """Sky of the scenes, from setup to setup, instead of their own sky and directional lamps.
+
+    Environment maps where there are files; else a clear sky with its sun.
+    """
+
+    files: tuple[Name, ...] = ()
+    """Environment maps, .hdr or .exr, relative to the plan: one for each setup."""
+    yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
+    """Turn of the map, or of north, in degrees, counter-clockwise seen from above."""
+    brightness: Annotated[Distributed, within(0.0, LARGEST)] = fixed(0.8)
+    """Brightness of a level white surface under sky and sun; 1 is white."""
+    turbidity: Annotated[Distributed, within(2.0, 10.0)] = Distribution("uniform", (2.0, 6.0))
+    """Haze of the clear sky: 2 very clear, 6 hazy."""
+    hour: Annotated[Distributed, within(0.0, 24.0)] | None = None
+    """Solar time in hours, at which the sun is above the horizon; left out: the sun's height and
+    direction are drawn."""
+    day: Annotated[Distributed, within(1.0, 366.0)] = fixed(172.0)
+    """Day of the year, 1 to 365, of the hour."""
+    latitude_deg: Annotated[Distributed, within(-90.0, 90.0)] = fixed(50.0)
+    """Latitude of the hour, degrees."""
+    sun_elevation_deg: Annotated[Distributed, within(0.0, 90.0)] = Distribution(
+        "uniform", (15.0, 75.0)
+    )
+    """Height of the sun above the horizon, degrees; without hour."""
+    sun_azimuth_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
+    """Direction of the sun, degrees counter-clockwise from the world's x; without hour."""
+
+    @model_validator(mode="after")
+    def _one_sky(self) -> VarySkyTable:
+        given = self.model_fields_set
+        clear = {"turbidity", "hour", "day", "latitude_deg", "sun_elevation_deg", "sun_azimuth_deg"}
+        if self.files and (others := clear & given):
+            raise ValueError(f"{min(others)}: expected a clear sky, got files")
+        of_hour, of_sun = {"day", "latitude_deg"}, {"sun_elevation_deg", "sun_azimuth_deg"}
+        if self.hour is not None and (others := of_sun & given):
+            raise ValueError(f"{min(others)}: expected none beside hour")
+        if self.hour is None and (others := of_hour & given):
+            raise ValueError(f"{min(others)}: expected an hour beside it")
+        return self
+
+
+class VaryTable(Table):
+    """Attitude, time, light and colours of the pictures."""
+
+    yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
+    """Heading, degrees from the world's x; along paths and poses it counts from theirs, and is 0
+    unless it is given."""
+    pitch_deg: Distributed = fixed(0.0)
+    """Pitch of the vehicle, degrees: the front down."""
+    roll_deg: Distributed = fixed(0.0)
+    """Roll of the vehicle, degrees: the left side up."""
+    shift_m: Distributed = fixed(0.0)
+    """Shift of the camera on its vehicle along each axis, metres: a mount that is not exact."""
+    time_s: Distributed = fixed(0.0)
+    """Time of the world, for scenes with objects that move."""
+    exposure_ev: Distributed = fixed(0.0)
+    """Exposure of each picture in stops, on top of the camera's: 1 is twice the light."""
+    pictures_per_setup: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 25
+    """Successive samples that share a setup: light, sky, and cameras whose parameters vary; to
+    open another takes as long as some pictures."""
+    light: VaryLightTable | None = None
+    sky: VarySkyTable | None = None
+    recolor: tuple[RecolorTable, ...] = ()
+    """Colours of instances."""
+
+    @property
+    def lights(self) -> bool:
+        """True where each setup has a light of its own."""
+        return self.light is not None or self.sky is not None

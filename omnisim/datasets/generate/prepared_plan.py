@@ -1,0 +1,294 @@
+"""Plans with their files read: scenes with their free floor, rigs, objects, poses."""
+
+from __future__ import annotations
+
+import fnmatch
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import PlanError, did_you_mean
+from omnisim.core.extras import require_extra
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import note_file, note_sources, recorded_sources
+from omnisim.core.trajectories.trajectory_files import parse_trajectory
+from omnisim.core.version import __version__
+from omnisim.datasets.free_space import FreeSpace, find_free_space
+from omnisim.datasets.free_space_file import free_space_path, read_free_space, write_free_space
+from omnisim.datasets.generate.distributions import Even
+from omnisim.datasets.generate.plan import PlacedTable, Plan, PlanSceneTable, read_plan
+from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile
+from omnisim.datasets.generate.plan_light import draw_light
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.labels import find_labels, read_label_file
+from omnisim.scene.model import Scene
+
+# Shares of the distributions at which a plan's setups are tried before any is made.
+TRIED = 0.001, 0.5, 0.999
+
+
+@dataclass(frozen=True, eq=False)
+class PlanObject:
+    """Object to place.
+
+    Attributes:
+        title: name of its instances.
+        scene: its shape.
+        low_m: (3,) lowest coordinates of its bounds.
+        radius_m: of its footprint about the middle of its bounds.
+        middle_m: (2,) middle of its bounds on the floor plan.
+        height_m: of its bounds.
+    """
+
+    title: str
+    scene: Scene
+    low_m: NDArray[np.float64]
+    radius_m: float
+    middle_m: NDArray[np.float64]
+    height_m: float
+
+
+class PreparedPlan:
+    """Plan with all that its files say, each read once and only when it is needed.
+
+    Args:
+        plan: as read.
+        path: of its file, which other files are relative to.
+        folder: of its data set, where free floors are kept; None: they are not.
+    """
+
+    def __init__(self, plan: Plan, path: Path, folder: Path | None = None):
+        self.plan, self.path, self._folder = plan, path, folder
+        self._scenes: dict[int, Scene] = {}
+        self._free: dict[int, FreeSpace] = {}
+
+    @classmethod
+    def read(cls, path: Path, folder: Path | None = None) -> PreparedPlan:
+        """Read a plan.
+
+        Raises:
+            PlanError: one line for each fault.
+            OmnisimError: the packages of a key are not installed.
+        """
+        plan = read_plan(path)
+        if plan.min_visible is not None:
+            require_extra("rays", f"{path}: min_visible")
+        return cls(plan, path, folder)
+
+    def check(self) -> None:
+        """Read all files, and look for all places.
+
+        Raises:
+            OmnisimError: the first fault.
+        """
+        _ = self.rigs, self.objects, self.poses
+        self.check_setups()
+        for number in range(len(self.plan.scenes)):
+            self.scene(number)
+            self.find_free_space(number)
+            if self.plan.stand.where == "path":
+                self.paths(number)
+            if self.plan.stand.where == "around":
+                self.middles(number)
+            for table in self.plan.vary.recolor:
+                self.instances(number, table.nodes, "vary.recolor.nodes")
+
+    def notices(self) -> list[str]:
+        """One line for what the plan's scenes do not show, and for classes without one number."""
+        found = []
+        numbers: dict[str, int] = {}
+        for index in range(len(self.plan.scenes)):
+            scene = self.scene(index)
+            found += [f"{scene.name}: {notice}" for notice in scene.notices]
+            if "semantic" in self.plan.channels:
+                for label in find_labels(scene).classes:
+                    if numbers.setdefault(label.name, label.id) != label.id:
+                        found.append(
+                            f"{scene.name}: class {label.name!r} is {label.id} here and "
+                            f"{numbers[label.name]} in another scene: give all scenes the same "
+                            "labels = FILE for one number"
+                        )
+                        break
+        return found
+
+    def scene(self, number: int) -> Scene:
+        """A scene of the plan, with its labels."""
+        if number not in self._scenes:
+            table = self.plan.scenes[number]
+            source = self._scene_file(table)
+            scene = read_scene(source, table.up_axis, table.meters_per_unit)
+            # its own name would be the path by which the plan was found
+            scene = scene.altered("", name=table.title)
+            if table.labels is not None:
+                rules = read_label_file(self.path.parent / table.labels)
+                scene = scene.altered(f"labels {rules}", labels=rules)
+            self._scenes[number] = scene
+        return self._scenes[number]
+
+    def _scene_file(self, table: PlanSceneTable | PlacedTable) -> str | Path:
+        """Path beside the plan, or else what it says: a built-in name, or an absolute path."""
+        beside = self.path.parent / table.file
+        return beside if beside.exists() else table.file
+
+    def find_free_space(self, number: int) -> None:
+        """Find the free floor of a scene, where it is needed.
+
+        Raises:
+            OmnisimError: there is none.
+        """
+        if self.plan.stand.where != "poses" or self.objects:
+            self.free_space(number)
+
+    def free_space(self, number: int) -> FreeSpace:
+        """Free floor of a scene.
+
+        Raises:
+            OmnisimError: there is none.
+        """
+        if number not in self._free:
+            file = None
+            if self._folder is not None:
+                file = free_space_path(self._folder, self.fingerprint, number)
+            found = None if file is None else read_free_space(file)
+            if found is None:
+                found = self._find_free_space(number)
+                if file is not None:
+                    write_free_space(file, found)
+            self._free[number] = found
+        return self._free[number]
+
+    def _find_free_space(self, number: int) -> FreeSpace:
+        stand = self.plan.stand
+        tallest = max((one.height_m for one in self.objects), default=0.0)
+        return find_free_space(
+            self.scene(number),
+            stand.radius_m,
+            max(_top(stand.height_m.high), min(tallest, 2.0)),
+            stand.step_m,
+            self.plan.scenes[number].floor_m,
+            # along paths and around objects the floor is asked for everywhere
+            stand.where == "free" and stand.region == "start",
+        )
+
+    def paths(self, number: int) -> tuple[NDArray[np.float64], ...]:
+        """Waypoints (n, 2) of the paths to stand along in a scene."""
+        scene, wanted = self.scene(number), self.plan.stand.paths
+        known = {path.name: np.array(path.waypoints_m) for path in scene.paths}
+        for name in wanted:
+            if name not in known:
+                raise PlanError(
+                    f"{self.path}: stand.paths: {name!r} in {scene.name}: "
+                    f"{did_you_mean(name, known, 'its paths are')}"
+                )
+        found = tuple(known[name] for name in wanted or known)
+        if not found:
+            raise PlanError(f"{self.path}: stand.where: {scene.name} has no paths")
+        return found
+
+    def middles(self, number: int) -> tuple[NDArray[np.float64], ...]:
+        """Middles (3,) of the objects to stand around in a scene."""
+        scene = self.scene(number)
+        names = self.instances(number, self.plan.stand.nodes, "stand.nodes")
+        boxes = [scene.instance_boxes[name] for name in names if name in scene.instance_boxes]
+        return tuple(np.asarray(box.centre_m, dtype=np.float64) for box in boxes)
+
+    def instances(self, number: int, patterns: Sequence[str], key: str) -> tuple[str, ...]:
+        """Names of a scene's instances that match patterns.
+
+        Raises:
+            PlanError: none does.
+        """
+        scene = self.scene(number)
+        found = tuple(
+            name
+            for name in scene.instance_names
+            if any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
+        )
+        if not found:
+            raise PlanError(
+                f"{self.path}: {key} = {list(patterns)}: no such object in {scene.name}; "
+                "`omnisim scene` lists them"
+            )
+        return found
+
+    @cached_property
+    def rig_files(self) -> tuple[RigFile, ...]:
+        """Tables of cameras with their files read."""
+        is_exposed = "exposure_ev" in self.plan.vary.model_fields_set
+        return tuple(RigFile(table, self.path, is_exposed) for table in self.plan.cameras)
+
+    @cached_property
+    def rigs(self) -> tuple[PlanRig, ...]:
+        """Cameras and rigs of the plan, before anything varies."""
+        return tuple(file.rig() for file in self.rig_files)
+
+    def check_setups(self) -> None:
+        """Try what setups draw at the ends of its distributions.
+
+        Raises:
+            OmnisimError: the first fault.
+        """
+        for share in map(Even, TRIED):
+            for file in self.rig_files:
+                if file.table.varies:
+                    file.rig(share)
+            if self.plan.vary.lights:
+                for number in range(len(self.plan.scenes)):
+                    draw_light(self.scene(number), self.plan.vary, share, self.path)
+
+    @cached_property
+    def objects(self) -> tuple[PlanObject, ...]:
+        """Objects to place."""
+        return tuple(map(self._object, self.plan.objects))
+
+    def _object(self, table: PlacedTable) -> PlanObject:
+        scene = read_scene(
+            self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
+        )
+        scene = scene.altered("", name=table.title)
+        low, high = scene.bounds_m()
+        return PlanObject(
+            table.title,
+            scene,
+            low,
+            0.5 * float(np.hypot(*(high - low)[:2])),
+            0.5 * (low + high)[:2],
+            float(high[2] - low[2]),
+        )
+
+    @cached_property
+    def poses(self) -> NDArray[np.float64]:
+        """Poses (n, 4, 4) of the plan's file of poses; none without one."""
+        if self.plan.stand.file is None:
+            return np.zeros((0, 4, 4))
+        return parse_trajectory(self.path.parent / self.plan.stand.file).world_from_base
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hexadecimal digits of all that pictures depend on: the plan and its files' contents."""
+        digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
+        scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
+        objects = [fingerprint(one.scene) for one in self.objects]
+        _ = self.rigs  # a fault of theirs comes first
+        with recorded_sources() as sources:
+            for file in self.rig_files:
+                note_sources(file.sources)
+            if self.plan.stand.file is not None:
+                note_file(self.path.parent / self.plan.stand.file)
+            for name in self.plan.sky_files:
+                note_file(self.path.parent / name)
+        parts: list[Any] = [__version__, *scenes, *objects, sources.digest(self.path.parent)]
+        for part in parts:
+            digest.update(f"\n{part}".encode())
+        return digest.hexdigest()[:16]
+
+
+def _top(height_m: float) -> float:
+    return height_m if np.isfinite(height_m) else 2.0

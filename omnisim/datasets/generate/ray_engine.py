@@ -1,0 +1,79 @@
+"""Shards on a Ray cluster: a task a shard, made by actors that own a renderer."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import ray
+
+from omnisim.core.errors import OmnisimError, PlanError
+from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.datasets.generate.shard import ShardMaker
+from omnisim.datasets.generate.workers import Job, Made
+
+RESTARTS = 3  # of an actor whose process died
+
+
+class _Maker:
+    """Actor: reads the plan once and makes shards."""
+
+    def __init__(self, job: Job):
+        self._maker = ShardMaker(PreparedPlan.read(job.plan, job.folder), job.folder, job.device)
+
+    def make(self, number: int) -> int | str:
+        """Make a shard; return its number, or the fault."""
+        try:
+            self._maker.make(number)
+        except OmnisimError as error:
+            return str(error)
+        return number
+
+
+def make_shards_on_ray(
+    job: Job, shards: Sequence[int], address: str | None = None
+) -> Iterator[Made]:
+    """Make shards on a cluster whose machines all see the plan and the folder; yield each.
+
+    Args:
+        job: as for `omnisim.datasets.generate.workers.make_shards`.
+        shards: numbers.
+        address: of the cluster; None: one on this machine.
+
+    Raises:
+        OmnisimError: the first fault of a shard, or a cluster that does not answer.
+    """
+    if not shards:
+        return
+    job = job._replace(plan=Path(job.plan).resolve(), folder=Path(job.folder).resolve())
+    try:
+        ray.init(
+            address=address,
+            include_dashboard=False,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+        )
+    except (ConnectionError, ValueError, RuntimeError) as reason:
+        raise PlanError(f"--address {address}: {str(reason).partition(chr(10))[0]}") from None
+    try:
+        resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
+        count = min(len(shards), max(1, int(resources.get("CPU", 1))))
+        environment = {"env_vars": {"LP_NUM_THREADS": "1"}}
+        actor = ray.remote(num_cpus=1, max_restarts=RESTARTS, max_task_retries=RESTARTS)(_Maker)
+        makers = [actor.options(runtime_env=environment).remote(job) for _ in range(count)]
+        pool = ray.util.ActorPool(makers)
+        steps: Iterator[int | str] = pool.map_unordered(_begin, list(shards))
+        for found in steps:
+            if isinstance(found, str):
+                raise PlanError(found)
+            yield Made(found, True)
+    except ray.exceptions.RayError as reason:
+        raise PlanError(f"ray: {str(reason).partition(chr(10))[0]}") from None
+    finally:
+        ray.shutdown()
+
+
+def _begin(maker: Any, number: int) -> Any:
+    return maker.make.remote(number)

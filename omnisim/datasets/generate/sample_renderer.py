@@ -1,0 +1,214 @@
+"""Renderers of a plan's samples: a stage for each scene and light, a renderer for each camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from omnisim.core.errors import PlanError
+from omnisim.core.world import WorldState
+from omnisim.datasets.generate.draw import Draw, Which, draw, draw_which
+from omnisim.datasets.generate.plan import RejectTable
+from omnisim.datasets.generate.plan_cameras import PlanRig
+from omnisim.datasets.generate.plan_light import DrawnLight
+from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.datasets.generate.setups import setup_light, setup_rig
+from omnisim.datasets.generate.visible_shares import StageRays, VisibleShares
+from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+
+PROBE_PX = 48  # shorter side of the ranges that judge a sample whose plan has no ranges
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedSample:
+    """Sample that is rendered.
+
+    Attributes:
+        drawn: its draw.
+        frames: by camera; a single camera's name is empty.
+        light: what was drawn for its light; empty: the scene's own.
+        shares: visible shares of the objects by camera and ID; empty: the plan asks for none.
+    """
+
+    drawn: Draw
+    frames: dict[str, Frame]
+    light: dict[str, Any]
+    shares: dict[str, dict[int, float]] = field(default_factory=dict)
+
+
+class SampleRenderer:
+    """Renders samples; those of one scene and rig one after the other are quick.
+
+    Args:
+        prepared: plan.
+        device: EGL's number of the GPU; None takes the first.
+    """
+
+    def __init__(self, prepared: PreparedPlan, device: int | None = None):
+        self._prepared, self._device = prepared, device
+        self._stage: Stage | None = None
+        self._opened = (-1, -1)  # scene and setup of its light
+        self._light: DrawnLight | None = None
+        self._rays = StageRays()
+        self._rigs: dict[int, _OpenRig] = {}
+
+    def order(self, numbers: range) -> list[int]:
+        """Numbers of samples in the order in which to render them."""
+
+        def key(number: int) -> tuple[int, ...]:
+            which = draw_which(self._prepared.plan, number)
+            return which.scene, which.light, which.rig, which.camera, number
+
+        return sorted(numbers, key=key)
+
+    def render(self, number: int) -> RenderedSample:
+        """Render a sample, drawn again until it is not rejected.
+
+        Raises:
+            PlanError: all attempts were rejected.
+        """
+        plan, reason = self._prepared.plan, ""
+        for attempt in range(plan.reject.attempts):
+            rendered = self._attempt(draw(self._prepared, number, attempt))
+            if isinstance(rendered, RenderedSample):
+                return rendered
+            reason = rendered
+        raise PlanError(
+            f"{self._prepared.path}: sample {number}: rejected {plan.reject.attempts} times, last "
+            f"as {reason}: see [reject] and [stand]"
+        )
+
+    def close(self) -> None:
+        """Close the stage and its renderers."""
+        for rig in self._rigs.values():
+            rig.close()
+        self._rigs.clear()
+        if self._stage is not None:
+            self._stage.close()
+        self._stage, self._light, self._opened = None, None, (-1, -1)
+        self._rays = StageRays()
+
+    def _attempt(self, drawn: Draw) -> RenderedSample | str:
+        """Render a draw; return the reason where it is rejected."""
+        plan = self._prepared.plan
+        stage, rig = self._open(drawn.which)
+        assert self._light is not None
+        scene, first = self._light.scene, rig.cameras.first
+        base = first.base_pose(drawn.position_m, drawn.yaw_deg, drawn.pitch_deg, drawn.roll_deg)
+        base[:3, 3] += base[:3, :3] @ drawn.shift_m
+        for name, color in drawn.colors.items():
+            scene = scene.recolored(name, color)
+        for placed in drawn.objects:
+            shape = self._prepared.objects[placed.object].scene
+            scene = scene.added(placed.name, shape, placed.world_from_object)
+        if scene is not stage.scene:
+            stage.scene = scene
+        vehicle = next(iter(rig.renderers.values())).vehicle
+        state = WorldState({vehicle: base}, drawn.time_s)
+        if "range" not in plan.channels and plan.reject.is_needed:
+            probe = rig.probe.render(state, also=("range",))
+            if reason := rejected(probe, plan.reject):
+                return reason
+        frames: dict[str, Frame] = {}
+        for name, renderer in rig.renderers.items():
+            frame = renderer.render(
+                state,
+                also=plan.channels,
+                frame_number=drawn.number,
+                exposure_ev=_exposure_ev(renderer, drawn),
+            )
+            judges = not frames and "range" in plan.channels
+            if judges and (reason := rejected(frame, plan.reject)):
+                return reason
+            frames[name] = frame
+        shares: dict[str, dict[int, float]] = {}
+        if plan.min_visible is not None:
+            rays = self._rays.of(stage)
+            shares = {
+                name: rig.visible_shares(name).find(stage, rays, frame, state, vehicle)
+                for name, frame in frames.items()
+            }
+        return RenderedSample(drawn, frames, self._light.values, shares)
+
+    def _open(self, which: Which) -> tuple[Stage, _OpenRig]:
+        prepared = self._prepared
+        if self._stage is None or self._opened != (which.scene, which.light):
+            self.close()
+            self._light = setup_light(prepared, which.scene, which.light)
+            self._stage = Stage(self._light.scene, device=self._device)
+            self._opened = which.scene, which.light
+        if which.rig in self._rigs and self._rigs[which.rig].setup != which.camera:
+            self._rigs.pop(which.rig).close()
+        if which.rig not in self._rigs:
+            cameras = setup_rig(prepared, which.rig, which.camera)
+            self._rigs[which.rig] = _OpenRig(self._stage, cameras, which.camera, prepared.plan.seed)
+        return self._stage, self._rigs[which.rig]
+
+
+class _OpenRig:
+    """Renderers of a rig on a stage.
+
+    Args:
+        stage: that they are on.
+        cameras: of the rig.
+        setup: that they belong to.
+        seed: of their noise.
+
+    Attributes:
+        cameras, setup: as given.
+        renderers: by the cameras' names.
+    """
+
+    def __init__(self, stage: Stage, cameras: PlanRig, setup: int, seed: int):
+        self._stage, self.cameras, self.setup = stage, cameras, setup
+        self.renderers = {
+            name: Renderer(stage, camera, seed=f"{seed} {name}")
+            for name, camera in cameras.cameras.items()
+        }
+        self._shares: dict[str, VisibleShares] = {}
+
+    def visible_shares(self, name: str) -> VisibleShares:
+        """Visible shares in the pictures of a camera, whose rays are found on first use."""
+        if name not in self._shares:
+            self._shares[name] = VisibleShares(self.renderers[name].camera)
+        return self._shares[name]
+
+    @cached_property
+    def probe(self) -> Renderer:
+        """Renderer of small ranges, which judge samples whose plan has none."""
+        camera = self.cameras.first
+        size_px = min(PROBE_PX, camera.model.width_px, camera.model.height_px)
+        return Renderer(self._stage, camera.resized(size_px))
+
+    def close(self) -> None:
+        """Close the renderers."""
+        for renderer in self.renderers.values():
+            renderer.close()
+        if "probe" in self.__dict__:
+            self.probe.close()
+
+
+def _exposure_ev(renderer: Renderer, drawn: Draw) -> float | None:
+    """Exposure of a picture; None: its camera has no other than its own."""
+    exposure = renderer.camera.degradation.exposure
+    return None if exposure is None or exposure.auto else exposure.ev + drawn.exposure_ev
+
+
+def rejected(frame: Frame, rules: RejectTable) -> str:
+    """Reason for which a frame with ranges is rejected; empty: it is not."""
+    has_ray = frame.valid if frame.has_ray is None else frame.has_ray
+    ranges = np.asarray(frame.channels["range"])[has_ray]
+    if not len(ranges):
+        return "it has no pixel with a ray"
+    hits = float(np.isfinite(ranges).mean())
+    if hits < rules.least_hits:
+        return f"{100 * hits:.0f} % of its pixels hit something: least_hits"
+    near = float((ranges < rules.near_m).mean())
+    if near > rules.most_near:
+        return f"{100 * near:.0f} % of its pixels are nearer than {rules.near_m:g} m: most_near"
+    return ""

@@ -1,0 +1,192 @@
+"""Samples of a data set by number, for `torch.utils.data` and whoever wants arrays."""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import json
+import re
+import tarfile
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError, PlanError
+from omnisim.core.files.image_files import read_image
+from omnisim.datasets.dataset_manifest import Manifest, read_manifest
+from omnisim.ground_truth.stored_channels import StoredChannels
+
+PICTURES = (".png", ".jpg")
+_PREFIX = "omnisim-"  # of temporary folders
+
+
+class Shards:
+    """Samples of a data set, in order: `len(shards)`, `shards[0]["rgb"]`.
+
+    A map-style data set of `torch.utils.data.DataLoader`, without torch; it may be pickled.
+
+    Args:
+        folder: of the data set.
+        manifest: of it; None: as it is there.
+
+    Raises:
+        PlanError: no data set, or an unfinished or damaged one.
+    """
+
+    def __init__(self, folder: str | Path, manifest: Manifest | None = None):
+        self.folder = Path(folder)
+        self.manifest = read_manifest(self.folder) if manifest is None else manifest
+        counts = (shard.statistics.samples for shard in self.manifest.shards)
+        self._ends = list(itertools.accumulate(counts))
+        self._members: dict[int, dict[str, list[tarfile.TarInfo]]] = {}
+
+    def __len__(self) -> int:
+        return self._ends[-1]
+
+    def __getitem__(self, row: int) -> dict[str, Any]:
+        """Sample: `rgb` (height, width, 3) uint8, channels by name, and `metadata`.
+
+        Of a rig these are tables by camera: `sample["left"]["rgb"]`.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
+        with self.damage_named(row), self.files(row) as folder:
+            content = _metadata(folder)
+            parts = {}
+            for path in self.pictures(folder):
+                camera = path.stem.partition(".")[2] or "camera"
+                pixels, metadata = read_image(path)
+                stored = StoredChannels(path, metadata or {})
+                parts[camera] = {"rgb": pixels[..., :3], **stored.read(self.manifest.channels)}
+        if set(parts) == {"camera"}:
+            return {**parts["camera"], "metadata": content}
+        return {**parts, "metadata": content}
+
+    def picture(self, row: int) -> NDArray[np.uint8]:
+        """Picture (height, width, 3) of a sample's first camera."""
+        with self.damage_named(row), self.files(row) as folder:
+            pixels: NDArray[np.uint8] = read_image(self.pictures(folder)[0])[0]
+            return pixels
+
+    def metadata(self, row: int) -> dict[str, Any]:
+        """Camera, pose and draw of a sample.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
+        with self.damage_named(row), tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
+            return _metadata(self.extract(row, Path(name), only=".json"))
+
+    @contextmanager
+    def damage_named(self, row: int) -> Iterator[None]:
+        """Name the shard of a sample whose files are not as they were written.
+
+        Raises:
+            PlanError: within the block, something else was expected of the files.
+        """
+        try:
+            yield
+        except OutputError as reason:  # of a file in a temporary folder
+            raise PlanError(f"{self._shard_of(row)[1]}: {in_shard(str(reason))}") from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise self._damaged(row, "a sample's files as they were written, got others") from None
+
+    def _damaged(self, row: int, expected: str) -> PlanError:
+        return PlanError(
+            f"{self._shard_of(row)[1]}: is damaged: expected {expected}: `omnisim dataset check` "
+            "finds what to remove and make again"
+        )
+
+    def _shard_of(self, row: int) -> tuple[int, Path]:
+        """Number and path of the shard of a sample.
+
+        Raises:
+            IndexError: beyond the last.
+        """
+        if not -len(self) <= row < len(self):
+            raise IndexError(f"sample {row}: expected one of {len(self)}")
+        shard = bisect.bisect_right(self._ends, row % len(self))
+        return shard, self.folder / self.manifest.shards[shard].name
+
+    @contextmanager
+    def files(self, row: int) -> Iterator[Path]:
+        """Folder of a sample's files, for a `with` block.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
+        with tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
+            yield self.extract(row, Path(name))
+
+    def pictures(self, folder: Path) -> list[Path]:
+        """Pictures of the cameras among a sample's files; others of these formats are channels."""
+        metadata = _metadata(folder)
+        key = f"{metadata['number']:09d}"
+        cameras = list(metadata["pictures"])
+        stems = [key if name == "camera" else f"{key}.{name}" for name in cameras]
+        found = [folder / f"{stem}{suffix}" for stem in stems for suffix in PICTURES]
+        return [path for path in found if path.is_file()]
+
+    def extract(self, row: int, folder: Path, only: str = "") -> Path:
+        """Write a sample's files into a folder; return it.
+
+        Args:
+            row: of the sample.
+            folder: that is there.
+            only: what follows the number in the name of the only file; empty: all files.
+
+        Raises:
+            IndexError: beyond the last.
+            PlanError: a shard with a fault.
+        """
+        shard, path = self._shard_of(row)
+        row %= len(self)
+        try:
+            with tarfile.open(path) as tar:
+                if shard not in self._members:
+                    self._members[shard] = _by_key(tar)
+                keys = list(self._members[shard])
+                count = self.manifest.shards[shard].statistics.samples
+                if len(keys) != count:
+                    raise self._damaged(row, f"{count} samples, got {len(keys)}")
+                key = keys[row - self._ends[shard]]  # counted from the last
+                for member in self._members[shard][key]:
+                    if only and member.name != key + only:
+                        continue
+                    content = tar.extractfile(member)
+                    assert content is not None
+                    (folder / Path(member.name).name).write_bytes(content.read())
+        except (OSError, tarfile.TarError) as reason:
+            fault = str(reason).partition("\n")[0]
+            raise PlanError(f"{path}: cannot be read: {fault}") from None
+        return folder
+
+
+def in_shard(message: str) -> str:
+    """Message about a sample's file without the temporary folder that it was extracted to."""
+    return re.sub(rf"{re.escape(tempfile.gettempdir())}/{_PREFIX}\w+/(sample/)?", "", message)
+
+
+def _metadata(folder: Path) -> dict[str, Any]:
+    """Camera, pose and draw of the sample whose files are in a folder."""
+    (path,) = folder.glob("?????????.json")
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
+
+
+def _by_key(tar: tarfile.TarFile) -> dict[str, list[tarfile.TarInfo]]:
+    """Members of a tar by the number that their names begin with."""
+    found: dict[str, list[tarfile.TarInfo]] = {}
+    for member in tar.getmembers():
+        if member.isfile():
+            found.setdefault(member.name.partition(".")[0], []).append(member)
+    return found

@@ -1,0 +1,88 @@
+"""Parts of triangles that are small beside the cells of a floor plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.bounds import triangle_bounds
+
+LEAST_UP = 0.5  # cosine of the steepest floor's slope: 60°
+EDGE = 1e-9  # share of a triangle: a point on the edge of two is on one of them at least
+
+
+def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (n,) of triangles (n, 3, 3) whose slope can be walked on."""
+    normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    flat: NDArray[np.bool_] = np.abs(normals[:, 2]) > LEAST_UP * np.linalg.norm(normals, axis=1)
+    return flat
+
+
+def heights_in(
+    corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Heights (...,) of a triangle (3, 3) above points (..., 2); NaN beside it."""
+    a, b, c = corners_m
+    matrix = np.column_stack((a[:2] - c[:2], b[:2] - c[:2]))
+    first, second = np.moveaxis((points_m - c[:2]) @ np.linalg.inv(matrix).T, -1, 0)
+    third = 1.0 - first - second
+    inside = np.minimum(np.minimum(first, second), third) >= -EDGE
+    return np.where(inside, first * a[2] + second * b[2] + third * c[2], np.nan)
+
+
+def surface_points(
+    corners_m: NDArray[np.float64],
+    spacing_m: float,
+    band_m: tuple[float, float] = (-np.inf, np.inf),
+) -> Iterator[NDArray[np.float64]]:
+    """Points (n, 3) on triangles (m, 3, 3) between two heights, in parts.
+
+    Triangles are halved across their longest edge until that is short: each point of them is within
+    the spacing of a point that is found.
+    """
+    while len(corners_m):
+        low, high = triangle_bounds(corners_m[..., 2])
+        corners_m = corners_m[(high >= band_m[0]) & (low <= band_m[1])]
+        short, corners_m = _halved(corners_m, spacing_m)
+        yield short.mean(axis=1)
+
+
+def columns_of(
+    corners_m: NDArray[np.float64],
+    spacing_m: float,
+    low_m: NDArray[np.float64],
+    high_m: NDArray[np.float64],
+) -> Iterator[NDArray[np.float64]]:
+    """Parts of triangles (m, 3, 3) that are short on the floor plan, however high they are.
+
+    Args:
+        corners_m: of the triangles.
+        spacing_m: longest edge of a part on the floor plan.
+        low_m, high_m: (3,) corners of the box in which parts are wanted.
+    """
+    while len(corners_m):
+        low, high = triangle_bounds(corners_m)
+        near = np.all((high >= low_m) & (low <= high_m), axis=1)
+        short, corners_m = _halved(corners_m[near], spacing_m, axes=2)
+        yield short
+
+
+def _halved(
+    corners_m: NDArray[np.float64], spacing_m: float, axes: int = 3
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Triangles whose edges are short in some axes, and the halves of all others."""
+    planned = corners_m[..., :axes]
+    edges = planned[:, (1, 2, 0)] - planned
+    squares = np.einsum("nij,nij->ni", edges, edges)
+    longest = squares.argmax(axis=1)
+    is_short = np.take_along_axis(squares, longest[:, None], 1)[:, 0] <= spacing_m**2
+    rows, longest = np.flatnonzero(~is_short), longest[~is_short]
+    first, second = corners_m[rows, longest], corners_m[rows, (longest + 1) % 3]
+    third, middle = corners_m[rows, (longest + 2) % 3], 0.5 * (first + second)
+    halves = np.empty((2 * len(rows), 3, 3))
+    own, other = halves[: len(rows)], halves[len(rows) :]
+    own[:, 0], own[:, 1], own[:, 2] = first, middle, third
+    other[:, 0], other[:, 1], other[:, 2] = middle, second, third
+    return corners_m[is_short], halves

@@ -1,0 +1,181 @@
+"""Processes that make shards, and what happens when one of them dies."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import tempfile
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import NamedTuple
+
+from omnisim.core.errors import OmnisimError, PlanError
+from omnisim.core.files.atomic_file import remove_partials
+from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.datasets.generate.shard import ShardMaker
+
+MOST_DEATHS = 3  # of workers on one shard, until it is given up
+END_S = 5.0  # that a worker has for removing its files
+_THREADS = "LP_NUM_THREADS"  # of Mesa's rasteriser in a process
+
+
+class Job(NamedTuple):
+    """Arguments of all workers, as they travel to them.
+
+    Attributes:
+        plan: path of the plan.
+        folder: of the data set.
+        device: EGL's number of the GPU.
+        samples: of each shard; None: as many as the plan has.
+    """
+
+    plan: Path
+    folder: Path
+    device: int | None = None
+    samples: int | None = None
+
+
+class Made(NamedTuple):
+    """Progress: a sample of a shard, or the whole shard."""
+
+    shard: int
+    is_whole: bool
+
+
+def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Made]:
+    """Make shards in several processes; yield after each sample and each shard.
+
+    A worker that is killed loses nothing but the shard under way, which another begins anew.
+
+    Raises:
+        OmnisimError: the first fault of a worker; PlanError: a shard whose workers die.
+    """
+    todo, deaths = deque(shards), Counter[int]()
+    running: dict[Connection, _Worker] = {}
+    try:
+        while todo or any(worker.shard is not None for worker in running.values()):
+            for worker in [one for one in running.values() if one.shard is None]:
+                worker.take(todo)
+            while len(running) < min(workers, len(todo) + len(running)):
+                started = _Worker(job)
+                running[started.connection] = started
+                started.take(todo)
+            for ready in wait(list(running)):
+                assert isinstance(ready, Connection)
+                worker = running[ready]
+                try:
+                    yield from worker.receive()
+                except (EOFError, ConnectionResetError):
+                    del running[ready]
+                    worker.end()
+                    if worker.shard is not None:
+                        deaths[worker.shard] += 1
+                        if deaths[worker.shard] >= MOST_DEATHS:
+                            raise PlanError(
+                                f"shard {worker.shard}: {MOST_DEATHS} workers ended without a word "
+                                "(killed, or out of memory): expected fewer --workers"
+                            ) from None
+                        todo.appendleft(worker.shard)
+    finally:
+        for worker in running.values():
+            worker.end()
+
+
+class _Worker:
+    """Process with a connection; `shard`: the one that it makes, or None."""
+
+    def __init__(self, job: Job):
+        context = multiprocessing.get_context("spawn")  # a forked OpenGL is none
+        self.connection, theirs = context.Pipe()
+        self.shard: int | None = None
+        self._process: BaseProcess = context.Process(target=_work, args=(theirs, job), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def take(self, todo: deque[int]) -> None:
+        """Give it the next shard, or its end."""
+        if not todo:
+            return
+        self.shard = todo.popleft()
+        try:
+            self.connection.send(self.shard)
+        except OSError:
+            return  # it is dead: the end of its messages says so
+
+    def receive(self) -> Iterator[Made]:
+        """Take a message.
+
+        Raises:
+            OmnisimError: a fault in the worker.
+            EOFError: it has ended.
+        """
+        message = self.connection.recv()
+        if isinstance(message, OmnisimError):
+            raise message
+        assert isinstance(message, Made)
+        if message.is_whole:
+            self.shard = None
+        yield message
+
+    def end(self) -> None:
+        """End the process, at once if it does not hear."""
+        self.connection.close()
+        self._process.terminate()
+        self._process.join(END_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def _work(connection: Connection, job: Job) -> None:
+    """Make shards until there are no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+    signal.signal(signal.SIGTERM, _end)
+    maker: ShardMaker | None = None
+    try:
+        maker = ShardMaker(PreparedPlan.read(job.plan, job.folder), job.folder, job.device)
+        while True:
+            shard: int = connection.recv()
+            maker.make(shard, lambda: connection.send(Made(shard, False)), job.samples)  # noqa: B023
+            connection.send(Made(shard, True))
+    except OmnisimError as error:
+        connection.send(type(error)(str(error)))
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        pass  # the parent has ended
+    finally:
+        if maker is not None:
+            maker.close()
+
+
+def _end(*_: object) -> None:
+    """End at once: an exception would be lost where an object is just being deleted."""
+    remove_partials()
+    os._exit(0)
+
+
+@contextmanager
+def threads_shared(workers: int) -> Iterator[None]:
+    """Share the processor's cores among processes, for Mesa's rasteriser.
+
+    Two processes of one thread each draw more than one of two threads.
+    """
+    if workers < 2 or _THREADS in os.environ:
+        yield
+        return
+    os.environ[_THREADS] = str(max(1, (os.cpu_count() or 1) // workers))
+    try:
+        yield
+    finally:
+        del os.environ[_THREADS]
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Folder for what is measured and thrown away."""
+    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        yield Path(name)

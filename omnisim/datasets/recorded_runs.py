@@ -1,0 +1,192 @@
+"""Samples of a data set as recordings, which are written in the formats of other tools.
+
+These formats hold the pictures of one scene by the same cameras. A data set of several scenes or
+rigs becomes a folder for each: `soccer/fisheye`.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError, PlanError
+from omnisim.core.files.atomic_file import atomic_folder, check_new_folder
+from omnisim.core.poses import check_pose, inverse
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.datasets.export.export import for_format
+from omnisim.datasets.export.export_format import ExportSettings, PrintNote
+from omnisim.datasets.export.export_formats import format_named
+from omnisim.datasets.export.recorded_camera import RecordedCamera
+from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.generate.samples import Shards, in_shard
+from omnisim.runs.run_folder import RunFolder
+from omnisim.runs.run_manifest import MANIFEST_FORMAT, parse_manifest
+from omnisim.sensors.calibration_file import parse_mount
+from omnisim.sensors.sensor_names import folder_name
+
+SAME = 1e-6  # metres and radians: a camera's pose on its base, computed from two others
+
+
+class _Files:
+    """Files of one sample at a time, in a folder that goes at the end.
+
+    Args:
+        shards: of the data set.
+        folder: to extract to.
+    """
+
+    def __init__(self, shards: Shards, folder: Path):
+        self._shards, self._folder, self._row = shards, folder, -1
+        self._pictures: dict[str, Path] = {}
+
+    def picture(self, row: int, camera: str) -> Path:
+        """Picture of a sample by the name of its camera; its channels are beside it."""
+        if row != self._row:
+            self._row = -1
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder.mkdir()
+            found = self._shards.pictures(self._shards.extract(row, self._folder))
+            self._pictures = {path.stem.partition(".")[2] or "camera": path for path in found}
+            self._row = row
+        if camera not in self._pictures:
+            raise PlanError(
+                f"{self._shards.folder}: sample {row}: expected a picture of {camera}: its shard "
+                "is damaged"
+            )
+        return self._pictures[camera]
+
+
+@dataclass(frozen=True, eq=False)
+class _SampleCamera(RecordedCamera):
+    """Camera of samples, as one of a run whose steps they are."""
+
+    files: _Files
+    rows: Sequence[int]
+
+    def picture_file(self, step: int) -> Path:
+        """File of the picture of a step."""
+        return self.files.picture(self.rows[step], self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Samples of one scene and rig: their rows, and what is in each of their JSON files."""
+
+    scene: str
+    rig: str
+    rows: list[int]
+    contents: list[dict[str, Any]]
+
+
+def write_recordings(
+    shards: Shards, format: str, folder: Path, print_note: PrintNote = lambda note: None
+) -> Iterator[int]:
+    """Write the samples in a format of `omnisim.datasets.export`, whole or not at all.
+
+    Yields after each sample.
+
+    Raises:
+        OmnisimError: a damaged shard, cameras that vary or that the format cannot say, or a folder
+            that cannot be written.
+    """
+    check_new_folder(folder)
+    form, settings = format_named(format), ExportSettings()
+    with _files_of(shards) as files:
+        groups = _groups(shards)
+        recordings = [_recording(shards, group, files) for group in groups]
+        with atomic_folder(folder) as target:
+            for group, recording in zip(groups, recordings, strict=True):
+                place = target
+                if len(groups) > 1:
+                    place = target / folder_name(group.scene) / folder_name(group.rig)
+                    place.mkdir(parents=True)
+                taken = for_format(recording, form, print_note)
+                try:
+                    yield from form.write(taken, place, settings, print_note)
+                except OutputError as reason:
+                    message = in_shard(str(reason))
+                    if message == str(reason):
+                        raise
+                    raise PlanError(f"{shards.folder}: {message}") from None
+
+
+@contextmanager
+def _files_of(shards: Shards) -> Iterator[_Files]:
+    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        yield _Files(shards, Path(name) / "sample")
+
+
+def _groups(shards: Shards) -> list[_Group]:
+    """Samples by scene and rig, in the order of their first."""
+    found: dict[tuple[str, str], _Group] = {}
+    for row in range(len(shards)):
+        content = shards.metadata(row)
+        with shards.damage_named(row):
+            key = str(content["scene"]), str(content["camera"])
+            group = found.setdefault(key, _Group(*key, [], []))
+            group.rows.append(row)
+            group.contents.append(content)
+    return list(found.values())
+
+
+def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
+    """Recording of a group's samples, one second apart for each number.
+
+    Raises:
+        OmnisimError: a camera that is not the same in all of them.
+    """
+    first: dict[str, Any] = {}
+    mounts: dict[str, NDArray[np.float64]] = {}
+    numbers, poses = [], []
+    for row, content in zip(group.rows, group.contents, strict=True):
+        with shards.damage_named(row):
+            pictures: dict[str, dict[str, Any]] = dict(content["pictures"])
+            first = first or pictures
+            numbers.append(float(content["number"]))
+            poses.append(pictures[next(iter(first))]["world_from_base"])
+            for name, picture in first.items():
+                found, mount = pictures[name], _mount(pictures[name])
+                known = mounts.setdefault(name, mount)
+                if found["camera"] != picture["camera"] or np.abs(mount - known).max() > SAME:
+                    raise PlanError(
+                        f"{shards.folder}: sample {content['number']}: {name} is not as in sample "
+                        f"{numbers[0]:.0f}: expected cameras that do not vary, as this format has "
+                        "one calibration for all pictures"
+                    )
+    run = _run(shards, group, list(first))
+    cameras = []
+    for name, picture in first.items():
+        camera = parse_mount(picture | {"base_from_optical": mounts[name]}, run.path / name)
+        cameras.append(_SampleCamera(run, name, camera, files, group.rows))
+    return Recording(run, Trajectory(np.array(numbers), np.array(poses)), None, tuple(cameras))
+
+
+def _mount(picture: dict[str, Any]) -> NDArray[np.float64]:
+    """Pose (4, 4) of a picture's camera on its base."""
+    world_from_base = check_pose(picture["world_from_base"])
+    found: NDArray[np.float64] = inverse(world_from_base) @ np.array(picture["world_from_optical"])
+    return found
+
+
+def _run(shards: Shards, group: _Group, cameras: list[str]) -> RunFolder:
+    """Folder of a run that has no files of its own."""
+    scene = {"name": group.scene, "file": group.scene, "up_axis": None, "contents": ""}
+    content = {
+        "format": MANIFEST_FORMAT,
+        "scene": scene,
+        "robot": {"name": group.rig},
+        "path": {"name": shards.manifest.title},
+        "steps": len(group.rows),
+        "sensors": {name: {"type": "omnicamera"} for name in cameras},
+        "channels": list(shards.manifest.channels),
+        "is_rig": True,
+    }
+    return RunFolder(shards.folder, parse_manifest(content, str(shards.folder)))

@@ -1,0 +1,252 @@
+"""Sidecar files of an 8-bit picture: one file per channel, in standard formats.
+
+    frame.range.png             16 bits: 0 outside of the camera, 65535: nothing is hit; a step is
+                                1 mm, or, to hold what is beyond 65.534 m, 2, 5, 10 mm …: see JSON
+    frame.z.exr, frame.position.exr            as in the EXR of all channels
+    frame.scene_flow.exr, frame.scene_flow_camera.exr    likewise
+    frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: nothing is hit
+    frame.albedo.png            8 bits, sRGB
+    frame.roughness.png, frame.metallic.png    16 bits, 1 + 65534 x; 0: nothing is hit
+    frame.emissive.exr          as in the EXR of all channels
+    frame.semantic.png          8 bits, or 16 where a class has a number above 255
+    frame.instance.png          16 bits
+    frame.flow.flo, frame.flow.png             Middlebury's and KITTI's format
+    frame.occluded.png          8 bits: 0 visible, 1 hidden, 2 outside, 255 nothing is seen
+    frame.flow_backward.flo, frame.flow_backward.png, frame.occluded_backward.png    likewise
+    frame.valid.png             8 bits: 0 or 255
+    frame.range.npy ...         any channel, by the format npy: its array, see `CHANNELS`
+    frame.channels.json         units, scales, labels, camera and pose
+    frame.coco.json             boxes of the instances, with the channel instance
+    frame.boxes_3d.json         oriented 3-D boxes of the instances
+"""  # fmt: skip
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError
+from omnisim.core.files.image_files import is_float_format, write_image, write_numbers
+from omnisim.core.srgb import srgb8_from_linear
+from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth.coco import VISIBLE_SHARE, BoxLimits, coco_image, write_json
+from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.flow_files import KITTI_STEPS_PER_PX, write_flo, write_kitti_flow
+from omnisim.ground_truth.label_names import Labels
+from omnisim.ground_truth.npy import ChannelFormat, write_npy
+from omnisim.ground_truth.previews import preview
+
+BOXES_3D = "boxes_3d.json"
+_SIDECARS = ("channels.json", "coco.json", BOXES_3D)  # beside those of single channels
+_LARGEST = 2**16 - 1
+FINEST_RANGE_STEPS_PER_M = 1000
+_NOTHING_HIT = _LARGEST
+_RANGE_ABOUT = (
+    "length of the ray from the effective viewpoint, in steps, at least 1; the scale is this "
+    "picture's own"
+)
+
+
+def write_sidecars(
+    picture: Path,
+    channels: Mapping[str, NDArray[Any]],
+    labels: Labels | None,
+    metadata: Mapping[str, Any],
+    has_ray: NDArray[np.bool_],
+    channel_format: ChannelFormat = ChannelFormat.AUTO,
+) -> None:
+    """Write files for each channel beside the picture, and their description.
+
+    Args:
+        picture: its path.
+        channels: by name.
+        labels: of the IDs of classes and instances.
+        metadata: the picture's.
+        has_ray: (height, width), false outside of the lens or the mirror.
+        channel_format: of the files; those of an EXR's layers are not written here.
+
+    Raises:
+        OutputError: a file cannot be written, or numbers that 16 bits do not hold.
+    """
+    described: dict[str, Any] = {}
+    for name, values in channels.items():
+        channel = CHANNELS[name]
+        described[name] = {"unit": channel.unit, "about": channel.about}
+        if channel_format is not ChannelFormat.NPY and not is_float_format(picture):
+            if name == "range":
+                files, scale = _write_ranges(picture, values, has_ray)
+            else:
+                files, scale = _write(picture, name, values, labels, metadata)
+            described[name] = {"files": files} | described[name] | scale
+        if channel_format is not ChannelFormat.AUTO:
+            path = sidecar_path(picture, f"{name}.npy")
+            write_npy(path, values)
+            described[name]["npy"] = {
+                "file": path.name,
+                "dtype": values.dtype.name,
+                "shape": values.shape,
+                "about": channel.about,
+            }
+    content = dict(metadata) | {"channels": described}
+    if labels is not None:
+        content["labels"] = labels.to_json()
+    write_json(sidecar_path(picture, "channels.json"), content)
+
+
+def write_boxes(picture: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
+    """Write the instances' boxes beside the picture, where there is the channel instance.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    if labels is not None and "instance" in channels:
+        content = coco_image(channels["instance"], labels, picture.name)
+        write_json(sidecar_path(picture, "coco.json"), content)
+
+
+def limit_boxes(picture: Path, limits: BoxLimits, shares: Mapping[int, float]) -> None:
+    """Add visible shares to the boxes beside a picture, and leave out those beyond limits.
+
+    Args:
+        picture: its path.
+        limits: of the boxes that stay.
+        shares: of the instances by ID; empty: they are not known.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    path = sidecar_path(picture, "coco.json")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    for one in content["annotations"]:
+        if one["instance_id"] in shares:
+            one[VISIBLE_SHARE] = round(shares[one["instance_id"]], 4)
+    kept = [one for one in content["annotations"] if limits.keeps(one)]
+    numbered = [one | {"id": number} for number, one in enumerate(kept, start=1)]
+    write_json(path, content | {"annotations": numbered})
+
+
+def write_previews(
+    picture: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None
+) -> list[Path]:
+    """Write false-colour pictures of the channels beside the picture, and return their paths.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    files = []
+    for name, values in channels.items():
+        files.append(sidecar_path(picture, f"{name}.preview.png"))
+        write_image(files[-1], preview(name, values, labels))
+    return files
+
+
+def sidecar_path(picture: Path, ending: str) -> Path:
+    """Path of a sidecar: `frame.png` and `range.png` make `frame.range.png`."""
+    return picture.with_name(f"{picture.stem}.{ending}")
+
+
+def is_sidecar_name(picture: Path, path: Path) -> bool:
+    """Tell whether the channels of a picture may write a file of this name."""
+    if path.resolve().parent != picture.resolve().parent:
+        return False
+    stem, _, ending = path.name.partition(f"{picture.stem}.")
+    is_ours = ending in _SIDECARS or ending.partition(".")[0] in CHANNELS
+    return not stem and is_ours
+
+
+def range_steps_per_m(ranges_m: NDArray[Any]) -> float:
+    """Finest scale 1000, 500, 200, 100, 50 … whose 16-bit numbers hold all finite ranges."""
+    farthest_m = float(np.max(ranges_m, where=np.isfinite(ranges_m), initial=0.0))
+    decade = 1
+    while True:
+        for divisor in (1, 2, 5):
+            steps_per_m = FINEST_RANGE_STEPS_PER_M / (divisor * decade)
+            if np.rint(steps_per_m * farthest_m) < _NOTHING_HIT:
+                return steps_per_m
+        decade *= 10
+
+
+def _write_ranges(
+    picture: Path, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
+) -> tuple[list[str], dict[str, Any]]:
+    """Write ranges as a PNG; return its name, and the scale and meaning of its numbers."""
+    steps_per_m = range_steps_per_m(ranges_m)
+    hit = np.isfinite(ranges_m)
+    steps = np.rint(steps_per_m * np.where(hit, ranges_m, 0.0))
+    # 0 stands for outside: what is hit is at least a step away
+    steps = np.where(hit, np.maximum(steps, 1), np.where(has_ray, _NOTHING_HIT, 0))
+    path = sidecar_path(picture, "range.png")
+    write_numbers(path, steps.astype(np.uint16))
+    return [path.name], {
+        "about": _RANGE_ABOUT,
+        "steps_per_m": int(steps_per_m) if steps_per_m.is_integer() else steps_per_m,
+        "nothing_hit": _NOTHING_HIT,
+        "outside": 0,
+    }
+
+
+def _normal_steps(normals: NDArray[Any]) -> NDArray[np.uint16]:
+    steps = np.rint(32767.0 * normals + 32768.0)
+    return np.where(np.any(normals != 0, axis=-1, keepdims=True), steps, 0).astype(np.uint16)
+
+
+def _share_steps(shares: NDArray[Any]) -> NDArray[np.uint16]:
+    steps = np.rint(1.0 + (_LARGEST - 1) * np.clip(shares, 0.0, 1.0))
+    return np.where(np.isnan(shares), 0.0, steps).astype(np.uint16)
+
+
+# Values as the numbers of a PNG file, and the scale that its description states.
+_SHARE_SCALE = {"zero": 1, "steps_per_unit": _LARGEST - 1}
+_NORMAL_SCALE = {"zero": 32768, "steps_per_unit": 32767}
+_NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]]] = {
+    "normals": (_normal_steps, _NORMAL_SCALE),
+    "normals_camera": (_normal_steps, _NORMAL_SCALE),
+    "roughness": (_share_steps, _SHARE_SCALE),
+    "metallic": (_share_steps, _SHARE_SCALE),
+    "valid": (lambda valid: (255 * valid).astype(np.uint8), {"true": 255}),
+    "occluded": (lambda occluded: occluded, {}),
+    "occluded_backward": (lambda occluded: occluded, {}),
+}
+
+
+def _write(
+    picture: Path,
+    name: str,
+    values: NDArray[Any],
+    labels: Labels | None,
+    metadata: Mapping[str, Any],
+) -> tuple[list[str], dict[str, Any]]:
+    """Write one channel; return its files' names, and the scale of their numbers."""
+    path = sidecar_path(picture, f"{name}.png")
+    scale: dict[str, int] = {}
+    if name in _NUMBERS:
+        encode, scale = _NUMBERS[name]
+        write_numbers(path, encode(values))
+    elif name == "albedo":
+        write_image(path, srgb8_from_linear(values))
+    elif name in FLOWS:
+        flo = path.with_suffix(".flo")
+        write_flo(flo, values)
+        write_kitti_flow(path, values)
+        return [flo.name, path.name], {"kitti_steps_per_px": KITTI_STEPS_PER_PX}
+    elif values.dtype.kind == "f":
+        path = path.with_suffix(".exr")
+        write_exr(path, {name: values}, labels, metadata)
+    else:
+        write_numbers(path, _ids(path, name, values, labels))
+    return [path.name], scale
+
+
+def _ids(
+    path: Path, name: str, ids: NDArray[np.integer[Any]], labels: Labels | None
+) -> NDArray[np.uint8 | np.uint16]:
+    if ids.max(initial=0) > _LARGEST:
+        raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_LARGEST}: expected .exr")
+    # by the scene's labels, not the picture's: all pictures of a scene have the same depth
+    few = name == "semantic" and labels is not None and labels.classes[-1].id < 256
+    return ids.astype(np.uint8 if few else np.uint16)

@@ -1,0 +1,120 @@
+"""Frames: a rendered picture with metadata and ground truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError
+from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
+from omnisim.core.short_repr import short_repr
+from omnisim.ground_truth.boxes_3d import InstanceBox, boxes_json
+from omnisim.ground_truth.channel_files import (
+    BOXES_3D,
+    sidecar_path,
+    write_boxes,
+    write_previews,
+    write_sidecars,
+)
+from omnisim.ground_truth.coco import write_json
+from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.frame_channels import FrameChannels
+from omnisim.ground_truth.label_names import Labels
+from omnisim.ground_truth.npy import ChannelFormat
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A picture, first row at the top.
+
+    Attributes:
+        rgba: (height, width, 4) uint8, sRGB; alpha is 255 where the camera sees something.
+        linear: (height, width, 3) float32 linear RGB, where it was asked for.
+        metadata: camera, mirror, scene and pose, as JSON can hold them.
+        channels: ground truth by name, (height, width) or (height, width, n), where it was asked
+            for; see `omnisim.ground_truth.CHANNELS`. A notebook shows their previews.
+        labels: of the IDs of classes and instances, or None: no channels.
+        has_ray: (height, width), false where a pixel's centre is outside of the lens or the mirror,
+            or None: no channels.
+        boxes_3d: oriented boxes of the visible instances, where they were asked for.
+    """
+
+    rgba: NDArray[np.uint8]
+    linear: NDArray[np.float32] | None
+    metadata: dict[str, Any]
+    channels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    labels: Labels | None = None
+    has_ray: NDArray[np.bool_] | None = None
+    boxes_3d: tuple[InstanceBox, ...] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", FrameChannels(self.channels, self.labels))
+
+    def __repr__(self) -> str:
+        height, width = self.rgba.shape[:2]
+        camera = self.metadata.get("camera")
+        return short_repr(
+            self,
+            f"{width} × {height} px",
+            f"scene {self.metadata['scene']!r}" if "scene" in self.metadata else "",
+            f"model {camera['model']!r}" if isinstance(camera, dict) else "",
+            "linear" if self.linear is not None else "",
+            f"channels {' '.join(self.channels)}" if self.channels else "",
+        )
+
+    def _repr_png_(self) -> bytes:
+        """PNG file of the picture, as notebooks show it."""
+        return png_bytes(self.rgb)
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colours (height, width, 3) uint8, sRGB; black where the camera sees nothing."""
+        return self.rgba[..., :3]
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Mask (height, width): the pixel shows the scene, with at least half of its samples."""
+        return self.rgba[..., 3] > 0
+
+    def save(self, path: str | Path, previews: bool = False, channel_format: str = "auto") -> None:
+        """Write PNG, JPEG or TIFF (sRGB), or EXR (linear float), with the metadata inside.
+
+        Channels are layers of the EXR; beside the other formats they are files of their own, see
+        `omnisim.ground_truth.channel_files`. Boxes of the instances are in `<stem>.coco.json`
+        and `<stem>.boxes_3d.json`.
+
+        Args:
+            path: of the picture.
+            previews: also write the channels in colours, `<stem>.range.preview.png` and so on.
+            channel_format: "npy": each channel's array in `<stem>.range.npy` and so on, in place of
+                the files above, with `<stem>.channels.json`; "both"; or "auto": the files above.
+
+        Raises:
+            OutputError: an unknown format, EXR without a linear picture, or a file that cannot
+                be written.
+        """
+        path, files = Path(path), ChannelFormat.parse(channel_format)
+        if not is_float_format(path):
+            write_image(path, self.rgb, self.metadata)
+        elif self.linear is None:
+            raise OutputError(
+                f"{path}: EXR holds linear colours: expected a frame rendered with linear=True"
+            )
+        elif self.channels and files is not ChannelFormat.NPY:
+            write_exr(path, self.channels, self.labels, self.metadata, self.linear)
+        else:
+            write_image(path, self.linear, self.metadata)
+        if self.channels and not (is_float_format(path) and files is ChannelFormat.AUTO):
+            has_ray = self.valid if self.has_ray is None else self.has_ray
+            write_sidecars(path, self.channels, self.labels, self.metadata, has_ray, files)
+        write_boxes(path, self.channels, self.labels)
+        if self.boxes_3d is not None and self.labels is not None:
+            target = sidecar_path(path, BOXES_3D)
+            write_json(target, boxes_json(self.boxes_3d, self.labels, path.name, self.metadata))
+        if previews:
+            write_previews(path, self.channels, self.labels)

@@ -1,0 +1,153 @@
+"""Labels: names and colours of the IDs of classes and instances."""
+
+from __future__ import annotations
+
+import colorsys
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.short_repr import counted, short_repr
+
+NOTHING = 0  # ID of class and instance where nothing is hit
+_GOLDEN = 0.61803398875  # hues that far apart never come close to one another
+_LARGEST_ID = 2**32 - 1  # of the channels' type
+
+
+@dataclass(frozen=True)
+class ClassLabel:
+    """One class.
+
+    Attributes:
+        id: in the channel.
+        name: of the class.
+        color: 8-bit sRGB, for pictures.
+    """
+
+    id: int
+    name: str
+    color: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class InstanceLabel:
+    """One instance: all parts of one name.
+
+    Attributes:
+        id: in the channel.
+        name: of its node.
+        class_id: of its class.
+        object_name: dynamic object that it belongs to; None: the static scene.
+    """
+
+    id: int
+    name: str
+    class_id: int
+    object_name: str | None = None
+
+
+@dataclass(frozen=True)
+class Labels:
+    """All classes and instances of a scene.
+
+    Attributes:
+        classes: by rising id; without `NOTHING`.
+        instances: IDs 1, 2, and so on; without `NOTHING`.
+        source: of the classes: "table", or "names" of the instances.
+        unlabelled: names in no class of the table.
+    """
+
+    classes: tuple[ClassLabel, ...]
+    instances: tuple[InstanceLabel, ...]
+    source: str
+    unlabelled: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return short_repr(
+            self,
+            counted(len(self.classes), "class", "classes"),
+            counted(len(self.instances), "instance"),
+            f"source {self.source!r}",
+        )
+
+    @cached_property
+    def class_of_instance(self) -> NDArray[np.uint16]:
+        """Class of each instance id (n + 1,), from `NOTHING` on."""
+        return np.array([NOTHING, *(i.class_id for i in self.instances)], dtype=np.uint16)
+
+    @cached_property
+    def class_colors(self) -> NDArray[np.uint8]:
+        """Colours (largest id + 1, 3) of the classes; black where there is none."""
+        colors = np.zeros((max((c.id for c in self.classes), default=0) + 1, 3), dtype=np.uint8)
+        for label in self.classes:
+            colors[label.id] = label.color
+        return colors
+
+    def notices(self) -> tuple[str, ...]:
+        """Lines about labels that a label table would improve."""
+        if self.source == "names":
+            return (
+                "the scene has no labels: classes are the instances' names without numbers; "
+                "a [[labels]] table in its TOML, or --labels FILE, says better",
+            )
+        if self.unlabelled:
+            count, first = len(self.unlabelled), self.unlabelled[0]
+            return (f"no label for {count} instances, such as {first!r}: they are 'unlabelled'",)
+        return ()
+
+    @classmethod
+    def from_json(cls, content: Any) -> Labels:
+        """Labels of a table that `to_json` made.
+
+        Raises:
+            KeyError, TypeError, ValueError: it is no such table.
+        """
+        classes = [
+            ClassLabel(_id(one["id"]), str(one["name"]), _color(one["color"]))
+            for one in content["classes"]
+            if one["id"] != NOTHING
+        ]
+        instances = [
+            InstanceLabel(_id(one["id"]), str(one["name"]), _id(one["class"]), one.get("object"))
+            for one in content["instances"]
+        ]
+        if [one.id for one in instances] != list(range(1, 1 + len(instances))):
+            raise ValueError("expected instances 1, 2, and so on")
+        return cls(tuple(classes), tuple(instances), str(content["classes_from"]))
+
+    def to_json(self) -> dict[str, Any]:
+        """Names and palette, as JSON can hold them."""
+        return {
+            "classes_from": self.source,
+            "classes": [
+                {"id": NOTHING, "name": "nothing", "color": [0, 0, 0]},
+                *({"id": c.id, "name": c.name, "color": list(c.color)} for c in self.classes),
+            ],
+            "instances": [
+                {"id": i.id, "name": i.name, "class": i.class_id}
+                | ({} if i.object_name is None else {"object": i.object_name})
+                for i in self.instances
+            ],
+        }
+
+
+def _id(value: Any) -> int:
+    if not isinstance(value, int) or not 0 <= value <= _LARGEST_ID:
+        raise ValueError("expected a whole number")
+    return value
+
+
+def _color(values: Any) -> tuple[int, int, int]:
+    red, green, blue = map(_id, values)
+    return red, green, blue
+
+
+def distinct_color(number: int) -> tuple[int, int, int]:
+    """A colour, 8-bit sRGB, unlike those of the numbers beside it; always the same."""
+    hue = (0.08 + number * _GOLDEN) % 1.0
+    saturation, value = 0.55 + 0.15 * (number % 3), 0.95 - 0.18 * (number // 3 % 3)
+    red, green, blue = colorsys.hsv_to_rgb(hue, saturation, value)
+    return round(255 * red), round(255 * green), round(255 * blue)

@@ -1,0 +1,1 @@
+"""Landmarks: colors, regions and their measurement."""

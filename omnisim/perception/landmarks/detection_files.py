@@ -1,0 +1,37 @@
+"""Detections as CSV: a line for each, `step` first; angles in degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from omnisim.core.files.atomic_file import write_text
+from omnisim.perception.landmarks.landmark_detector import Detection
+
+COLUMNS = (
+    "step,landmark,bearing_deg,range_m,range_eq2_m,bearing_sigma_deg,range_sigma_m,"
+    "left_px,right_px,top_px,bottom_px,area_px"
+)
+SUFFIX = ".csv"
+
+
+def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) -> None:
+    """Write detections with the step that each is of: all of them, or nothing.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    lines = [COLUMNS]
+    for step, found in detections:
+        numbers = (
+            math.degrees(found.bearing_rad),
+            found.range_m,
+            found.range_eq2_m,
+            math.degrees(found.bearing_sigma_rad),
+            found.range_sigma_m,
+        )
+        box = (found.left, found.right, found.top, found.bottom, found.area_px)
+        cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
+        lines.append(",".join((str(step), found.landmark, *cells)))
+    write_text(path, "\n".join(lines) + "\n")

@@ -1,0 +1,186 @@
+"""Landmarks in pictures: regions of the right colours, one above the other, at a range that fits.
+
+A slim landmark, a beacon, is known by the order of its colours from top to bottom. Its range
+follows from the edges of its bands, whose heights are known, not from its base: that is white on
+light ground, and often hidden. A wide one, a goal, has one colour from the ground up, and its range
+is that of its nearest corner on the ground, or of the nearest one at its top where the ground in
+front of it is not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import LocalizationError
+from omnisim.core.poses import wrap_angle
+from omnisim.perception.landmarks.color_model import ColorModel
+from omnisim.perception.landmarks.landmark_measurement import (
+    LandmarkMeasurement,
+    measure_pillar,
+    measure_wide,
+)
+from omnisim.perception.regions import Region, find_regions, wrapped_around
+from omnisim.perception.unwarping.panorama import CameraMount, Panorama
+from omnisim.scene.model import Landmark
+
+Key = TypeVar("Key")
+SMALLEST_PX = 4  # of a region: less is a speck
+
+
+@dataclass(frozen=True)
+class Detection:
+    """Landmark detected in a picture.
+
+    Attributes:
+        landmark: its name.
+        bearing_rad: counter-clockwise from the vehicle's front: of a pillar's axis, or midway
+            between the outermost corners of something wide.
+        range_m: along the ground from below the effective viewpoint to a pillar's axis, or to the
+            nearest corner of something wide; by the exact relation.
+        range_eq2_m: the same by the inverse of the paper's Eq. 2; NaN where that does not apply.
+        bearing_sigma_rad, range_sigma_m: standard deviations, from the pixels' noise.
+        left, right, top, bottom: box in the panorama; right and bottom are the first ones outside.
+        area_px: pixels of its colours.
+    """
+
+    landmark: str
+    bearing_rad: float
+    range_m: float
+    range_eq2_m: float
+    bearing_sigma_rad: float
+    range_sigma_m: float
+    left: int
+    right: int
+    top: int
+    bottom: int
+    area_px: int
+
+
+class LandmarkDetector:
+    """Detects the landmarks of one scene in one camera's pictures.
+
+    Args:
+        model: their colours.
+        landmarks: of the scene; those whose colours the model lacks are ignored.
+        mount: the camera.
+
+    Attributes:
+        panorama: that they are detected in.
+        ignored: names of landmarks that are not detected.
+
+    Raises:
+        LocalizationError: no landmark to detect, or two that look the same.
+    """
+
+    def __init__(self, model: ColorModel, landmarks: Sequence[Landmark], mount: CameraMount):
+        self.model = model
+        self.panorama = Panorama(mount)
+        self._pillars: dict[tuple[int, int], Landmark] = {}
+        self._wide: dict[int, Landmark] = {}
+        for landmark in landmarks:
+            classes = [model.color_class(band.color) for band in landmark.bands]
+            shown = [color for color in classes if color]
+            if not landmark.is_slim and len(shown) == 1:
+                _add(self._wide, shown[0], landmark)
+            elif landmark.is_slim and len(shown) == 2 and all(classes[-2:]):
+                _add(self._pillars, (shown[0], shown[1]), landmark)
+        known = {each.name for each in (*self._pillars.values(), *self._wide.values())}
+        self.ignored = tuple(each.name for each in landmarks if each.name not in known)
+        if not self._pillars and not self._wide:
+            raise LocalizationError(
+                "landmarks: none has colours of the model: expected pillars whose upper bands, "
+                f"or wide ones whose only band, are of {', '.join(model.colors)}"
+            )
+
+    def classes(self, panorama: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Classify the pixels (height, width) of a panorama."""
+        return self.model.classify(panorama)
+
+    def __call__(self, picture: NDArray[np.uint8]) -> list[Detection]:
+        """Detect landmarks in a picture (height, width, 3), sRGB; each at most once."""
+        return self.find(self.panorama(picture))
+
+    def find(self, panorama: NDArray[np.uint8]) -> list[Detection]:
+        """Detect landmarks in a panorama of the detector's own."""
+        classes = self.classes(panorama)
+        regions = find_regions(classes, len(self.model.colors), SMALLEST_PX)
+        doubled = wrapped_around(panorama)
+        found: list[tuple[Landmark, LandmarkMeasurement]] = []
+        in_pillars: set[int] = set()
+        for lower, upper in _stacked(regions):
+            landmark = self._pillars.get((lower.color, upper.color))
+            if landmark is None:
+                continue
+            finding = measure_pillar(self.panorama, doubled, lower, upper, landmark)
+            if finding is not None:
+                found.append((landmark, finding))
+                in_pillars |= {id(lower), id(upper)}
+        for region in regions:
+            landmark = self._wide.get(region.color)
+            if landmark is None or id(region) in in_pillars:
+                continue
+            finding = measure_wide(self.panorama, doubled, region, landmark)
+            if finding is not None:
+                found.append((landmark, finding))
+        return [self._detection(landmark, best) for landmark, best in _best_of_each(found)]
+
+    def _detection(self, landmark: Landmark, finding: LandmarkMeasurement) -> Detection:
+        width = self.panorama.camera.width_px
+        turns = finding.left // width  # boxes start within the panorama
+        bearing = float(self.panorama.bearings_rad(finding.column))
+        return Detection(
+            landmark.name,
+            wrap_angle(bearing),
+            finding.range_m,
+            finding.range_eq2_m,
+            finding.column_sigma_px / self.panorama.camera.focal_length_px,
+            finding.range_sigma_m,
+            finding.left - turns * width,
+            finding.right - turns * width,
+            finding.top,
+            finding.bottom,
+            finding.area_px,
+        )
+
+
+def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
+    if key in known:
+        raise LocalizationError(
+            f"landmarks {known[key].name!r} and {landmark.name!r}: look the same: expected other "
+            "colours, or another order of them"
+        )
+    known[key] = landmark
+
+
+def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
+    """Pairs of regions of two colours, the second straight above the first."""
+    pairs = []
+    for lower in regions:
+        for upper in regions:
+            if lower.color == upper.color or upper.top >= lower.top:
+                continue
+            height = max(lower.mask.shape[0], upper.mask.shape[0])
+            # blurred edges are neither colour: a gap, or a ragged overlap
+            slack = 2 + 0.35 * height
+            overlap = min(lower.right, upper.right) - max(lower.left, upper.left)
+            narrow = min(lower.mask.shape[1], upper.mask.shape[1])
+            if abs(lower.top - upper.bottom) <= slack and overlap >= 0.5 * narrow:
+                pairs.append((lower, upper))
+    return pairs
+
+
+def _best_of_each(
+    found: list[tuple[Landmark, LandmarkMeasurement]],
+) -> list[tuple[Landmark, LandmarkMeasurement]]:
+    """Keep the measurement of most pixels for each landmark: there is one of each."""
+    best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
+    for landmark, finding in found:
+        other = best.get(landmark.name)
+        if other is None or finding.area_px > other[1].area_px:
+            best[landmark.name] = (landmark, finding)
+    return list(best.values())

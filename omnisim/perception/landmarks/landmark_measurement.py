@@ -1,0 +1,235 @@
+"""Range and bearing of landmarks, from the edges of their colours in a panorama.
+
+An edge is found to a fraction of a pixel by how much of the one and of the other colour the pixels
+across it have, in linear light, where they mix as areas do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.srgb import LINEAR_FROM_SRGB8
+from omnisim.perception.regions import Region
+from omnisim.perception.unwarping.panorama import Panorama
+from omnisim.scene.model import Landmark
+
+# Noise of an edge in pixels: measured on drives, of which see the experiments' page.
+EDGE_SIGMA_PX = 0.2
+WIDE_EDGE_SIGMA_PX = 0.8  # where a corner is too slim to be seen by itself
+CORNER_SIGMA_M = 0.01  # of where on its boards' ends that corner is
+MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
+# More than an average error, 0.17 px: light that falls off around a beacon moves the middle of its
+# mask by 0.4 px, and alike in pictures that follow each other.
+COLUMN_SIGMA_PX = 0.3
+MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
+LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
+
+
+@dataclass(frozen=True)
+class LandmarkMeasurement:
+    """Measurement of one landmark; columns may run past the panorama's right edge.
+
+    Attributes:
+        column: of its bearing.
+        column_sigma_px: of that.
+        range_m, range_eq2_m, range_sigma_m: along the ground, as in `Detection`.
+        left, right, top, bottom: box.
+        area_px: pixels of its colours.
+    """
+
+    column: float
+    column_sigma_px: float
+    range_m: float
+    range_eq2_m: float
+    range_sigma_m: float
+    left: int
+    right: int
+    top: int
+    bottom: int
+    area_px: int
+
+
+def measure_pillar(
+    panorama: Panorama,
+    pixels: NDArray[np.uint8],
+    lower: Region,
+    upper: Region,
+    landmark: Landmark,
+) -> LandmarkMeasurement | None:
+    """Measure a pillar by two of its bands, or None: it cannot be one of that size.
+
+    Args:
+        panorama: that it is in.
+        pixels: of the panorama and half of it again, sRGB.
+        lower, upper: its two upper bands.
+        landmark: with their heights.
+    """
+    column, core = _axis(lower, upper)
+    rows = slice(max(upper.top - 3, 0), min(lower.bottom + lower.mask.shape[0] + 3, len(pixels)))
+    profile = LINEAR_FROM_SRGB8[pixels[rows, core]].mean(axis=1)
+    middle = _edge_between(profile, _inner(upper, rows.start), _inner(lower, rows.start))
+    below = slice(
+        lower.bottom - rows.start + 2,
+        max(lower.bottom + lower.mask.shape[0] // 2, lower.bottom + 3) - rows.start,
+    )
+    foot = _edge_between(profile, _inner(lower, rows.start), below)
+    radius_m = 0.25 * sum(landmark.footprint_m)
+    low, high = landmark.bands[-2], landmark.bands[-1]
+    # height of each edge, its row, its noise, and how far in front of the axis it is
+    edges = [
+        (high.top_m, upper.top - 0.5, MASK_SIGMA_PX, -radius_m),  # the far rim of its flat top
+        (high.bottom_m, middle + rows.start, EDGE_SIGMA_PX, radius_m),
+        (low.bottom_m, foot + rows.start, EDGE_SIGMA_PX, radius_m),
+    ]
+    edges = [edge for edge in edges if math.isfinite(edge[1])]
+    fitted = _fit_range(panorama, edges)
+    if fitted is None:
+        return None
+    range_m, range_eq2_m, sigma_m = fitted
+    left, right = min(lower.left, upper.left), max(lower.right, upper.right)
+    width_px = 2.0 * radius_m / range_m * panorama.camera.focal_length_px
+    if not 0.4 * width_px - 1.5 <= right - left <= 1.8 * width_px + 2.5:
+        return None
+    return LandmarkMeasurement(
+        column, COLUMN_SIGMA_PX, range_m, range_eq2_m, sigma_m,
+        left, right, upper.top, lower.bottom, lower.area_px + upper.area_px,
+    )  # fmt: skip
+
+
+def _axis(lower: Region, upper: Region) -> tuple[float, slice]:
+    """Middle column of a pillar, and the columns around it."""
+    left, right = min(lower.left, upper.left), max(lower.right, upper.right)
+    counts = np.zeros(right - left)
+    for region in (lower, upper):
+        start = region.left - left
+        counts[start : start + region.mask.shape[1]] += region.mask.sum(axis=0)
+    column = left + float(counts @ np.arange(len(counts))) / float(counts.sum())
+    # where its bands' lower edges, which bend around it, are lowest
+    half = max(0.5, 0.2 * float(np.count_nonzero(counts)))
+    first = max(left, round(column - half))
+    return column, slice(first, max(first + 1, min(right, round(column + half) + 1)))
+
+
+def _inner(region: Region, first: int) -> slice:
+    """Rows in the middle of a region, where its colour is pure; counted from row `first`."""
+    height = region.mask.shape[0]
+    edge = (height - 1) // 3 if height > 2 else 0
+    return slice(region.top + edge - first, region.bottom - edge - first)
+
+
+def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> float:
+    """Row, with a fraction, at which a profile (n, 3) goes from one colour to another.
+
+    Args:
+        profile: linear colours from top to bottom.
+        one, other: rows that are of the one colour and below of the other.
+
+    Returns NaN where the two are alike, or not there.
+    """
+    first, last = (one.start + one.stop - 1) // 2, (other.start + other.stop - 1 + 1) // 2
+    upper, lower = profile[one], profile[other]
+    if not len(upper) or not len(lower) or last <= first:
+        return math.nan
+    start, end = upper.mean(axis=0), lower.mean(axis=0)
+    change = end - start
+    contrast = float(change @ change)
+    if contrast < 1e-3:
+        return math.nan
+    share = np.clip((end - profile[first : last + 1]) @ change / contrast, 0.0, 1.0)
+    return float(first - 0.5 + float(share.sum()))
+
+
+def _fit_range(
+    panorama: Panorama, edges: list[tuple[float, float, float, float]]
+) -> tuple[float, float, float] | None:
+    """Range by the exact relation and by Eq. 2, and its sigma, from edges that agree.
+
+    The edge that disagrees most is left out, where two others agree: one may be hidden.
+    """
+    while len(edges) >= 2:
+        ranges, paper, sigmas = [], [], []
+        for height_m, row, sigma_px, ahead_m in edges:
+            range_m = float(panorama.ranges_m(row, height_m))
+            if not 0.0 < range_m + ahead_m < LARGEST_M:
+                return None
+            ranges.append(range_m + ahead_m)
+            paper.append(float(panorama.ranges_eq2_m(row, height_m)) + ahead_m)
+            sigmas.append(float(panorama.range_sigmas_m(range_m, height_m, sigma_px)))
+        weights = np.square(1.0 / np.array(sigmas))
+        weights /= weights.sum()
+        mean = float(weights @ ranges)
+        misfits = np.abs(np.array(ranges) - mean) / sigmas
+        # 2 %: what the model itself may be off, a polygon for a circle or a mesh for a mirror
+        allowed = MOST_SIGMAS + 0.02 * mean / min(sigmas)
+        if misfits.max() <= allowed:
+            sigma = float(math.sqrt(np.sum(np.square(weights * sigmas))))
+            return mean, float(weights @ paper), sigma
+        edges = [edge for k, edge in enumerate(edges) if k != int(misfits.argmax())]
+    return None
+
+
+def measure_wide(
+    panorama: Panorama, pixels: NDArray[np.uint8], region: Region, landmark: Landmark
+) -> LandmarkMeasurement | None:
+    """Measure something wide of one colour that stands on the ground, or None: it is none."""
+    height, width = region.mask.shape
+    if height < 3 or width < 4:
+        return None
+    columns = np.arange(width)
+    top = region.top + region.mask.argmax(axis=0)
+    bottom = region.bottom - 1 - region.mask[::-1].argmax(axis=0)
+    is_cut = region.bottom >= len(pixels) - 1
+    top_m = landmark.bands[-1].top_m
+    if is_cut:  # the ground in front of it is below the picture
+        rows, height_m, sigma_px = top - 0.5, top_m, MASK_SIGMA_PX
+    else:
+        rows = _lower_edges(pixels, bottom, region.left + columns)
+        height_m, sigma_px = 0.0, WIDE_EDGE_SIGMA_PX
+    ranges = panorama.ranges_m(rows, height_m)
+    # the nearest corner is a column or two wide: a mean with its neighbours would miss it
+    nearest = int(ranges.argmin())
+    range_m = float(ranges[nearest])
+    if not 0.0 < range_m < LARGEST_M:
+        return None
+    longest, shortest = math.hypot(*landmark.footprint_m), min(landmark.footprint_m)
+    # where it is nearest its top is seen, or behind that the top of its far end
+    drop_m = panorama.mount.height_m - top_m
+    limits = (top_m, panorama.mount.height_m - drop_m * range_m / (range_m + longest))
+    slack_m = 0.15 * top_m + 2.0 * range_m / panorama.camera.focal_length_px
+    # three columns, so that their median is none of a post's whose mask begins far below its top
+    first = min(max(nearest - 1, 0), width - 3)
+    at = slice(first, first + 3)
+    seen_m = float(np.median(panorama.heights_m(top[at] - 0.5, range_m)))
+    if not is_cut and not min(limits) - slack_m <= seen_m <= max(limits) + slack_m:
+        return None
+    spread_m = width / panorama.camera.focal_length_px * range_m
+    if not 0.7 * shortest <= spread_m <= 1.5 * longest:
+        return None
+    sigma_m = float(panorama.range_sigmas_m(range_m, height_m, sigma_px))
+    sigma_m = math.hypot(sigma_m, CORNER_SIGMA_M)
+    if is_cut:  # the top that is seen may be that of its far end
+        sigma_m += longest
+    return LandmarkMeasurement(
+        region.left + 0.5 * (width - 1), COLUMN_SIGMA_PX, range_m,
+        float(panorama.ranges_eq2_m(panorama.rows(range_m, height_m), height_m)), sigma_m,
+        region.left, region.right, region.top, region.bottom, region.area_px,
+    )  # fmt: skip
+
+
+def _lower_edges(
+    pixels: NDArray[np.uint8], bottom: NDArray[np.intp], columns: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Rows, with fractions, where columns end whose lowest rows are `bottom`."""
+    steps = np.arange(-2, 3)  # no farther: the next thing, a line, may be narrow
+    rows = np.clip(bottom[:, None] + steps, 0, len(pixels) - 1)
+    profile = LINEAR_FROM_SRGB8[pixels[rows, columns[:, None] % pixels.shape[1]]]
+    inside, outside = profile[:, :1], profile[:, -1:]
+    change = inside - outside
+    contrast = np.maximum((change * change).sum(axis=-1), 1e-3)
+    share = np.clip(((profile - outside) * change).sum(axis=-1) / contrast, 0.0, 1.0)
+    edges: NDArray[np.float64] = bottom - 2.5 + share.sum(axis=1)
+    return edges

@@ -1,0 +1,49 @@
+"""Consistency of a filter: NEES and NIS against their χ² bounds.
+
+Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+section 5.4.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
+
+from omnisim.core.poses import wrap_angles
+
+
+class Interval(NamedTuple):
+    """Probability interval of a mean."""
+
+    low: float
+    high: float
+
+
+def mean_interval(degrees: int, count: int, share: float = 0.95) -> Interval:
+    """Interval of the mean of `count` independent χ² values of `degrees` of freedom each."""
+    tail = 0.5 * (1.0 - share)
+    low, high = (float(chi2.ppf(share, degrees * count)) for share in (tail, 1.0 - tail))
+    return Interval(low / count, high / count)
+
+
+def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
+    """Estimated less true poses (..., 3): x, y, yaw; yaw within ±π."""
+    errors = np.asarray(estimated, dtype=np.float64) - np.asarray(true, dtype=np.float64)
+    errors[..., 2] = wrap_angles(errors[..., 2])
+    return errors
+
+
+def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normalised estimation errors squared (n,) of errors (n, 3) by covariances (n, 3, 3).
+
+    NaN where a covariance is singular, as that of an exactly known start.
+    """
+    found = np.full(len(errors), np.nan)
+    for k, (error, covariance) in enumerate(zip(errors, covariances, strict=True)):
+        values, axes = np.linalg.eigh(covariance)
+        if values[0] > 1e-14 * max(values[-1], 1e-300):
+            found[k] = float(np.sum(np.square(axes.T @ error) / values))
+    return found

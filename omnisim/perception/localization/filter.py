@@ -1,0 +1,318 @@
+"""The extended Kalman filter of the paper: state (x, y, φ), control (v, δφ), measurement (r, γ).
+
+All observations of one picture are gated against the same prediction, each by itself, and those
+that pass update it together: their order makes no difference.
+
+Source: Schmits & Visser 2008, Eq. 4 to 6; the update in Joseph's form, as in Bar-Shalom, Li,
+Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.2.6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.errors import LocalizationError
+from omnisim.core.poses import wrap_angle
+from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.observations import (
+    LandmarkMap,
+    Observation,
+    predict_measurement,
+)
+from omnisim.perception.localization.odometry_motion import move
+
+Verdict = Literal["accepted", "gated", "superseded", "singular"]
+_EYE = np.eye(3)
+_DISTANCE = attrgetter("distance_squared")
+# A symmetric matrix whose determinant is below this share of the largest it could have is singular.
+_SINGULAR = 1e-12
+
+
+class Association(NamedTuple):
+    """Data association of one observation.
+
+    Attributes:
+        landmark: the most likely one.
+        range_m, bearing_rad: as measured.
+        range_innovation_m, bearing_innovation_rad: measured less expected.
+        distance_squared: of Mahalanobis; infinite where the innovation has no covariance.
+        verdict: accepted; gated: outside the validation gate; superseded: another observation fits
+            this landmark better; singular: the innovation covariance has no inverse.
+    """
+
+    landmark: str
+    range_m: float
+    bearing_rad: float
+    range_innovation_m: float
+    bearing_innovation_rad: float
+    distance_squared: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Belief after a step.
+
+    Attributes:
+        time_s: when.
+        pose: (3,) x and y in metres, yaw in radians within ±π.
+        covariance: (3, 3).
+        associations: one for each observation, in their order.
+        nis: normalised innovation squared of all accepted observations together, or NaN: none.
+        nis_degrees: of freedom that it has.
+        steps_rejected: successive steps, up to this one, whose observations were all rejected.
+    """
+
+    time_s: float
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    associations: tuple[Association, ...] = ()
+    nis: float = math.nan
+    nis_degrees: int = 0
+    steps_rejected: int = 0
+
+
+class _Hypothesis(NamedTuple):
+    """An observation taken for a landmark."""
+
+    observation: Observation
+    landmark: str
+    distance_squared: float  # of Mahalanobis; infinite where there is no inverse
+    jacobian: tuple[float, ...]  # range by x, y, yaw, then bearing
+    variances: tuple[float, float]  # m², rad²
+    innovation: tuple[float, float]  # m, rad: measured less expected
+
+    def association(self, verdict: Verdict) -> Association:
+        seen = self.observation
+        return Association(
+            self.landmark, seen.range_m, seen.bearing_rad, *self.innovation,
+            self.distance_squared, verdict,
+        )  # fmt: skip
+
+
+class LocalizationFilter:
+    """Extended Kalman filter of one robot's pose.
+
+    Args:
+        landmarks: where they are.
+        parameters: noise and gate.
+        camera_m: x and y of the effective viewpoint in the base frame.
+        time_s: of the first pose.
+        pose: (3,) where the robot starts: x, y, yaw.
+        covariance: (3, 3) of the start, or None: by the parameters.
+
+    Raises:
+        LocalizationError: a start that is not finite, or a covariance that cannot be one.
+    """
+
+    def __init__(
+        self,
+        landmarks: LandmarkMap,
+        parameters: FilterParameters,
+        camera_m: tuple[float, float],
+        time_s: float,
+        pose: ArrayLike,
+        covariance: ArrayLike | None = None,
+    ):
+        self._landmarks, self._parameters = landmarks, parameters
+        self._camera_m = camera_m
+        start = np.array(pose, dtype=np.float64)
+        if covariance is None:
+            sigma_m = parameters.start.position_sigma_m
+            sigma_rad = math.radians(parameters.start.heading_sigma_deg)
+            covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
+        prior = np.asarray(covariance, dtype=np.float64)
+        if start.shape != (3,) or not np.all(np.isfinite((*start, time_s))):
+            raise LocalizationError(
+                f"start: expected finite x, y, yaw and time, got {start.tolist()} at {time_s} s"
+            )
+        if (
+            prior.shape != (3, 3)
+            or not np.all(np.isfinite(prior))
+            or not np.array_equal(prior, prior.T)
+            or np.linalg.eigvalsh(prior)[0] < 0.0
+        ):
+            raise LocalizationError("start: expected a symmetric covariance (3, 3), not negative")
+        start[2] = wrap_angle(start[2])
+        self.estimate = Estimate(float(time_s), start, prior)
+
+    def step(
+        self,
+        time_s: float,
+        speed_mps: float,
+        turn_rad: float,
+        observations: Sequence[Observation] = (),
+    ) -> Estimate:
+        """Predict the pose at a time, and update it by the observations made there.
+
+        Args:
+            time_s: when.
+            speed_mps: mean speed along the arc since the last step, negative backwards.
+            turn_rad: since then.
+            observations: of the picture at `time_s`.
+
+        Raises:
+            LocalizationError: a time that is not after the last one, or readings that are not
+                finite; the estimate stays as it was.
+        """
+        before = self.estimate
+        if not time_s > before.time_s:
+            raise LocalizationError(
+                f"step: expected a time after {before.time_s:.9g} s, the last step's, "
+                f"got {time_s:.9g} s"
+            )
+        if not (math.isfinite(time_s) and math.isfinite(speed_mps) and math.isfinite(turn_rad)):
+            raise LocalizationError(
+                f"step: expected finite numbers, got {time_s} s, {speed_mps} m/s and a turn of "
+                f"{turn_rad} rad"
+            )
+        distance_m = speed_mps * (time_s - before.time_s)
+        sigma_m, sigma_rad = self._parameters.motion.sigmas(distance_m, turn_rad)
+        pose, by_pose, by_control = move(before.pose, distance_m, turn_rad)
+        spread = by_control * (sigma_m, sigma_rad)
+        covariance = by_pose @ before.covariance @ by_pose.T + spread @ spread.T
+        self.estimate = self._update(time_s, pose, covariance, observations)
+        return self.estimate
+
+    def _update(
+        self,
+        time_s: float,
+        pose: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        observations: Sequence[Observation],
+    ) -> Estimate:
+        """Correct a prediction by observations."""
+        rejected = self.estimate.steps_rejected
+        if not observations:
+            return _estimate(time_s, pose, covariance, steps_rejected=rejected)
+        hypotheses, verdicts = self._associate(pose, covariance, observations)
+        accepted = [h for h, v in zip(hypotheses, verdicts, strict=True) if v == "accepted"]
+        if accepted:
+            h = np.array([each.jacobian for each in accepted]).reshape(-1, 3)
+            r = np.array([each.variances for each in accepted]).reshape(-1)
+            nu = np.array([each.innovation for each in accepted]).reshape(-1)
+            across = h @ covariance
+            s = across @ h.T
+            s.flat[:: len(r) + 1] += r
+            try:
+                weights = np.linalg.inv(s)
+            except np.linalg.LinAlgError:  # each has an inverse, but not all of them together
+                verdicts = ["singular" if v == "accepted" else v for v in verdicts]
+                accepted = []
+        associations = tuple(h.association(v) for h, v in zip(hypotheses, verdicts, strict=True))
+        if not accepted:
+            return _estimate(time_s, pose, covariance, associations, rejected + 1)
+        gain = across.T @ weights
+        kept = _EYE - gain @ h
+        corrected = kept @ covariance @ kept.T + (gain * r) @ gain.T
+        nis = float(nu @ weights @ nu)
+        return _estimate(time_s, pose + gain @ nu, corrected, associations, 0, nis, len(nu))
+
+    def _associate(
+        self,
+        pose: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        observations: Sequence[Observation],
+    ) -> tuple[list[_Hypothesis], list[Verdict]]:
+        """Gate each observation, and assign to each landmark its nearest one."""
+        for observation in observations:
+            _check(observation)
+        x, y, yaw = pose.tolist()
+        spread = covariance.tolist()
+        nearest = [
+            min(
+                (self._hypothesis(each, name, (x, y, yaw), spread) for name in each.candidates),
+                key=_DISTANCE,
+            )
+            for each in observations
+        ]
+        holders: dict[str, _Hypothesis] = {}  # by landmark
+        for each in nearest:
+            holders[each.landmark] = min(holders.get(each.landmark, each), each, key=_DISTANCE)
+        gate = self._parameters.measurement.gate
+        verdicts: list[Verdict] = []
+        for each in nearest:
+            if each.distance_squared == math.inf:
+                verdicts.append("singular")
+            elif each.distance_squared > gate:
+                verdicts.append("gated")
+            else:
+                verdicts.append("accepted" if holders[each.landmark] is each else "superseded")
+        return nearest, verdicts
+
+    def _hypothesis(
+        self,
+        observation: Observation,
+        landmark: str,
+        pose: tuple[float, float, float],
+        covariance: list[list[float]],
+    ) -> _Hypothesis:
+        """Innovation of an observation of a landmark, in plain floats: NumPy is slow one by one."""
+        range_m, a0, a1, a2, bearing, b0, b1, b2 = predict_measurement(
+            pose, self._camera_m, self._landmarks.corners(landmark)
+        )
+        extra = self._parameters.measurement
+        variance_m2 = (
+            observation.range_sigma_m**2
+            + (extra.range_sigma_share * observation.range_m) ** 2
+            + extra.range_sigma_m**2
+        )
+        bearing_sigma_rad = math.radians(extra.bearing_sigma_deg)
+        variance_rad2 = observation.bearing_sigma_rad**2 + bearing_sigma_rad**2
+        (p00, p01, p02), (_, p11, p12), (_, _, p22) = covariance
+        # the covariance times the bearing's row of the Jacobian
+        q0 = p00 * b0 + p01 * b1 + p02 * b2
+        q1 = p01 * b0 + p11 * b1 + p12 * b2
+        q2 = p02 * b0 + p12 * b1 + p22 * b2
+        # the innovation covariance ((s_mm, s_mr), (s_mr, s_rr))
+        s_mr = a0 * q0 + a1 * q1 + a2 * q2
+        s_mm = variance_m2 + p00 * a0 * a0 + p11 * a1 * a1 + p22 * a2 * a2
+        s_mm += 2.0 * (p01 * a0 * a1 + p02 * a0 * a2 + p12 * a1 * a2)
+        s_rr = variance_rad2 + b0 * q0 + b1 * q1 + b2 * q2
+        nu_m = observation.range_m - range_m
+        nu_rad = wrap_angle(observation.bearing_rad - bearing)
+        determinant = s_mm * s_rr - s_mr * s_mr
+        distance = math.inf
+        if determinant > _SINGULAR * s_mm * s_rr:
+            weighted = s_rr * nu_m * nu_m - 2.0 * s_mr * nu_m * nu_rad + s_mm * nu_rad**2
+            distance = weighted / determinant
+        return _Hypothesis(
+            observation, landmark, distance, (a0, a1, a2, b0, b1, b2),
+            (variance_m2, variance_rad2), (nu_m, nu_rad),
+        )  # fmt: skip
+
+
+def _check(observation: Observation) -> None:
+    if not (
+        observation.candidates
+        and math.isfinite(observation.range_m)
+        and math.isfinite(observation.bearing_rad)
+        and 0.0 <= observation.range_sigma_m < math.inf
+        and 0.0 <= observation.bearing_sigma_rad < math.inf
+    ):
+        raise LocalizationError(
+            "observation: expected a candidate, finite numbers, and sigmas of 0 or more, "
+            f"got {observation}"
+        )
+
+
+def _estimate(
+    time_s: float,
+    pose: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    associations: tuple[Association, ...] = (),
+    steps_rejected: int = 0,
+    nis: float = math.nan,
+    nis_degrees: int = 0,
+) -> Estimate:
+    """Estimate with its yaw wrapped and its covariance symmetric."""
+    pose[2] = wrap_angle(pose[2])
+    symmetric = 0.5 * (covariance + covariance.T)
+    return Estimate(time_s, pose, symmetric, associations, nis, nis_degrees, steps_rejected)

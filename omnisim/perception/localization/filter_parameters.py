@@ -1,0 +1,101 @@
+"""Parameters of the filter, from a TOML file. `default.toml` explains each.
+
+The paper publishes none of them: all values are our choices.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from omnisim.core.errors import LocalizationError
+from omnisim.core.files.parameters import Number, Table
+from omnisim.core.files.toml_file import read_toml
+
+DEFAULT = Path(__file__).with_name("default.toml")
+
+# Past anything that makes sense, and far from where a float's square ends.
+_LARGEST = 1e12
+NotNegative = Annotated[Number, Field(ge=0.0, le=_LARGEST)]
+Positive = Annotated[Number, Field(gt=0.0, le=_LARGEST)]
+
+
+class StartNoise(Table):
+    """Standard deviations of the first pose."""
+
+    position_sigma_m: NotNegative
+    """Standard deviation of x and of y, metres; 0: known without doubt."""
+    heading_sigma_deg: NotNegative
+    """Standard deviation of the heading, degrees; 0: known without doubt."""
+
+
+class MotionNoise(Table):
+    """Noise of the wheels.
+
+    White noise grows with the root of the distance, systematic errors grow with the distance
+    itself: a filter of three states cannot estimate them, and takes them for noise of each step.
+    """
+
+    distance_sigma_m_per_sqrt_m: NotNegative
+    """Standard deviation of the distance after 1 m, metres."""
+    distance_sigma_share: NotNegative
+    """Standard deviation of a step's distance as a share of it: the wheels' size."""
+    turn_sigma_deg_per_sqrt_m: NotNegative
+    """Standard deviation of the heading after 1 m, degrees."""
+    turn_sigma_deg_per_sqrt_rad: NotNegative
+    """Standard deviation of the heading after a turn of 1 rad, degrees."""
+    turn_sigma_deg_per_m: NotNegative
+    """Standard deviation of the heading for each metre driven, degrees: wheels of unequal size."""
+    turn_sigma_share: NotNegative
+    """Standard deviation of a step's turn as a share of it: wheels that skid."""
+
+    def sigmas(self, distance_m: float, turn_rad: float) -> tuple[float, float]:
+        """Standard deviations of a step's distance in metres and of its turn in radians."""
+        driven, turned = abs(distance_m), abs(turn_rad)
+        distance = math.hypot(
+            self.distance_sigma_m_per_sqrt_m * math.sqrt(driven), self.distance_sigma_share * driven
+        )
+        turn = math.hypot(
+            math.radians(self.turn_sigma_deg_per_sqrt_m) * math.sqrt(driven),
+            math.radians(self.turn_sigma_deg_per_sqrt_rad) * math.sqrt(turned),
+            math.radians(self.turn_sigma_deg_per_m) * driven,
+            self.turn_sigma_share * turned,
+        )
+        return distance, turn
+
+
+class MeasurementNoise(Table):
+    """Noise of an observation beyond its own sigmas, and the validation gate."""
+
+    range_sigma_share: NotNegative
+    """Standard deviation as a share of the range: mirror, mounting, a floor that is not flat."""
+    range_sigma_m: NotNegative
+    """Standard deviation of every range, metres."""
+    bearing_sigma_deg: NotNegative
+    """Standard deviation of every bearing, degrees."""
+    relation: Literal["exact", "eq2"]
+    """From image radius to incidence: "exact", or "eq2" by the paper's Eq. 2."""
+    gate: Positive
+    """Largest squared Mahalanobis distance; 9.21: 99 % of chi-square, 2 degrees of freedom."""
+    report_after_steps: Annotated[int, Field(ge=1, strict=True)]
+    """Successive steps with all observations rejected until that is reported."""
+
+
+class FilterParameters(Table):
+    """All parameters of the filter."""
+
+    start: StartNoise
+    motion: MotionNoise
+    measurement: MeasurementNoise
+
+
+def read_parameters(path: Path | None = None) -> FilterParameters:
+    """Read a file of parameters; by default omnisim's own.
+
+    Raises:
+        LocalizationError: naming file, key, value and what was expected.
+    """
+    return read_toml(path or DEFAULT, FilterParameters, LocalizationError)

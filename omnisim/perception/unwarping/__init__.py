@@ -1,0 +1,1 @@
+"""Unwarping of omnidirectional images."""

@@ -1,0 +1,163 @@
+"""Unwarping of ground truth: channels of a picture, taken along into a view of it.
+
+No value is blended: a pixel of the view has the channels of one pixel of the picture, the nearest
+to its ray, so that no value is invented across a silhouette. Where the view is finer than the
+picture, several of its pixels share one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import CentralCamera, check_central, pixel_grid
+from omnisim.cameras.full_turn import period_px
+from omnisim.core.errors import OpticsError, OutputError
+from omnisim.core.poses import check_pose
+from omnisim.ground_truth.channels import CHANNELS, FLOWS
+
+_OUTSIDE = 2  # in the channels of occlusion
+_DIRECTIONS = ("normals_camera", "scene_flow_camera")  # relative to the camera
+
+
+class ChannelUnwarping:
+    """Table of the picture's pixel that is nearest to each ray of a view.
+
+    Range stays the length of the ray, and position, normals, scene flow, albedo, classes and
+    instances are those of the picture's pixel. Directions relative to the camera are turned. `z` is
+    made of `position`. Flow leads from the picture's ray to where the next picture has its point,
+    both seen by the view, as if the view were a camera on the same vehicle. Its occlusion is the
+    picture's; 2, outside, also where the point leaves the view.
+
+    Args:
+        camera: of the picture.
+        view: camera of the view, at the same effective viewpoint.
+        camera_from_view: (3, 3) rotation between their optical frames.
+        covered: (height, width) pixels of the picture that have a ray; by default the camera's.
+
+    Attributes:
+        valid: (height, width) pixels of the view that have a value.
+
+    Raises:
+        OpticsError: the picture shows nothing of the view, or its camera has no one viewpoint.
+    """
+
+    def __init__(
+        self,
+        camera: CentralCamera,
+        view: CentralCamera,
+        camera_from_view: ArrayLike,
+        covered: NDArray[np.bool_] | None = None,
+    ):
+        check_central(camera, "unwarping")
+        self._camera, self._view = camera, view
+        self._camera_from_view = np.asarray(camera_from_view, dtype=np.float64)
+        grid = pixel_grid(camera.width_px, camera.height_px)
+        own_rays = camera.ray_from_pixel(grid)
+        rays = view.ray_from_pixel(pixel_grid(view.width_px, view.height_px))
+        there = camera.pixel_from_ray(rays.directions @ self._camera_from_view.T)
+        nearest = np.rint(np.where(there.valid[..., None], there.positions_px, -1.0))
+        column, row = np.moveaxis(nearest, -1, 0)
+        inside = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
+        self._nearest = np.where(inside, row * camera.width_px + column, 0).astype(np.intp)
+        has_ray = own_rays.valid if covered is None else covered & own_rays.valid
+        self.valid: NDArray[np.bool_] = rays.valid & there.valid & inside
+        self.valid &= has_ray.take(self._nearest)
+        if not self.valid.any():
+            raise OpticsError("the picture shows nothing of this view")
+
+    def __call__(
+        self,
+        channels: Mapping[str, NDArray[Any]],
+        world_from_view: ArrayLike | None = None,
+    ) -> dict[str, NDArray[Any]]:
+        """Unwarp channels by name; `Channel.empty` where the view is not `valid`.
+
+        Args:
+            channels: of the picture, as a frame has them.
+            world_from_view: (4, 4) pose of the view's optical frame, which `z` needs.
+
+        Raises:
+            OutputError: `z` without `position` or the pose, or an array of another size.
+        """
+        flows = {
+            name: self._flow(channels[name], occlusion, channels.get(occlusion))
+            for name, occlusion in FLOWS.items()
+            if name in channels
+        }
+        made = {name: values for pair in flows.values() for name, values in pair.items()}
+        for name, values in channels.items():
+            self._check_size(name, values)
+            if name == "z":
+                made[name] = self._depths(channels, world_from_view)
+            elif name not in made:
+                made[name] = self._take(values)
+            if name in _DIRECTIONS:
+                made[name] = made[name] @ self._camera_from_view.astype(np.float32)
+        if "valid" in made:
+            made["valid"] = made["valid"] & self.valid
+        return {name: self._filled(name, made[name]) for name in channels}
+
+    def _take(self, values: NDArray[Any]) -> NDArray[Any]:
+        flat = values.reshape(-1, *values.shape[2:])
+        taken: NDArray[Any] = flat.take(self._nearest, axis=0)
+        return taken
+
+    def _filled(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
+        filled = values.astype(CHANNELS[name].dtype)
+        filled[~self.valid] = CHANNELS[name].empty
+        return filled
+
+    def _depths(
+        self, channels: Mapping[str, NDArray[Any]], world_from_view: ArrayLike | None
+    ) -> NDArray[Any]:
+        """Coordinates along the view's own z."""
+        if "position" not in channels or world_from_view is None:
+            raise OutputError(
+                "channel 'z': expected position beside it, and the picture's pose: it is along "
+                "another axis in the view, and made of these"
+            )
+        pose = check_pose(world_from_view)
+        depths_m = (self._take(channels["position"]) - pose[:3, 3]) @ pose[:3, 2]
+        return np.where(np.isnan(depths_m), np.inf, depths_m)
+
+    def _flow(
+        self, flow_px: NDArray[Any], occlusion: str, occluded: NDArray[Any] | None
+    ) -> dict[str, NDArray[Any]]:
+        """Flow in the view's own pixels, and its occlusion by name."""
+        camera, view = self._camera, self._view
+        starts_px = pixel_grid(camera.width_px, camera.height_px)
+        ends_px = starts_px + np.nan_to_num(flow_px)
+        start, end = (self._seen(self._take(positions)) for positions in (starts_px, ends_px))
+        moved_px = end[0] - start[0]
+        period = period_px(view)
+        if period is not None:
+            moved_px[..., 0] -= period * np.round(moved_px[..., 0] / period)
+        known = start[1] & end[1] & np.isfinite(self._take(flow_px)).all(axis=-1)
+        moved_px[~known] = np.nan
+        made = {name: moved_px for name, pair in FLOWS.items() if pair == occlusion}
+        if occluded is not None:
+            u, v = np.moveaxis(end[0], -1, 0)
+            inside = known & (u >= -0.5) & (u < view.width_px - 0.5)
+            inside &= (v >= -0.5) & (v < view.height_px - 0.5)
+            made[occlusion] = np.where(inside, self._take(occluded), np.uint8(_OUTSIDE))
+        return made
+
+    def _seen(
+        self, positions_px: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Positions of the picture in the view's pixels, and a mask of those that it sees."""
+        rays = self._camera.ray_from_pixel(positions_px)
+        pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)
+        return pixels.positions_px.copy(), rays.valid & pixels.valid
+
+    def _check_size(self, name: str, values: NDArray[Any]) -> None:
+        width, height = self._camera.width_px, self._camera.height_px
+        if values.shape[:2] != (height, width):
+            raise OutputError(
+                f"channel {name!r}: expected {width} × {height} px, as its picture, got "
+                f"{values.shape[1]} × {values.shape[0]}"
+            )

@@ -1,0 +1,180 @@
+"""Level panorama for landmark detection, and the geometry of its rows and columns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import CentralCamera, NonCentralCamera
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera, theta_from_image_radius_eq2_rad
+from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.errors import LocalizationError
+from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.views import cylinder_view
+
+LOWEST_RAD, HIGHEST_RAD = math.radians(-60.0), math.radians(3.0)
+_LEVEL = 1e-9  # how far a rotation may be off one about the upright axis
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMount:
+    """Camera on a vehicle.
+
+    Attributes:
+        camera: its model.
+        base_from_optical: (4, 4) where it is.
+        covered: (height, width) pixels that show the scene, or None: all that the model sees.
+        caveat: the assumption of a viewpoint that the camera has not, and its errors.
+    """
+
+    camera: CentralCamera
+    base_from_optical: NDArray[np.float64]
+    covered: NDArray[np.bool_] | None = None
+    caveat: str | None = None
+
+    def assuming_viewpoint(self) -> CameraMount:
+        """The same mount, or as if all rays of its optical system met in one point."""
+        if not isinstance(self.camera, NonCentralCamera):
+            return self
+        from omnisim.cameras.optics.central_view import CentralView  # few cameras need it
+
+        view = CentralView(self.camera)
+        base_from_view = view.frame_from_view(self.base_from_optical)
+        return CameraMount(view, base_from_view, self.covered, view.caveat())
+
+    @property
+    def height_m(self) -> float:
+        """Height of the effective viewpoint above the ground."""
+        return float(self.base_from_optical[2, 3])
+
+    @property
+    def position_m(self) -> tuple[float, float]:
+        """Effective viewpoint x, y in the base frame."""
+        return float(self.base_from_optical[0, 3]), float(self.base_from_optical[1, 3])
+
+
+class Panorama:
+    """Panorama of a whole turn around a vehicle on the ground, from the horizon down.
+
+    Rows and columns count from the centre of the first pixel and may lie in between.
+
+    Args:
+        mount: the camera.
+        width_px: columns of the whole turn, or None: as many pixels as the horizon has in the
+            picture.
+
+    Attributes:
+        mount: the camera.
+        camera: the cylinder's own camera model.
+
+    Raises:
+        LocalizationError: a camera at or below the ground.
+        OpticsError: a camera that sees nothing of it.
+    """
+
+    def __init__(self, mount: CameraMount, width_px: int | None = None):
+        if not mount.height_m > 0.0:
+            raise LocalizationError(
+                f"camera: {mount.height_m:g} m above the ground: expected more than 0 for ranges"
+            )
+        self.mount = mount
+        rotation = mount.base_from_optical[:3, :3]
+        width = width_px or _horizon_px(mount.camera, rotation)
+        view = cylinder_view(width, LOWEST_RAD, HIGHEST_RAD)
+        assert isinstance(view.camera, CylindricalCamera)
+        self.camera = view.camera
+        self._unwarp = Unwarping(
+            mount.camera, view.camera, rotation.T @ view.base_from_view, mount.covered
+        )
+
+    def __call__(self, picture: NDArray[Any]) -> NDArray[Any]:
+        """Unwarp a picture to a panorama (height, width, 3); black where it shows nothing."""
+        return self._unwarp(picture)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the pixels that show the scene."""
+        return self._unwarp.valid
+
+    def bearings_rad(self, columns: ArrayLike) -> NDArray[np.float64]:
+        """Counter-clockwise from the vehicle's front; past the right edge it goes on."""
+        u = np.asarray(columns, dtype=np.float64)
+        return (self.camera.principal_point_px[0] - u) / self.camera.focal_length_px
+
+    def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
+        """Ranges along the ground of points of known height: r = (H − z) tan θ.
+
+        Infinite at and above the camera's own horizon.
+        """
+        down = self._tangents(rows)
+        drop_m = self.mount.height_m - height_m
+        return np.where(down > 0.0, drop_m / np.where(down > 0.0, down, 1.0), np.inf)
+
+    def rows(self, ranges_m: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
+        """Rows of points of known range and height."""
+        tangents = (self.mount.height_m - height_m) / np.asarray(ranges_m, dtype=np.float64)
+        return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
+
+    def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
+        """Ranges by the inverse of the paper's Eq. 2 from the radius in the picture.
+
+        NaN for a camera outside of Eq. 2: without such a mirror, or not upright.
+        """
+        down = self._tangents(rows)
+        camera = self.mount.camera
+        if not isinstance(camera, HyperbolicCamera) or not self._is_upright:
+            return np.full(down.shape, np.nan)
+        theta = 0.5 * math.pi - np.arctan(down)
+        radius = camera.image_radius(theta).radii_px
+        paper = theta_from_image_radius_eq2_rad(radius, camera.horizon_radius_px)
+        near = paper < 0.5 * math.pi
+        drop_m = self.mount.height_m - height_m
+        return np.where(near, drop_m * np.tan(np.where(near, paper, 0.0)), np.inf)
+
+    def range_sigmas_m(
+        self, ranges_m: ArrayLike, height_m: float, row_sigma_px: float
+    ) -> NDArray[np.float64]:
+        """Standard deviations of ranges by that of a row: dr/dv = r²/((H − z) f)."""
+        drop_m = self.mount.height_m - height_m
+        squared = np.square(np.asarray(ranges_m, dtype=np.float64))
+        return squared * row_sigma_px / (abs(drop_m) * self.camera.focal_length_px)
+
+    def heights_m(self, rows: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float64]:
+        """Heights above the ground of points of known range."""
+        return self.mount.height_m - np.asarray(ranges_m) * self._tangents(rows)
+
+    def _tangents(self, rows: ArrayLike) -> NDArray[np.float64]:
+        """Tangents of the angles below the horizon."""
+        v = np.asarray(rows, dtype=np.float64)
+        return (v - self.camera.principal_point_px[1]) / self.camera.focal_length_px
+
+    @cached_property
+    def _is_upright(self) -> bool:
+        """The camera looks straight up, turned about its axis or not."""
+        rotation = self.mount.base_from_optical[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP.T
+        return bool(abs(rotation[2, 2] - 1.0) < _LEVEL)
+
+
+def _horizon_px(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> int:
+    """Length of the horizon in pixels of the picture."""
+    step_rad = 1e-3
+    headings = np.linspace(-math.pi, math.pi, 72, endpoint=False)
+
+    def pixels(shift_rad: float) -> Any:
+        turned = headings + shift_rad
+        level = np.stack((np.cos(turned), np.sin(turned), np.full_like(turned, -0.1)), axis=-1)
+        level /= np.linalg.norm(level, axis=-1, keepdims=True)
+        return camera.pixel_from_ray(level @ base_from_optical)
+
+    here, there = pixels(0.0), pixels(step_rad)
+    seen = here.valid & there.valid
+    if not seen.any():
+        raise LocalizationError("camera: sees nothing of the horizon: no landmark can be found")
+    steps = np.linalg.norm(there.positions_px - here.positions_px, axis=-1)[seen]
+    return max(64, math.ceil(2.0 * math.pi * float(np.median(steps)) / step_rad))

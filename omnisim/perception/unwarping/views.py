@@ -1,0 +1,151 @@
+"""Views to unwarp an omnidirectional picture to: cylinder, perspective, bird's eye.
+
+Each is a camera at the effective viewpoint of the picture, and where it looks from the vehicle.
+The bird's eye view, too: a plane ground seen from straight above is a map of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.coordinate_frames import (
+    BASE_FROM_OPTICAL_LOOKING_AHEAD,
+    BASE_FROM_OPTICAL_LOOKING_DOWN,
+)
+from omnisim.core.errors import OpticsError
+from omnisim.core.poses import rotation_from_roll_pitch_yaw
+
+STEEPEST_RAD = math.radians(85.0)  # of a cylinder's rows: at 90° they are infinitely far away
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Camera at the effective viewpoint and its orientation.
+
+    Attributes:
+        camera: the view's own camera model.
+        base_from_view: (3, 3) rotation from the view's optical frame to the vehicle's base.
+    """
+
+    camera: CentralCamera
+    base_from_view: NDArray[np.float64]
+
+
+def cylinder_view(
+    width_px: int, lowest_rad: float, highest_rad: float, yaw_rad: float = 0.0
+) -> View:
+    """Cylindrical view of a whole turn, left to right clockwise.
+
+    Args:
+        width_px: columns of the whole turn; the middle one looks towards `yaw_rad`, the left and
+            right edge look back.
+        lowest_rad, highest_rad: elevation of the lowest and highest row above the horizon.
+        yaw_rad: heading of the middle column, counter-clockwise from the vehicle's front.
+
+    Raises:
+        OpticsError: elevations that leave no row between them, or are too steep for a cylinder.
+    """
+    if not -STEEPEST_RAD <= lowest_rad < highest_rad <= STEEPEST_RAD:
+        raise OpticsError(
+            f"cylinder: elevation {math.degrees(lowest_rad):g}° to {math.degrees(highest_rad):g}°: "
+            f"expected the lower one first, within ±{math.degrees(STEEPEST_RAD):g}°"
+        )
+    focal_length_px = width_px / (2.0 * math.pi)
+    top_px = focal_length_px * math.tan(highest_rad)
+    height_px = max(1, round(top_px - focal_length_px * math.tan(lowest_rad)))
+    centre = (0.5 * (width_px - 1), top_px - 0.5)
+    camera = CylindricalCamera(width_px, height_px, focal_length_px, centre)
+    return View(camera, _turned(yaw_rad) @ BASE_FROM_OPTICAL_LOOKING_AHEAD)
+
+
+def perspective_view(
+    width_px: int,
+    height_px: int,
+    field_of_view_rad: float,
+    yaw_rad: float = 0.0,
+    pitch_rad: float = 0.0,
+) -> View:
+    """Perspective view of a pinhole camera.
+
+    Args:
+        width_px, height_px: size of the picture.
+        field_of_view_rad: from its left to its right edge.
+        yaw_rad: heading, counter-clockwise from the vehicle's front.
+        pitch_rad: downwards, as in REP 103.
+
+    Raises:
+        OpticsError: a field of view that is not between 0 and 180°, or a size below 1.
+    """
+    camera = PerspectiveCamera.with_field_of_view(width_px, height_px, field_of_view_rad)
+    return View(camera, _turned(yaw_rad, pitch_rad) @ BASE_FROM_OPTICAL_LOOKING_AHEAD)
+
+
+def birdseye_view(
+    size_px: int, half_extent_m: float, height_m: float, yaw_rad: float = 0.0
+) -> View:
+    """Bird's eye view: a square map of the ground, the vehicle in the middle, its front up.
+
+    Args:
+        size_px: of a side.
+        half_extent_m: from the middle to an edge.
+        height_m: of the effective viewpoint above the ground.
+        yaw_rad: heading of the top of the map, counter-clockwise from the vehicle's front.
+
+    Raises:
+        OpticsError: an extent, height or size that is not positive.
+    """
+    for name, value in (("height", height_m), ("extent", half_extent_m)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise OpticsError(
+                f"bird's eye: {name}: expected a finite number of metres above 0, got {value:g}"
+            )
+    focal_length_px = 0.5 * size_px * height_m / half_extent_m
+    middle = 0.5 * (size_px - 1)
+    camera = PerspectiveCamera(size_px, size_px, focal_length_px, (middle, middle))
+    return View(camera, _turned(yaw_rad) @ BASE_FROM_OPTICAL_LOOKING_DOWN)
+
+
+def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
+    """Find the highest whole degree of elevation, up to 60, that a camera sees at all azimuths.
+
+    Args:
+        camera: level or tilted.
+        base_from_optical: (3, 3) rotation from its optical frame to the vehicle's base.
+    """
+    azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
+    for elevation_deg in range(60, -60, -1):
+        elevation = math.radians(elevation_deg)
+        base = np.stack(
+            (
+                math.cos(elevation) * np.cos(azimuth),
+                math.cos(elevation) * np.sin(azimuth),
+                np.full_like(azimuth, math.sin(elevation)),
+            ),
+            axis=-1,
+        )
+        pixels = camera.pixel_from_ray(base @ base_from_optical)
+        inside = np.all(
+            (pixels.positions_px >= 0.0)
+            & (pixels.positions_px <= (camera.width_px - 1, camera.height_px - 1)),
+            axis=-1,
+        )
+        if np.all(pixels.valid & inside):
+            return float(elevation_deg)
+    return 0.0
+
+
+def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> NDArray[np.float64]:
+    if not (math.isfinite(yaw_rad) and math.isfinite(pitch_rad)):
+        yaw_deg, pitch_deg = math.degrees(yaw_rad), math.degrees(pitch_rad)
+        raise OpticsError(
+            "view: yaw and pitch: expected finite numbers of degrees, "
+            f"got {yaw_deg:g} and {pitch_deg:g}"
+        )
+    return rotation_from_roll_pitch_yaw(0.0, pitch_rad, yaw_rad)

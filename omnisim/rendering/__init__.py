@@ -1,0 +1,1 @@
+"""Rendering: images and ground truth of a scene, by OpenGL or by rays."""

@@ -1,0 +1,245 @@
+"""Contract of back ends: what makes a scene's pictures and hits, whatever way.
+
+A back end is two classes and a `HitSource`: the scene's side, of which a stage has one, and each
+camera's. Which there are is in `omnisim.rendering.stage`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OpticsError
+from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.hits import HitDetails
+from omnisim.ground_truth.label_names import Labels
+from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
+from omnisim.rendering.camera.degradations.effect import MAX_EV
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.readback import Readback, ScenePoses
+from omnisim.rendering.truth.ground_truth import GroundTruth
+from omnisim.scene.labels import BODY, find_labels
+from omnisim.scene.model import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class CameraSetup:
+    """A camera in a scene.
+
+    Attributes:
+        sensor: the camera.
+        unlit: show plain base colours.
+        hidden: parts of the vehicle that it does not see.
+        seed: of its noise.
+        vehicles: names of the objects that are bodies of vehicles.
+    """
+
+    sensor: OmniCamera
+    unlit: bool = False
+    hidden: frozenset[ObjectPart] = frozenset()
+    seed: int | str = 0
+    vehicles: tuple[str, ...] = (BODY,)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRequest:
+    """Request of one picture; see also `omnisim.rendering.renderer.Renderer.render`.
+
+    Attributes:
+        poses: in the middle of the frame.
+        motion: poses by seconds after the middle of the frame; None: at rest.
+        linear: linear colours are asked for, too.
+        frame_number: noise differs from frame to frame.
+        exposure_ev: of auto-exposure; None: metered.
+
+    Raises:
+        OpticsError: an impossible exposure, also of a camera that has none.
+    """
+
+    poses: ScenePoses
+    motion: Callable[[float], ScenePoses] | None
+    linear: bool
+    frame_number: int
+    exposure_ev: float | None
+
+    def __post_init__(self) -> None:
+        ev = self.exposure_ev
+        if ev is not None and not abs(ev) <= MAX_EV:  # NaN is not, either
+            raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")
+
+
+class LabelCache:
+    """Labels of a scene, found anew where names or rules are other ones."""
+
+    def __init__(self) -> None:
+        self._found: tuple[object, Labels] | None = None
+
+    def find(self, scene: Scene, objects: Mapping[str, Scene], vehicles: Collection[str]) -> Labels:
+        """Labels of all instances, see `find_labels`; objects and vehicles stay the same."""
+        of = scene.instance_names, scene.labels
+        if self._found is None or self._found[0] != of:
+            self._found = of, find_labels(scene, objects, vehicles)
+        return self._found[1]
+
+
+def seen_background(scene: Scene, unlit: bool) -> tuple[float, float, float]:
+    """Linear RGB where nothing is hit: behind fog, which plain base colours have none of."""
+    return scene.background if unlit else scene.lighting.background(scene.background)
+
+
+class CameraBackend(ABC):
+    """Makes the pictures of one camera, and finds the hits of its rays."""
+
+    def __init__(self, world: SceneBackend, setup: CameraSetup):
+        self.world, self.setup = world, setup
+        self._ground_truth: tuple[HitSource, GroundTruth] | None = None
+        self._labels = LabelCache()
+
+    @abstractmethod
+    def refresh(self) -> None:
+        """Work on what the scene's side has now, after an `update`."""
+
+    @abstractmethod
+    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
+        """Take a picture; also return the metadata of its degradation."""
+
+    def begin_batch(
+        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
+    ) -> Callable[[], None] | None:
+        """Start to take pictures from poses, at rest; here one after the other.
+
+        Args:
+            poses: of each picture.
+            out: (n, height, width, 3 or 4), contiguous.
+            frame_number: of the first picture.
+
+        Returns:
+            Wait until `out` is filled, as it also is by the next batch; None: it is.
+        """
+        for number, one in enumerate(poses):
+            request = FrameRequest(one, None, False, frame_number + number, None)
+            out[number] = self.take(request)[0].rgba[..., : out.shape[-1]]
+        return None
+
+    @abstractmethod
+    def hit_source(self, details: HitDetails) -> HitSource:
+        """Source of its ground truth, able to give these details; made on first use."""
+
+    @abstractmethod
+    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+        """Pictures (size, size, 3) of virtual cameras, linear, by name.
+
+        Raises:
+            GraphicsError: it has none.
+        """
+
+    def ground_truth(self, names: Collection[str]) -> GroundTruth:
+        """Ground truth, able to give channels of these names."""
+        source = self.hit_source(HitDetails.of_channels(names))
+        if self._ground_truth is None or self._ground_truth[0] is not source:
+            truth = GroundTruth(source, self._find_labels(), list(self.world.objects))
+            self._ground_truth = source, truth
+        return self._ground_truth[1]
+
+    def _refresh_ground_truth(self) -> None:
+        if self._ground_truth is not None:
+            self._ground_truth[1].refresh(self._find_labels())
+
+    def _find_labels(self) -> Labels:
+        return self._labels.find(self.world.scene, self.world.objects, self.setup.vehicles)
+
+
+class RangeFinder(Protocol):
+    """Casts a scanner's beams."""
+
+    def refresh(self) -> None:
+        """Work on what the scene's side has now, after an `update`."""
+
+    def cast(
+        self,
+        world_from_scanner: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> NDArray[np.float64]:
+        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+
+
+class BeamCaster(Protocol):
+    """Casts a spinning lidar's beams."""
+
+    @property
+    def draws(self) -> Sequence[ObjectPart]:
+        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+
+    def refresh(self) -> None:
+        """Work on what the scene's side has now, after an `update`."""
+
+    def cast(self, revolution: Revolution) -> BeamHits:
+        """Hits of all beams of a revolution."""
+
+
+class SceneBackend(ABC):
+    """Scene and its dynamic objects, ready for cameras."""
+
+    def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
+        self.scene, self.objects = scene, objects
+
+    @property
+    @abstractmethod
+    def is_open(self) -> bool:
+        """False after `close`."""
+
+    @property
+    @abstractmethod
+    def renderer(self) -> str:
+        """Name of what renders: others round differently."""
+
+    @abstractmethod
+    def current(self) -> AbstractContextManager[None]:
+        """Make it ready to work for a `with` block.
+
+        Raises:
+            GraphicsError: it is closed.
+        """
+
+    @abstractmethod
+    def update(self, scene: Scene) -> None:
+        """Take another static scene, with the same lights and background.
+
+        What it shares with the one before is not loaded again, where the back end can. Cameras
+        have to `refresh`.
+        """
+
+    @abstractmethod
+    def camera(self, setup: CameraSetup) -> CameraBackend:
+        """Camera in the scene.
+
+        Raises:
+            OmnisimError: something that this back end cannot do, by name.
+        """
+
+    @abstractmethod
+    def range_finder(
+        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+    ) -> RangeFinder:
+        """Beams of a scanner.
+
+        Args:
+            angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
+            max_range_m: surfaces farther away need not be found; may be infinite.
+            hidden: parts of the vehicle that beams go through.
+        """
+
+    @abstractmethod
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
+        """Beams of a spinning lidar, but for those through hidden parts of the vehicle."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free all memory; a second time does nothing."""

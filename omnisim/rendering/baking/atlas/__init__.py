@@ -1,0 +1,1 @@
+"""Atlas of lightmaps: unwrapping, packing, texels."""

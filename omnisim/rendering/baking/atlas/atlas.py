@@ -1,0 +1,160 @@
+"""Atlas of a scene: a rectangle of texels for each static instance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.rendering.baking.atlas.packing import pack
+from omnisim.rendering.baking.atlas.texel_sizes import (
+    MOST_GIVEN_TEXELS,
+    areas_m2,
+    first_texel_m,
+    most_texels,
+    texel_sizes_m,
+)
+from omnisim.rendering.baking.atlas.unwrapping import Unwrapping, unwrap
+from omnisim.scene.model import Scene
+
+MAX_SIDE_PX = 8192
+_LEAST_TEXELS = 1.0  # of an instance's area; a smaller one has one light all over
+
+
+class Atlas(NamedTuple):
+    """Places of instances in an atlas.
+
+    Attributes:
+        unwrappings: by the index of the mesh.
+        rects_px: (n, 4) int of the instances: left, top, width, height; zeros: it has none.
+        back_rects_px: (n, 4) of the backs of those instances whose back is seen.
+        texels_m: (n,) sizes of the instances' texels.
+        size_px: width and height.
+    """
+
+    unwrappings: dict[int, Unwrapping]
+    rects_px: NDArray[np.intp]
+    back_rects_px: NDArray[np.intp]
+    texels_m: NDArray[np.float64]
+    size_px: tuple[int, int]
+
+    def shares(self, rects_px: NDArray[np.intp]) -> dict[int, list[float]]:
+        """Rectangles by the index of the instance, in shares of the atlas."""
+        whole = np.array((*self.size_px, *self.size_px), dtype=np.float64)
+        return {
+            int(index): (rects_px[index] / whole).tolist()
+            for index in np.flatnonzero(rects_px[:, 2])
+        }
+
+    def charts(self, mesh_of: Sequence[int]) -> NDArray[np.int32]:
+        """Chart (height, width) that each texel is of; -1: none.
+
+        Args:
+            mesh_of: (n,) meshes of the instances.
+        """
+        found = np.full(self.size_px[::-1], -1, dtype=np.int32)
+        number = 0
+        for rects_px in (self.rects_px, self.back_rects_px):
+            for index in np.flatnonzero(rects_px[:, 2]).tolist():
+                for left, top, wide, high in self.unwrappings[mesh_of[index]].charts_px:
+                    x, y = rects_px[index, :2] + (left, top)
+                    found[y : y + high, x : x + wide] = number
+                    number += 1
+        return found
+
+
+def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> tuple[float, Atlas]:
+    """Finest width of texels, of two digits, whose atlas has at most so many; the atlas."""
+    texel_m = first_texel_m(scene, has_back, texels)
+    while True:
+        texel_m = float(f"{texel_m:.2g}")
+        atlas = build_atlas(scene, texel_m, has_back, most_texels(texels))
+        needed = atlas.size_px[0] * atlas.size_px[1]
+        if needed <= texels:
+            return texel_m, atlas
+        texel_m *= max((needed / texels) ** 0.5, 1.05)
+
+
+def build_atlas(
+    scene: Scene,
+    texel_m: float,
+    has_back: NDArray[np.bool_],
+    limit: int = MOST_GIVEN_TEXELS,
+) -> Atlas:
+    """Unwrap the meshes of static instances, and pack a rectangle for each instance.
+
+    Args:
+        scene: to bake.
+        texel_m: width of the finest texels.
+        has_back: (n,) instances of which both sides are seen: they have two rectangles.
+        limit: texels of one instance, about; texels of a larger one are wider.
+
+    Raises:
+        SceneError: texels so small that the atlas has more than `MAX_SIDE_PX`.
+    """
+    texels_m, areas = texel_sizes_m(scene, texel_m, has_back, limit), areas_m2(scene)
+    scales = np.array(
+        [_scale(instance.world_from_mesh) for instance in scene.instances]
+    ) / np.maximum(texels_m, 1e-12)
+    unwrappings: dict[int, Unwrapping] = {}
+    sizes_px = np.zeros((len(scene.instances), 2), dtype=np.intp)
+    of_mesh: dict[int, list[int]] = {}
+    for index, instance in enumerate(scene.instances):
+        of_mesh.setdefault(instance.mesh, []).append(index)
+    for mesh, members in of_mesh.items():
+        finest = max(members, key=lambda index: float(scales[index]))
+        covered = areas[finest] / texels_m[finest] ** 2
+        if covered < _LEAST_TEXELS:
+            continue
+        if covered > MAX_SIDE_PX**2:
+            raise _too_fine(texel_m, scene, covered)
+        matrix = scene.instances[finest].world_from_mesh[:3, :3] / texels_m[finest]
+        page = unwrap(scene.meshes[mesh], matrix)
+        if page is None:
+            continue
+        unwrappings[mesh] = page
+        sizes_px[members] = page.size_px
+        texels_m[members] *= scales[members] / scales[finest]
+    both, size_px = pack(np.concatenate((sizes_px, sizes_px * has_back[:, None])))
+    rects_px, back_rects_px = both[: len(sizes_px)], both[len(sizes_px) :]
+    if max(size_px) > MAX_SIDE_PX:
+        raise _too_fine(texel_m, scene, float(np.prod(size_px)))
+    return Atlas(unwrappings, rects_px, back_rects_px, texels_m, size_px)
+
+
+def _scale(matrix: NDArray[np.float64]) -> float:
+    """Mean factor of lengths."""
+    return float(np.abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
+
+
+def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
+    fitting_m = texel_m * float(np.sqrt(texels)) / (0.7 * MAX_SIDE_PX)
+    return SceneError(
+        f"{scene.name}: texel_m = {texel_m:g}: expected an atlas of at most {MAX_SIDE_PX} px, "
+        f"which about {fitting_m:.2g} makes"
+    )
+
+
+def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> NDArray[np.float32]:
+    """Corners (m, 3, 2) of all triangles in the atlas, in texels; zeros where there are none.
+
+    Args:
+        scene: its instances, one after the other.
+        atlas: of the scene.
+        swapped: (n,) instances whose second and third corners are swapped.
+    """
+    corners = [np.empty((0, 3, 2), np.float32)]
+    for index, instance in enumerate(scene.instances):
+        left, top, wide, high = atlas.rects_px[index]
+        if wide == 0:
+            count = len(scene.meshes[instance.mesh].triangles)
+            corners.append(np.zeros((count, 3, 2), np.float32))
+            continue
+        page = atlas.unwrappings[instance.mesh]
+        placed = page.uv.astype(np.float64) * (wide, high) + (left, top)
+        mine = placed[page.triangles].astype(np.float32)
+        corners.append(mine[:, [0, 2, 1]] if swapped[index] else mine)
+    return np.concatenate(corners)

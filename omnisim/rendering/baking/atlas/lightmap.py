@@ -1,0 +1,49 @@
+"""Lightmap of patches: their light as pixels of an atlas, all over the rectangles of charts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.baking.atlas.patches import NEIGHBOURS, Patches
+from omnisim.rendering.baking.sampling import Floats
+
+_MOST_STEPS = 24  # in texels; what lies deeper inside of something is not seen
+
+
+def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Floats:
+    """Pixels (height, width, 3): light (p, 3) of the patches in the atlas.
+
+    Texels without a light have that of their neighbours, and so have those around a chart in its
+    rectangle: pixels between texels are then right.
+    """
+    width, height = patches.size_px
+    used = np.flatnonzero(is_valid & (patches.places < width * height))
+    places = patches.atlas_places[used]
+    counts = np.bincount(places, minlength=width * height).astype(np.float32)
+    pixels = np.stack(
+        [
+            np.bincount(places, weights=light[used, channel], minlength=width * height)
+            for channel in range(3)
+        ],
+        axis=1,
+    ).astype(np.float32)
+    pixels /= np.maximum(counts, 1.0)[:, None]
+    known = (counts > 0.0).reshape(height, width)
+    return _spread(pixels.reshape(height, width, 3), known, patches.charts)
+
+
+def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32]) -> Floats:
+    """Pixels with those that are not known as means of their chart's, step by step."""
+    for _ in range(_MOST_STEPS):
+        sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
+        for to, of in NEIGHBOURS:
+            some = known[of] & (charts[to] == charts[of])
+            sums[to] += np.where(some[..., None], pixels[of], 0.0)
+            counts[to] += some
+        found = ~known & (counts > 0.0)
+        if not found.any():
+            break
+        pixels[found] = sums[found] / counts[found][:, None]
+        known = known | found
+    return pixels

@@ -1,0 +1,239 @@
+"""Patches: surfaces of one texel each, that light is gathered on and reflected by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.baking.atlas.atlas import Atlas, corner_pixels
+from omnisim.rendering.baking.atlas.rasterisation import Samples, rasterise
+from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.ray_scene import RayScene
+
+FRONT, BACK = 0, 1
+NO_PATCH = -1
+_SAMPLES_WITHOUT_TEXELS = 32
+_MOST_STEPS = 8  # from a texel without a patch to one
+_FIRST, _LAST, _ALL = slice(None, -1), slice(1, None), slice(None)
+_ALONG = {-1: (_LAST, _FIRST), 0: (_ALL, _ALL), 1: (_FIRST, _LAST)}
+# Parts of an atlas and those beside them, each way: (to, of).
+NEIGHBOURS = tuple(
+    ((_ALONG[down][0], _ALONG[right][0]), (_ALONG[down][1], _ALONG[right][1]))
+    for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Patches of a scene: the sides of texels, and of instances without any.
+
+    Attributes:
+        samples: points of them.
+        of_sample: (k,) indices of the samples, patch after patch.
+        first: (p + 1,) first of each patch in `of_sample`.
+        sides: (p,) `FRONT` or `BACK`.
+        surfaces: (p,) instance.
+        places: (p,) texel; beyond the atlas: its size + instance.
+        areas_m2: (p,).
+        albedo: (p, 3) linear RGB.
+        emission: (p, 3) light that it sends out, as it is seen.
+        spacing_m: (p,) width of a texel.
+        of_place: (2, places) int32 patch on each side of each place; `NO_PATCH`: none.
+        corners_px: (m, 3, 2) of the triangles in the atlas.
+        is_hollow: (m,) what sees the back of a triangle is outside, not in a solid.
+        has_rect: (surfaces,).
+        back_shift: (surfaces,) texels from a front's place to its back's; 0: it has none.
+        charts: (height, width) chart of each texel of the atlas; -1: none.
+    """
+
+    samples: Samples
+    of_sample: NDArray[np.intp]
+    first: NDArray[np.intp]
+    sides: NDArray[np.int8]
+    surfaces: NDArray[np.int32]
+    places: NDArray[np.intp]
+    areas_m2: NDArray[np.float32]
+    albedo: NDArray[np.float32]
+    emission: NDArray[np.float32]
+    spacing_m: NDArray[np.float32]
+    of_place: NDArray[np.int32]
+    corners_px: NDArray[np.float32]
+    is_hollow: NDArray[np.bool_]
+    has_rect: NDArray[np.bool_]
+    back_shift: NDArray[np.intp]
+    charts: NDArray[np.int32]
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the atlas."""
+        height, width = self.charts.shape
+        return width, height
+
+    @property
+    def count(self) -> int:
+        """Number of patches."""
+        return len(self.sides)
+
+    @property
+    def atlas_places(self) -> NDArray[np.intp]:
+        """Texels (p,) in the atlas: those of backs are in a rectangle of their own."""
+        shifts = np.where(self.sides == BACK, self.back_shift[self.surfaces], 0)
+        return self.places + shifts
+
+    def kept(self, is_kept: NDArray[np.bool_]) -> Patches:
+        """The same patches with some of the entries of `of_sample`."""
+        counts = np.concatenate(([0], np.cumsum(is_kept)))
+        return replace(self, of_sample=self.of_sample[is_kept], first=counts[self.first])
+
+
+def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) -> Patches:
+    """Patches of all static instances, in the order of their places, fronts first.
+
+    Args:
+        rays: of the scene.
+        atlas: of its instances.
+        is_hollow: (m,) see `Patches`.
+    """
+    geometry, scene = rays.caster.geometry, rays.scene
+    width, height = atlas.size_px
+    swapped = [bool(np.linalg.det(one.world_from_mesh[:3, :3]) < 0) for one in scene.instances]
+    corners_px = corner_pixels(scene, atlas, swapped)
+    has_rect = atlas.rects_px[:, 2] > 0
+    in_atlas = np.flatnonzero(has_rect[geometry.surface_of_triangle])
+    corners_m = geometry.corners_m(np.arange(len(geometry.corners), dtype=np.int32))
+    edges_m = corners_m[:, 1:] - corners_m[:, :1]
+    triangle_m2 = 0.5 * np.linalg.norm(np.cross(edges_m[:, 0], edges_m[:, 1]), axis=1)
+    spread = _spread_samples(triangle_m2, geometry.first_of_surface, ~has_rect, width * height)
+    samples = _joined(rasterise(corners_px, in_atlas, width), spread)
+    samples = samples.take(np.argsort(samples.texels, kind="stable"))
+    places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
+    surfaces = geometry.surface_of_triangle[samples.triangles[first]]
+    colors, emission = _appearance(rays, samples)
+    areas = _sample_areas_m2(triangle_m2, samples, corners_px, has_rect, surfaces)
+    areas[samples.texels >= width * height] = 0.0
+
+    def means(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        sums = np.add.reduceat(values, first, axis=0) if len(first) else values[:0]
+        return (sums / counts[:, None]).astype(np.float32)
+
+    patch_m2 = np.add.reduceat(areas, first) if len(first) else areas[:0]
+    whole_m2 = np.add.reduceat(triangle_m2, geometry.first_of_surface[:-1])
+    without = places >= width * height
+    patch_m2[without] = whole_m2[surfaces[without]]
+    has_back = is_hollow[samples.triangles[first]]
+    backs = np.flatnonzero(has_back)
+    both = np.concatenate((np.arange(len(places)), backs))
+    of_place = np.full((2, width * height + len(scene.instances)), NO_PATCH, dtype=np.int32)
+    of_place[FRONT, places] = np.arange(len(places))
+    of_place[BACK, places[backs]] = len(places) + np.arange(len(backs))
+    charts = atlas.charts([instance.mesh for instance in scene.instances])
+    of_place[:, : width * height] = _spread_to_empty(of_place[:, : width * height], charts)
+    from_front = atlas.back_rects_px[:, :2] - atlas.rects_px[:, :2]
+    sizes = counts[both]
+    starts = np.concatenate(([0], np.cumsum(sizes)))
+    of_sample = np.repeat(first[both] - starts[:-1], sizes) + np.arange(starts[-1])
+    return Patches(
+        samples,
+        of_sample,
+        starts,
+        (np.arange(len(both)) >= len(places)).astype(np.int8),
+        surfaces[both].astype(np.int32),
+        places[both],
+        patch_m2[both].astype(np.float32),
+        means(colors)[both],
+        means(emission)[both],
+        atlas.texels_m[surfaces[both]].astype(np.float32),
+        of_place,
+        corners_px,
+        is_hollow,
+        has_rect,
+        np.where(atlas.back_rects_px[:, 2] > 0, from_front[:, 1] * width + from_front[:, 0], 0),
+        charts,
+    )
+
+
+def _joined(one: Samples, other: Samples) -> Samples:
+    return Samples(
+        np.concatenate((one.texels, other.texels)),
+        np.concatenate((one.triangles, other.triangles)),
+        np.concatenate((one.weights, other.weights)),
+    )
+
+
+def _spread_samples(
+    triangle_m2: NDArray[np.float64],
+    first_of_surface: NDArray[np.intp],
+    is_taken: NDArray[np.bool_],
+    first_place: int,
+) -> Samples:
+    """Samples all over surfaces without texels, evenly by area."""
+    count = _SAMPLES_WITHOUT_TEXELS
+    surfaces = np.flatnonzero(is_taken)
+    ends = np.cumsum(triangle_m2)
+    whole = np.concatenate(([0.0], ends))
+    low, high = whole[first_of_surface[surfaces]], whole[first_of_surface[surfaces + 1]]
+    shares = (np.arange(count) + 0.5) / count
+    triangles = np.searchsorted(ends, low[:, None] + shares * (high - low)[:, None])
+    last = first_of_surface[surfaces + 1, None] - 1
+    triangles = np.clip(triangles, first_of_surface[surfaces, None], last).ravel()
+    first = np.sqrt((np.arange(count) * 0.7548776662466927 + 0.5) % 1.0)
+    second = (np.arange(count) * 0.5698402909980532 + 0.5) % 1.0
+    weights = np.stack((1.0 - first, first * (1.0 - second), first * second), axis=1)
+    return Samples(
+        np.repeat(first_place + surfaces, count),
+        triangles.astype(np.int32),
+        np.tile(weights, (len(surfaces), 1)).astype(np.float32),
+    )
+
+
+def _sample_areas_m2(
+    triangle_m2: NDArray[np.float64],
+    samples: Samples,
+    corners_px: NDArray[np.float32],
+    has_rect: NDArray[np.bool_],
+    surfaces: NDArray[np.int32],
+) -> NDArray[np.float64]:
+    """Areas (n,) that samples in the atlas stand for: those of triangles, shared evenly."""
+    counts = np.bincount(samples.triangles, minlength=len(triangle_m2))
+    shared: NDArray[np.float64] = triangle_m2[samples.triangles] / counts[samples.triangles]
+    return shared
+
+
+def _appearance(
+    rays: RayScene, samples: Samples
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Base colours and emission (n, 3) at samples."""
+    count = len(samples.triangles)
+    nowhere = np.zeros((count, 3))
+    zeros = np.zeros(count)
+    hits = RayHits(samples.triangles, zeros, samples.weights, nowhere.astype(np.float32))
+    colors = rays.shading.base_colors(Rays(nowhere, nowhere, zeros, zeros), hits)
+    emission = rays.shading.emitted(hits)
+    surfaces = rays.shading.surfaces(hits)
+    emission[colors[:, 3] < rays.shading.hit_cutoff[surfaces]] = 0.0
+    albedo = np.clip(colors[:, :3], 0.0, 1.0)
+    albedo[rays.shading.is_unlit[surfaces]] = 0.0
+    return albedo, emission
+
+
+def _spread_to_empty(of_texel: NDArray[np.int32], charts: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Patches (2, texels), with those of covered texels beside them where there are none.
+
+    Texels take those of their own chart, if there are any near.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    height, width = charts.shape
+    fronts = of_texel[FRONT].reshape(height, width)
+    if (fronts == NO_PATCH).all():
+        return of_texel
+    nearest = np.where(fronts == NO_PATCH, -1, np.arange(fronts.size).reshape(height, width))
+    for _ in range(_MOST_STEPS):
+        empty = nearest < 0
+        for to, of in NEIGHBOURS:
+            some = empty[to] & (nearest[of] >= 0) & (charts[to] == charts[of])
+            nearest[to] = np.where(some & (nearest[to] < 0), nearest[of], nearest[to])
+    rows, columns = distance_transform_edt(nearest < 0, return_distances=False, return_indices=True)
+    return of_texel[:, nearest[rows, columns].ravel()]

@@ -1,0 +1,259 @@
+"""Baking of a scene's light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.baking.atlas.atlas import automatic_atlas, build_atlas
+from omnisim.rendering.baking.atlas.bake_tiles import Arrays, Progress, TileFolder, in_tiles
+from omnisim.rendering.baking.atlas.patches import Patches, build_patches
+from omnisim.rendering.baking.denoising import TexelSurfaces, denoised
+from omnisim.rendering.baking.emitters import LUMINANCE, Emitters
+from omnisim.rendering.baking.gathering import Gatherer
+from omnisim.rendering.baking.lamps import lamp_light, lamps_on
+from omnisim.rendering.baking.points import Points, points_at, usable
+from omnisim.rendering.baking.probes import ProbeBaker, ProbeGrid
+from omnisim.rendering.baking.sampling import Floats, generator, spread_points
+from omnisim.rendering.baking.settings import BakeSettings
+from omnisim.rendering.baking.solids import hollow_triangles, instances_of
+from omnisim.rendering.baking.transport import INSIDE, SKY, Transport
+from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.scene.model import Scene
+
+TILE = 4096  # patches
+_LINKS = 32  # rays from each patch, between which all bounces but the last are counted
+_AIMED_LINKS = 16  # rays to what shines
+_MOST_PLACES = 32
+_BRIGHT = 4.0  # times the mean: rays are aimed at what reflects more
+_TRIED_PATCHES = 8  # one of so many tells which lights are worth rays
+_DIRECT, _GATHER = range(2)  # stages of random numbers
+
+
+class BakedPatches(NamedTuple):
+    """Light on the patches of a scene.
+
+    Attributes:
+        patches: of the scene.
+        lamps: (p, 3) light of the lamps.
+        gathered: (p, 3) all other light.
+        halves: (p, 2, 3) the same, by every other ray.
+        radiosity: (p, 3) light that patches reflect.
+        is_valid: (p,) there is a light.
+    """
+
+    patches: Patches
+    lamps: Floats
+    gathered: Floats
+    halves: Floats
+    radiosity: Floats
+    is_valid: NDArray[np.bool_]
+
+
+class Bake:
+    """Bake of a scene, tile after tile.
+
+    Args:
+        scene: its dynamic objects are left out.
+        settings: of the bake.
+
+    Raises:
+        OmnisimError: a missing package; texels too small.
+    """
+
+    def __init__(self, scene: Scene, settings: BakeSettings):
+        self.scene, self.settings = scene, settings
+        self.rays = RayScene(scene)
+        hollow = hollow_triangles(scene)
+        has_back = instances_of(scene, hollow)
+        self.texel_m, self.atlas = (
+            automatic_atlas(scene, has_back, settings.texels)
+            if settings.texel_m is None
+            else (settings.texel_m, build_atlas(scene, settings.texel_m, has_back))
+        )
+        patches = build_patches(self.rays, self.atlas, hollow)
+        self.patches = usable(self.rays, Transport(self.rays, patches), patches)
+        self.transport = Transport(self.rays, self.patches)
+        entries = len(self.patches.of_sample)
+        self._points = points_at(self.rays, self.transport, self.patches, 0, entries)
+        self._links = min(_LINKS, settings.samples)
+        self._coarse_emitters = self._emitters(self.patches.emission, _AIMED_LINKS, self._links)
+        self.gatherer = Gatherer(scene.lighting, self.transport, settings.samples)
+        self._coarse = Gatherer(scene.lighting, self.transport, self._links)
+        self.tiles = -(-self.patches.count // TILE)
+
+    def run(self, folder: TileFolder, jobs: int | None, progress: Progress) -> BakedPatches:
+        """Light on all patches."""
+        direct = _joined(in_tiles(folder, "direct light", self._direct, self.tiles, jobs, progress))
+        radiosity = self._solve(direct)
+
+        bright = self._bright(radiosity)
+        lights = np.where(bright[:, None], radiosity + self.patches.emission, np.float32(0.0))
+        samples = self.settings.samples
+        emitters = self._emitters(lights, max(8, samples // 4 * 2), samples)
+        others = np.where(bright[:, None], np.float32(0.0), radiosity)
+
+        def gather(tile: int) -> Arrays:
+            return self._gather(tile, others, emitters)
+
+        found = _joined(in_tiles(folder, "bounces", gather, self.tiles, jobs, progress))
+        return BakedPatches(
+            self.patches,
+            direct["lamps"],
+            found["light"],
+            found["halves"],
+            self.patches.albedo * (direct["lamps"] + found["light"]),
+            found["is_valid"],
+        )
+
+    def try_tile(self, tile: int) -> None:
+        """Compute the light of a tile without keeping it: for its time."""
+        self._direct(tile)
+        self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
+
+    def light(self, found: BakedPatches) -> Floats:
+        """Light (p, 3) of patches, whose noise is filtered."""
+        surfaces = self.surfaces(found.is_valid)
+        return found.lamps + denoised(self.patches, surfaces, found.gathered, found.halves)
+
+    def probes(
+        self, folder: TileFolder, found: BakedPatches, jobs: int | None, progress: Progress
+    ) -> tuple[ProbeGrid, Arrays]:
+        """Grid of probes, spherical harmonics (nx, ny, nz, 9, 3) and validity (nx, ny, nz)."""
+        baker = self.prober(found.radiosity + self.patches.emission)
+        tiles = _joined(in_tiles(folder, "probes", baker.bake, baker.tiles, jobs, progress))
+        shape = baker.grid.shape
+        return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
+
+    def prober(self, seen: Floats) -> ProbeBaker:
+        """Bake of the probes, by the light (p, 3) of patches that they see."""
+        return ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
+
+    def surfaces(self, is_valid: NDArray[np.bool_]) -> TexelSurfaces:
+        """Surfaces at the patches, in the first sample of each."""
+        positions, normals = np.zeros((2, self.patches.count, 3), dtype=np.float32)
+        for tile in range(self.tiles):
+            first, last = self._range(tile)
+            some, places = self._places(first, last)
+            if len(some):
+                positions[first + some] = places[0].origins_m
+                normals[first + some] = places[0].normals
+        return TexelSurfaces(positions, normals, is_valid)
+
+    def _emitters(self, emission: Floats, aimed: int, gathered: int) -> Emitters:
+        return Emitters(self.patches, self._points, emission, aimed, gathered)
+
+    def _bright(self, radiosity: Floats) -> NDArray[np.bool_]:
+        """True (p,) of patches that shine, and of those that reflect far more than the mean."""
+        luminance, areas_m2 = radiosity @ LUMINANCE, self.patches.areas_m2
+        mean = np.sum(luminance * areas_m2) / max(float(areas_m2.sum()), 1e-30)
+        bright: NDArray[np.bool_] = luminance > _BRIGHT * mean
+        bright |= np.any(self.patches.emission > 0.0, axis=1)
+        return bright
+
+    def _range(self, tile: int) -> tuple[int, int]:
+        return tile * TILE, min((tile + 1) * TILE, self.patches.count)
+
+    def _places(self, first: int, last: int) -> tuple[NDArray[np.intp], list[Points]]:
+        """Patches of a range that have samples, and points of theirs, each in its turn."""
+        starts = self.patches.first[first : last + 1]
+        counts = np.diff(starts)
+        some = np.flatnonzero(counts)
+        if not len(some):
+            return some, []
+        points = points_at(self.rays, self.transport, self.patches, starts[0], starts[-1])
+        base, counts = starts[some] - starts[0], counts[some]
+        number = int(min(counts.max(), _MOST_PLACES))
+        places = []
+        for at in range(number):
+            entries = base + np.where(counts <= number, at % counts, at * counts // number)
+            places.append(Points(*(values[entries] for values in points)))
+        return some, places
+
+    def _direct(self, tile: int) -> Arrays:
+        """Light of lamps, and links between patches with the light that comes along them."""
+        first, last = self._range(tile)
+        count = last - first
+        lamps, other = np.zeros((2, count, 3), dtype=np.float32)
+        links = np.full((count, self._links), SKY, dtype=np.int32)
+        some, places = self._places(first, last)
+        if len(some):
+            lamps[some] = self._lamps(places)
+            random = generator(self.settings.seed, _DIRECT, tile)
+            shifts = random.random((count, 6), dtype=np.float32)[some]
+            emitters = self._focused(self._coarse_emitters, places, shifts[:, 4:])
+            hits, directions, cosines = self._coarse.hits(places, shifts[:, :2], 0, self._links)
+            nothing = np.zeros((self.patches.count, 3), dtype=np.float32)
+            light = self._coarse.seen(hits, directions, cosines, nothing, emitters)
+            valid = np.maximum((hits.patches != INSIDE).reshape(len(some), -1).sum(axis=1), 1)
+            other[some] = light.reshape(len(some), -1, 3).sum(axis=1) / valid[:, None]
+            other[some] += self._aimed(emitters, places, shifts[:, 2:4]).sum(axis=1)
+            links[some] = hits.patches.reshape(len(some), -1)
+        return {"lamps": lamps, "other": other, "links": links}
+
+    def _lamps(self, places: list[Points]) -> Floats:
+        lighting, total = self.scene.lighting, np.zeros_like(places[0].origins_m)
+        for at in places:
+            lamps = lamps_on(lighting, self.transport, at.origins_m, at)
+            total += lamp_light(lamps, at)
+        return total / np.float32(len(places))
+
+    def _focused(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Emitters:
+        """Emitters chosen by the light that they give these places."""
+        tried = slice(None, None, _TRIED_PATCHES)
+        at = Points(*(values[tried] for values in places[0]))
+        return emitters.focused(self.transport, at, shifts[tried])
+
+    def _aimed(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Floats:
+        """Light (n, 2, 3) of emitters by every other ray to them, shared among the places."""
+        total = np.zeros((len(shifts), 2, 3), dtype=np.float32)
+        points = spread_points(emitters.aimed)
+        for number, at in enumerate(places):
+            for half in (0, 1):
+                mine = points[half::2][number :: len(places)]
+                if len(mine):
+                    total[:, half] += emitters.light(self.transport, at, mine, shifts)
+        return total
+
+    def _solve(self, direct: Arrays) -> Floats:
+        """Radiosity (p, 3) after all bounces but the last, along the links."""
+        albedo = self.patches.albedo
+        links = direct["links"]
+        first = direct["lamps"] + direct["other"]
+        if self.settings.bounces == 0:
+            return np.zeros_like(albedo)
+        numbers = np.maximum((links != INSIDE).sum(axis=1), 1)[:, None].astype(np.float32)
+        radiosity: Floats = albedo * first
+        for _ in range(self.settings.bounces - 1):
+            padded = np.concatenate((radiosity, np.zeros((2, 3), np.float32)))  # SKY, INSIDE
+            bounced = np.zeros_like(radiosity)
+            for link in range(links.shape[1]):
+                bounced += padded[links[:, link]]
+            radiosity = albedo * (first + bounced / numbers)
+        return radiosity
+
+    def _gather(self, tile: int, radiosity: Floats, emitters: Emitters) -> Arrays:
+        first, last = self._range(tile)
+        count = last - first
+        light = np.zeros((count, 3), dtype=np.float32)
+        halves = np.zeros((count, 2, 3), dtype=np.float32)
+        is_valid = np.zeros(count, dtype=np.bool_)
+        some, places = self._places(first, last)
+        if len(some):
+            random = generator(self.settings.seed, _GATHER, tile)
+            shifts = random.random((count, 6), dtype=np.float32)[some]
+            focused = self._focused(emitters, places, shifts[:, 4:])
+            found = self.gatherer.gather(places, shifts[:, :2], radiosity, focused)
+            aimed = self._aimed(focused, places, shifts[:, 2:4])
+            light[some] = found.light + aimed.sum(axis=1)
+            halves[some] = found.halves + 2.0 * aimed
+            is_valid[some] = found.is_valid
+        return {"light": light, "halves": halves, "is_valid": is_valid}
+
+
+def _joined(tiles: Iterator[Arrays]) -> Arrays:
+    found = list(tiles)
+    return {key: np.concatenate([one[key] for one in found]) for key in found[0]}

@@ -1,0 +1,141 @@
+"""Filter of the noise of gathered light, among texels that are neighbours on one surface.
+
+Texels have weights by how alike their light is, beside their noise, as two halves of the rays tell
+it. Light of lamps, which has no noise, is not filtered, so that shadows stay sharp. Neighbours in
+the atlas that are not in the world, or lie another way, count for nothing: charts do not mix.
+Source: Dammertz et al., "Edge-avoiding À-Trous wavelet transform for fast global illumination
+filtering", 2010; Schied et al., "Spatiotemporal variance-guided filtering", 2017.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.baking.atlas.patches import Patches
+from omnisim.rendering.baking.sampling import Floats
+
+_STEPS = (1, 2, 4)  # texels between the samples of the filter
+_KERNEL = (1.0, 2.0 / 3.0, 1.0 / 6.0)  # by their distance, of a cubic B-spline
+_ALIKE = 2.0  # standard deviations
+_LEAST_COSINE = 0.9
+_PLANE_TEXELS, _NEAR_TEXELS = 0.5, 1.5  # off the plane; farther than in the atlas
+_BAND = 256  # rows at once
+_LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
+
+
+class TexelSurfaces(NamedTuple):
+    """Surfaces at patches.
+
+    Attributes:
+        positions_m, normals: (p, 3).
+        is_valid: (p,) there is a light.
+    """
+
+    positions_m: Floats
+    normals: Floats
+    is_valid: NDArray[np.bool_]
+
+
+class _Maps(NamedTuple):
+    """Atlas of the surfaces, with a margin."""
+
+    positions_m: Floats
+    normals: Floats
+    spacing_m: Floats
+    known: NDArray[np.bool_]
+
+
+def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: Floats) -> Floats:
+    """Light (p, 3) of patches without most of its noise.
+
+    Args:
+        patches: of the scene; those beyond the atlas stay as they are.
+        surfaces: of the patches.
+        light: (p, 3).
+        halves: (p, 2, 3) of it, by every other ray.
+    """
+    width, height = patches.size_px
+    margin = 2 * max(_STEPS)
+    some = np.flatnonzero(surfaces.is_valid & (patches.places < width * height))
+    rows, columns = np.divmod(patches.atlas_places[some], width)
+    at = rows + margin, columns + margin
+    shape = height + 2 * margin, width + 2 * margin
+
+    def spread(values: Floats) -> Floats:
+        pixels = np.zeros((*shape, *values.shape[1:]), dtype=np.float32)
+        pixels[at] = values[some]
+        return pixels
+
+    known = np.zeros(shape, dtype=np.bool_)
+    known[at] = True
+    maps = _Maps(
+        spread(surfaces.positions_m), spread(surfaces.normals), spread(patches.spacing_m), known
+    )
+    spreads = (0.5 * (halves[:, 0] - halves[:, 1]) @ _LUMINANCE).astype(np.float32)
+    pixels, variances = spread(light), spread(spreads * spreads)
+    variances = _filtered(maps, variances[..., None], None, 1, margin)[0][..., 0]
+    for step in _STEPS:
+        pixels, variances = _filtered(maps, pixels, variances, step, margin)
+    found = light.copy()
+    found[some] = pixels[at]
+    return found
+
+
+def _filtered(
+    maps: _Maps, pixels: Floats, variances: Floats | None, step: int, margin: int
+) -> tuple[Floats, Floats]:
+    """Means of pixels and their variances; without variances whatever is near counts alike."""
+    means, new_variances = np.zeros_like(pixels), np.zeros(pixels.shape[:2], dtype=np.float32)
+    height = len(pixels)
+    for top in range(margin, height - margin, _BAND):
+        rows = slice(top, min(top + _BAND, height - margin))
+        inner = rows, slice(margin, pixels.shape[1] - margin)
+        total = np.zeros_like(pixels[inner])
+        weight_sum, squares = np.zeros((2, *total.shape[:2]), dtype=np.float32)
+        for shifted, weight in _neighbours(maps, inner, step):
+            if variances is not None:
+                weight = weight * _likeness(pixels, variances, inner, shifted)
+                squares += weight * weight * variances[shifted]
+            total += weight[..., None] * pixels[shifted]
+            weight_sum += weight
+        weight_sum = np.maximum(weight_sum, np.float32(1e-12))
+        means[inner] = total / weight_sum[..., None]
+        new_variances[inner] = squares / (weight_sum * weight_sum)
+    return means, new_variances
+
+
+Place = tuple[slice, slice]
+
+
+def _neighbours(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Floats]]:
+    """Shifted places of 5 × 5 neighbours, and their weights by the surfaces."""
+    normals, positions = maps.normals[inner], maps.positions_m[inner]
+    spacing = maps.spacing_m[inner]
+    for down in range(-2, 3):
+        for right in range(-2, 3):
+            shifted = _moved(inner[0], down * step), _moved(inner[1], right * step)
+            away = maps.positions_m[shifted] - positions
+            off_plane = np.abs(np.einsum("ijc,ijc->ij", away, normals))
+            reach = spacing * np.float32(step * np.hypot(down, right) * _NEAR_TEXELS + 1e-6)
+            weight = maps.known[shifted] & (off_plane < _PLANE_TEXELS * spacing)
+            weight &= np.einsum("ijc,ijc->ij", away, away) <= reach * reach
+            alike = np.einsum("ijc,ijc->ij", maps.normals[shifted], normals)
+            weight &= alike > _LEAST_COSINE
+            kernel = np.float32(_KERNEL[abs(down)] * _KERNEL[abs(right)])
+            yield shifted, weight * kernel
+
+
+def _likeness(pixels: Floats, variances: Floats, inner: Place, shifted: Place) -> Floats:
+    """Weights by the difference of light beside its noise."""
+    off = np.abs((pixels[shifted] - pixels[inner]) @ _LUMINANCE)
+    noise = np.sqrt(variances[inner] + variances[shifted])
+    weights: Floats = np.exp(-off / (np.float32(_ALIKE) * noise + np.float32(1e-6)))
+    return weights
+
+
+def _moved(span: slice, by: int) -> slice:
+    return slice(span.start + by, span.stop + by)

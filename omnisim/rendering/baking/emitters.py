@@ -1,0 +1,157 @@
+"""Light of emissive and other bright surfaces: rays to points on them.
+
+Their light is weighed against that of rays that meet them by chance.
+Source of the weights: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
+rendering", 1995, the balance heuristic.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.baking.atlas.patches import Patches
+from omnisim.rendering.baking.points import Points
+from omnisim.rendering.baking.sampling import Floats, spread_points, turned
+from omnisim.rendering.baking.transport import PatchHits, Transport
+
+LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
+_SHORTEST_M2 = 1e-8
+_TRIED = 64  # rays from each place that tell who gives it light
+_LEAST_SHARE = 0.2  # of rays that go to all emitters
+
+
+class _AimedRays(NamedTuple):
+    """Rays that reach emitters.
+
+    Attributes:
+        numbers: (r,) of the rays, place after place.
+        picked: (r,) of the emitters.
+        light: (r, 3) along them, on white surfaces, each weighed against a gathering ray.
+    """
+
+    numbers: NDArray[np.intp]
+    picked: NDArray[np.intp]
+    light: Floats
+
+
+class Emitters:
+    """Patches that shine, chosen by their power, and as often from each side of what shines.
+
+    Args:
+        patches: of the scene.
+        points: of all their entries in `Patches.of_sample`.
+        emission: (p, 3) light of those that rays are aimed at, 0 of others.
+        aimed: rays to emitters from each place.
+        gathered: rays from it by the cosine.
+    """
+
+    def __init__(
+        self, patches: Patches, points: Points, emission: Floats, aimed: int, gathered: int
+    ):
+        power = (emission @ LUMINANCE) * patches.areas_m2
+        power[np.diff(patches.first) == 0] = 0.0
+        total = float(power.sum(dtype=np.float64))
+        self.aimed = aimed if total > 0.0 else 0
+        self._gathered = gathered
+        self._emission, self._areas_m2 = emission, patches.areas_m2
+        mine = np.flatnonzero(power > 0.0)
+        # side after side of what shines, so that rays are shared among them evenly
+        triangles = patches.samples.triangles[patches.of_sample[patches.first[mine]]]
+        order = np.lexsort((mine, triangles, patches.sides[mine]))
+        self._mine = mine[order]
+        sides = 2 * triangles[order].astype(np.intp) + patches.sides[self._mine]
+        self._side_of = np.unique(sides, return_inverse=True)[1].ravel()
+        self._first, self._counts = patches.first, np.diff(patches.first)
+        self._points = points
+        powers = power[self._mine].astype(np.float64)
+        of_sides = np.bincount(self._side_of, weights=powers)
+        evenly = powers / of_sides[self._side_of] / max(len(of_sides), 1)
+        self._choose_by(0.5 * (powers / max(total, 1e-300) + evenly))
+
+    def _choose_by(self, shares: NDArray[np.float64]) -> None:
+        """Let rays go to emitters by shares of them."""
+        self._shares, self._ends = shares, np.cumsum(shares)
+        density = np.zeros(len(self._emission))
+        density[self._mine] = shares / np.maximum(self._areas_m2[self._mine], 1e-12)
+        self._density = density.astype(np.float32)  # for each square metre
+
+    def focused(self, transport: Transport, at: Points, shifts: Floats) -> Emitters:
+        """Emitters chosen by the light that reaches some places (n,), whose shifts are (n, 2)."""
+        if not self.aimed:
+            return self
+        rays = self._aim(transport, at, spread_points(_TRIED), shifts)
+        light, places = rays.light @ LUMINANCE, rays.numbers // _TRIED
+        shares = light / np.maximum(np.bincount(places, weights=light), 1e-30)[places]
+        sides = self._side_of[rays.picked]
+        received = np.bincount(sides, weights=shares, minlength=int(self._side_of.max()) + 1)
+        if not received.any():
+            return self
+        powers = np.bincount(self._side_of, weights=self._shares)
+        factors = received / received.sum() / np.maximum(powers, 1e-300)
+        focused = copy.copy(self)
+        focused._choose_by(
+            self._shares * (_LEAST_SHARE + (1.0 - _LEAST_SHARE) * factors[self._side_of])
+        )
+        return focused
+
+    def light(self, transport: Transport, at: Points, points: Floats, shifts: Floats) -> Floats:
+        """Light (n, 3) on white surfaces, by rays to emitters.
+
+        Args:
+            transport: through the scene.
+            at: (n,) places.
+            points: (k, 2) of the unit square, one for each ray of these places.
+            shifts: (n, 2) of the places.
+        """
+        count = len(at.origins_m)
+        total = np.zeros((count, 3), dtype=np.float32)
+        if not self.aimed:
+            return total
+        rays = self._aim(transport, at, points, shifts)
+        for channel in range(3):
+            total[:, channel] = np.bincount(
+                rays.numbers // len(points), weights=rays.light[:, channel], minlength=count
+            )
+        return total
+
+    def _aim(self, transport: Transport, at: Points, points: Floats, shifts: Floats) -> _AimedRays:
+        chosen, rays = turned(points, shifts), len(points)
+        picked = np.searchsorted(self._ends, chosen[..., 0].ravel() * self._ends[-1], side="right")
+        picked = np.minimum(picked, len(self._mine) - 1)
+        patches = self._mine[picked]
+        within = (chosen[..., 1].ravel() * self._counts[patches]).astype(np.intp)
+        entries = self._first[patches] + np.minimum(within, self._counts[patches] - 1)
+        origins = np.repeat(at.origins_m, rays, axis=0)
+        away = self._points.origins_m[entries] - origins
+        squared = np.maximum(np.einsum("nc,nc->n", away, away), np.float32(_SHORTEST_M2))
+        away /= np.sqrt(squared)[:, None]
+        cosines = np.einsum("nc,nc->n", np.repeat(at.normals, rays, axis=0), away)
+        above = np.einsum("nc,nc->n", np.repeat(at.planes, rays, axis=0), away)
+        theirs = -np.einsum("nc,nc->n", self._points.planes[entries], away)
+        some = np.flatnonzero((cosines > 0.0) & (theirs > 0.0) & (above > 0.0))
+        far = np.sqrt(squared[some]) * np.float32(1.0 - 1e-4)
+        some = some[~transport.is_hidden(origins[some], away[some], far)]
+        density = self._density[patches[some]] * squared[some] / theirs[some]
+        weights = cosines[some] / np.pi
+        weights /= self.aimed * density + self._gathered * weights
+        return _AimedRays(some, picked[some], self._emission[patches[some]] * weights[:, None])
+
+    def seen(self, hits: PatchHits, cosines: Floats) -> Floats:
+        """Emission (n, 3) of patches that gathering rays end on, less what `light` has of it.
+
+        Args:
+            hits: (n,) on patches.
+            cosines: (n,) of the rays and the normals that they come from.
+        """
+        emission = self._emission[hits.patches]
+        shining = np.flatnonzero(self._density[hits.patches])
+        if self.aimed and len(shining):
+            density = self._density[hits.patches[shining]] * hits.ranges_m[shining] ** 2
+            density /= np.maximum(hits.cosines[shining], np.float32(1e-6))
+            mine = self._gathered * cosines[shining] / np.pi
+            emission[shining] *= (mine / (mine + self.aimed * density))[:, None]
+        return emission

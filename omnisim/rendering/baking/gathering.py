@@ -1,0 +1,115 @@
+"""Light gathered at points from patches, emissive surfaces and the sky."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.baking.emitters import Emitters
+from omnisim.rendering.baking.points import Points
+from omnisim.rendering.baking.sampling import Floats, cosine_directions, spread_points, turned
+from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
+from omnisim.scene.model import Lighting
+
+_RAYS_AT_ONCE = 1 << 17
+
+
+class Gathered(NamedTuple):
+    """Light at points, on white surfaces.
+
+    Attributes:
+        light: (n, 3) mean of rays from emissive patches and the sky; and by `radiosity`.
+        halves: (n, 2, 3) the same of every other ray.
+        is_valid: (n,) some rays did not come out of something solid.
+    """
+
+    light: Floats
+    halves: Floats
+    is_valid: NDArray[np.bool_]
+
+
+class Gatherer:
+    """Gathers light with rays by the cosine.
+
+    Args:
+        lighting: with the sky.
+        transport: through the scene.
+        samples: rays from each place.
+    """
+
+    def __init__(self, lighting: Lighting, transport: Transport, samples: int):
+        self._transport, self._samples = transport, samples
+        self._ambient = np.array(lighting.ambient, dtype=np.float32)
+        self._environment = lighting.environment
+        self._points = spread_points(samples)
+
+    def sky(self, directions: Floats) -> Floats:
+        """Light (n, 3) from far away along directions (n, 3)."""
+        if self._environment is None:
+            return np.broadcast_to(self._ambient, directions.shape)
+        return self._ambient + self._environment.seen(directions)
+
+    def hits(
+        self, places: list[Points], shifts: Floats, first: int, last: int
+    ) -> tuple[PatchHits, Floats, Floats]:
+        """Ends of the rays first to last of places (n,), their directions, and cosines.
+
+        Args:
+            places: what each ray starts from, ray after ray around; (n,) each.
+            shifts: (n, 2).
+            first, last: of the rays.
+        """
+        count = last - first
+        origins = np.empty((len(shifts), count, 3), dtype=np.float32)
+        directions = np.empty_like(origins)
+        cosines = np.empty((len(shifts), count), dtype=np.float32)
+        points = turned(self._points[first:last], shifts)
+        for number, at in enumerate(places):
+            mine = slice((number - first) % len(places), None, len(places))
+            origins[:, mine] = at.origins_m[:, None]
+            towards, cosines[:, mine] = cosine_directions(points[:, mine], at.normals)
+            below = np.einsum("nkc,nc->nk", towards, at.planes)
+            towards -= 2.0 * np.minimum(below, 0.0)[..., None] * at.planes[:, None]
+            directions[:, mine] = towards
+        aims = directions.reshape(-1, 3)
+        return self._transport.cast(origins.reshape(-1, 3), aims), aims, cosines.ravel()
+
+    def gather(
+        self, places: list[Points], shifts: Floats, radiosity: Floats, emitters: Emitters
+    ) -> Gathered:
+        """Light at places (n,) from patches of radiosity (p, 3), from emitters, and the sky."""
+        count = len(shifts)
+        halves = np.zeros((count, 2, 3), dtype=np.float32)
+        numbers = np.zeros((count, 2), dtype=np.float32)
+        step = max(2, _RAYS_AT_ONCE // max(count, 1) // 2 * 2)
+        for first in range(0, self._samples, step):
+            last = min(first + step, self._samples)
+            hits, directions, cosines = self.hits(places, shifts, first, last)
+            light = self.seen(hits, directions, cosines, radiosity, emitters)
+            light = light.reshape(count, -1, 3)
+            valid = (hits.patches != INSIDE).reshape(count, -1)
+            for half in (0, 1):
+                halves[:, half] += light[:, half::2].sum(axis=1)
+                numbers[:, half] += valid[:, half::2].sum(axis=1)
+        light = halves.sum(axis=1) / np.maximum(numbers.sum(axis=1), 1.0)[:, None]
+        halves /= np.maximum(numbers, 1.0)[..., None]
+        return Gathered(light, halves, numbers.sum(axis=1) > 0.0)
+
+    def seen(
+        self,
+        hits: PatchHits,
+        directions: Floats,
+        cosines: Floats,
+        radiosity: Floats,
+        emitters: Emitters,
+    ) -> Floats:
+        """Light (n, 3) along rays."""
+        light = np.zeros((len(cosines), 3), dtype=np.float32)
+        free = np.flatnonzero(hits.patches == SKY)
+        light[free] = self.sky(directions[free])
+        some = np.flatnonzero(hits.patches >= 0)
+        mine = hits.take(some)
+        light[some] = radiosity[mine.patches] + emitters.seen(mine, cosines[some])
+        return light

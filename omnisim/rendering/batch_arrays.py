@@ -1,0 +1,87 @@
+"""Arrays of a batch: pictures and channels of ground truth, made here or the caller's."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError
+from omnisim.ground_truth.channels import CHANNELS, check_channels
+
+PICTURES = {"rgb": 3, "rgba": 4}  # numbers of a pixel
+
+
+def check_contents(names: Collection[str]) -> tuple[str, ...]:
+    """Pictures and channels of these names: pictures first, then in the order of `CHANNELS`.
+
+    Raises:
+        OutputError: an unknown name, a text in place of names, or both pictures.
+    """
+    if isinstance(names, str):
+        return check_channels(names)  # refuses it
+    pictures = [name for name in PICTURES if name in names]
+    if len(pictures) == len(PICTURES):
+        raise OutputError("channels: expected one of rgb and rgba, got both")
+    return (*pictures, *check_channels(name for name in names if name not in PICTURES))
+
+
+def batch_arrays(
+    names: Collection[str],
+    size: tuple[int, int, int],
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | None,
+) -> dict[str, NDArray[Any]]:
+    """Arrays by name, contiguous and writeable.
+
+    Args:
+        names: as `check_contents` gives them.
+        size: number, height and width of the pictures.
+        out: of the caller, by name; a single array is that of the only name; None: new ones.
+
+    Raises:
+        OutputError: an array of another shape or type, or one that cannot be written, or others
+            than those of the names.
+    """
+    if out is None:
+        return {name: np.empty(*_layout(name, size)) for name in names}
+    if not isinstance(out, Mapping):
+        if len(names) != 1:
+            raise OutputError(f"out: expected arrays by name: {', '.join(names)}, got one array")
+        return {name: _check("out", out, *_layout(name, size)) for name in names}
+    if out.keys() != set(names):
+        got = ", ".join(map(str, out)) or "none"
+        raise OutputError(f"out: expected arrays by name: {', '.join(names)}, got {got}")
+    return {name: _check(f"out[{name!r}]", out[name], *_layout(name, size)) for name in names}
+
+
+def _layout(name: str, size: tuple[int, int, int]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array."""
+    if name in PICTURES:
+        return (*size, PICTURES[name]), np.dtype(np.uint8)
+    channel = CHANNELS[name]
+    parts = len(channel.layers)
+    return (*size, parts) if parts > 1 else size, np.dtype(channel.dtype)
+
+
+def _check(
+    what: str, array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> NDArray[Any]:
+    """Return an array of the caller's that can be filled as it is."""
+    if isinstance(array, np.ndarray):
+        faults = {
+            f"type {array.dtype}": array.dtype == dtype,
+            f"shape {array.shape}": array.shape == shape,
+            "one that is not contiguous": array.flags.c_contiguous,
+            "a read-only one": array.flags.writeable,
+        }
+        got = next((fault for fault, is_right in faults.items() if not is_right), None)
+    else:
+        got = type(array).__name__
+    if got is None:
+        return array
+    raise OutputError(
+        f"{what}: expected a writeable, C-contiguous NumPy array of {dtype} and shape {shape}, "
+        f"got {got}"
+    )

@@ -1,0 +1,37 @@
+"""Cameras of pictures and runs, by the parameters that their files hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from omnisim.cameras import camera_from_parameters
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.errors import OpticsError, SensorFileError
+
+
+def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
+    """Camera that any camera's `parameters()` describes, an optical system's among them.
+
+    Raises:
+        OpticsError: naming the first faulty key, the expected value and its own.
+    """
+    if not isinstance(parameters, Mapping) or parameters.get("model") != "optics":
+        return camera_from_parameters(parameters)
+    from omnisim.cameras.optics.system_file import parse_optics  # few cameras are one
+
+    _check_whole(parameters)
+    try:
+        return parse_optics(parameters, "camera")
+    except SensorFileError as faults:
+        raise OpticsError(str(faults).partition("\n")[0]) from None
+
+
+def _check_whole(parameters: Mapping[str, Any]) -> None:
+    """Refuse names of other files: a picture or a run has all of its camera inside."""
+    surfaces = parameters.get("surfaces")
+    tables = list(surfaces) if isinstance(surfaces, list | tuple) else []
+    for table in (parameters.get("camera"), *tables):
+        for key in ("calibration", "file"):
+            if isinstance(table, Mapping) and key in table:
+                raise OpticsError(f"camera: {key}: expected its content, got {table[key]!r}")

@@ -1,0 +1,147 @@
+"""Bayer mosaic, one colour for each pixel, and demosaicking, which interpolates the others.
+
+Source: Bayer, US patent 3 971 065; Malvar, He and Cutler, "High-quality linear interpolation for
+demosaicing of Bayer-patterned color images", ICASSP 2004.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.opengl.degradation.step import Step, UniformValue
+
+RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
+# Malvar's filters, in eighths: for green at red or blue; for red in red's row at green; for red
+# in red's column at green (that one turned); for red at blue.
+_CROSS = ((0, 0, -1, 0, 0), (0, 0, 2, 0, 0), (-1, 2, 4, 2, -1), (0, 0, 2, 0, 0), (0, 0, -1, 0, 0))
+_ROW = (
+    (0, 0, 0.5, 0, 0),
+    (0, -1, 0, -1, 0),
+    (-1, 4, 5, 4, -1),
+    (0, -1, 0, -1, 0),
+    (0, 0, 0.5, 0, 0),
+)
+_CORNERS = (
+    (0, 0, -1.5, 0, 0),
+    (0, 2, 0, 2, 0),
+    (-1.5, 0, 6, 0, -1.5),
+    (0, 2, 0, 2, 0),
+    (0, 0, -1.5, 0, 0),
+)
+
+
+@dataclass(frozen=True)
+class Bayer(SensorEffect, name="degradation.bayer"):
+    """Mosaic of single colours, and their interpolation.
+
+    Neighbours outside of the picture or of its mask count for nothing: there, and where one of
+    Malvar's 5 × 5 pixels is missing, the valid ones of the nearest of that colour are averaged.
+    """
+
+    pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = "RGGB"
+    """Colours of the top left 2 × 2 pixels, row by row."""
+    demosaic: Literal["malvar", "bilinear", "none"] = "malvar"
+    """Interpolation of the other colours; "none": a grey mosaic."""
+
+    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+        """Two passes on the GPU: the mosaic, in all three channels, and demosaicking."""
+        mosaic = Step("bayer_mosaic", {"u_red_xy": RED_XY[self.pattern]})
+        if self.demosaic == "none":
+            return [mosaic]
+        uniforms: dict[str, UniformValue]
+        uniforms = {"u_red_xy": RED_XY[self.pattern], "u_malvar": self.demosaic == "malvar"}
+        return [mosaic, Step("bayer_demosaic", uniforms)]
+
+    def apply(
+        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearPicture:
+        """The reference in NumPy."""
+        colours = self.colours(geometry)
+        raw = np.take_along_axis(picture[..., :3], colours[..., None], axis=-1)[..., 0]
+        result = picture.copy()
+        result[..., :3] = raw[..., None]
+        if self.demosaic == "none":
+            return result
+        valid = picture[..., 3] > 0.5
+        for colour in range(3):
+            result[..., colour] = self._demosaicked(raw, colours, colour, valid)
+        result[~valid, :3] = raw[~valid, None]
+        return result
+
+    def colours(self, geometry: PictureGeometry) -> NDArray[np.intp]:
+        """Colour index (height, width) of each pixel: 0 red, 1 green, 2 blue."""
+        column, row = RED_XY[self.pattern]
+        right = (np.arange(geometry.width_px)[None, :] + column) % 2
+        down = (np.arange(geometry.height_px)[:, None] + row) % 2
+        return right + down
+
+    def _demosaicked(
+        self,
+        raw: NDArray[np.float32],
+        colours: NDArray[np.intp],
+        colour: int,
+        valid: NDArray[np.bool_],
+    ) -> NDArray[np.float32]:
+        known = colours == colour
+        near = valid & known
+        total, count = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
+        # the nearest of a colour: beside the pixel, or if there are none, at its corners
+        for offsets in (((0, -1), (-1, 0), (1, 0), (0, 1)), ((-1, -1), (1, -1), (-1, 1), (1, 1))):
+            layer_total, layer = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
+            for right, down in offsets:
+                layer_total += _neighbour(np.where(near, raw, np.float32(0.0)), right, down)
+                layer += _neighbour(near.astype(np.float32), right, down)
+            total, count = (
+                np.where(count > 0, total, layer_total),
+                np.where(count > 0, count, layer),
+            )
+        guess = np.where(count > 0, total / np.maximum(count, np.float32(1.0)), raw)
+        if self.demosaic == "malvar":
+            whole = np.ones(raw.shape, dtype=bool)
+            for right, down in _support():
+                whole &= _neighbour(valid.astype(np.float32), right, down) > 0.5
+            filtered = self._malvar(raw, colours, colour)
+            guess = np.where(whole, filtered, guess)
+        return np.where(known, raw, guess)
+
+    def _malvar(
+        self, raw: NDArray[np.float32], colours: NDArray[np.intp], colour: int
+    ) -> NDArray[np.float32]:
+        row_filter = np.array(_ROW)
+        cross = _filtered(raw, np.array(_CROSS))
+        if colour == 1:
+            return cross
+        corners = _filtered(raw, np.array(_CORNERS))
+        in_row, in_column = _filtered(raw, row_filter), _filtered(raw, row_filter.T)
+        colour_row = np.any(colours == colour, axis=1)[:, None]
+        green = np.where(colour_row, in_row, in_column)
+        return np.where(colours == 1, green, corners)
+
+
+def _support() -> list[tuple[int, int]]:
+    """Offsets of the 13 pixels that Malvar's filters read."""
+    near = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]
+    return [*near, (-2, 0), (2, 0), (0, -2), (0, 2)]
+
+
+def _filtered(raw: NDArray[np.float32], eighths: NDArray[np.float64]) -> NDArray[np.float32]:
+    total = np.zeros(raw.shape, dtype=np.float32)
+    for down in range(-2, 3):
+        for right in range(-2, 3):
+            weight = np.float32(eighths[down + 2, right + 2] / 8.0)
+            if weight != 0.0:
+                total += weight * _neighbour(raw, right, down)
+    return total
+
+
+def _neighbour(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
+    """Values at an offset of each pixel; 0 outside."""
+    padded = np.pad(values, 2)
+    height, width = values.shape
+    return padded[2 + down : 2 + down + height, 2 + right : 2 + right + width]

@@ -1,0 +1,99 @@
+"""Defocus: discs in place of points, wider towards the rim of a curved mirror.
+
+In between the radius grows with the square of the image radius, as the depth of a mirror's virtual
+image does near its axis: an assumption for a mirror that is seen up to its rim. Below 0.5 px
+the disc lies within one pixel.
+
+Source: Swaminathan, "Focus in catadioptric imaging systems", ICCV 2007: virtual images behind a
+curved mirror lie at different depths, so that not all of them can be in focus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.core.files.parameters import Number
+from omnisim.rendering.camera.degradations.effect import OpticalEffect
+from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.opengl.degradation.step import Step
+
+LARGEST_PX = 32.0  # 4225 samples a pixel
+SMALLEST_PX = 0.5  # such a disc lies within one pixel
+STRIPS = 8  # that a pixel on the edge of a disc is cut into: right to a few thousandths of it
+Radius = Annotated[Number, Field(ge=0.0, le=LARGEST_PX)]
+
+
+@dataclass(frozen=True)
+class Defocus(OpticalEffect, name="degradation.defocus"):
+    """Mean of the valid pixels in the disc around each pixel.
+
+    A pixel on the disc's edge counts by the part of it that is inside; pixels outside of the
+    picture or of its mask do not count, so that no black bleeds in.
+    """
+
+    centre_defocus_px: Radius = 0.0
+    """Radius in pixels of the disc on the optical axis; typically 0 (focused there) to 2."""
+    rim_defocus_px: Radius = 1.0
+    """Radius in pixels of the disc at half of the picture's shorter side; typically 0.5 to 3."""
+
+    def radii_px(self, geometry: PictureGeometry) -> NDArray[np.float32]:
+        """Radius (height, width) of each pixel's disc."""
+        first, last = np.float32(self.centre_defocus_px), np.float32(self.rim_defocus_px)
+        radii = first + (last - first) * geometry.squared_radii()
+        return radii.clip(np.float32(SMALLEST_PX), np.float32(LARGEST_PX))
+
+    def steps(self, geometry: PictureGeometry) -> list[Step]:
+        """One pass on the GPU."""
+        uniforms = {
+            "u_centre_defocus_px": self.centre_defocus_px,
+            "u_rim_defocus_px": self.rim_defocus_px,
+            "u_limits_px": (SMALLEST_PX, LARGEST_PX),
+            "u_strips": STRIPS,
+            **geometry.uniforms(),
+        }
+        return [Step("defocus", uniforms)]
+
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
+        radii = self.radii_px(geometry)
+        reach = int(np.ceil(radii.max() + 0.5))
+        height, width = radii.shape
+        padded = np.zeros((height + 2 * reach, width + 2 * reach, 4), dtype=np.float64)
+        valid = picture[..., 3] > 0.5
+        padded[reach : reach + height, reach : reach + width, :3] = picture[..., :3]
+        padded[reach : reach + height, reach : reach + width, 3] = valid
+        total = np.zeros((height, width, 4))
+        for down in range(-reach, reach + 1):
+            for right in range(-reach, reach + 1):
+                near = padded[reach + down :, reach + right :][:height, :width]
+                weight = covered_share(right, down, radii)
+                total += (weight * near[..., 3])[..., None] * np.concatenate(
+                    (near[..., :3], np.ones((height, width, 1))), axis=-1
+                )
+        result = picture.copy()
+        result[valid, :3] = total[valid, :3] / total[valid, 3:]
+        return result
+
+
+def covered_share(right_px: int, down_px: int, radius_px: NDArray[np.float32]) -> NDArray[Any]:
+    """Fraction (...) of a pixel that lies in a disc around another pixel.
+
+    The pixel is cut into strips along its shorter offset; across them the disc's chord is exact.
+
+    Args:
+        right_px, down_px: from the disc's middle to the pixel's.
+        radius_px: (...) of the disc.
+    """
+    far, near = max(abs(right_px), abs(down_px)), min(abs(right_px), abs(down_px))
+    share = np.zeros_like(radius_px)
+    for strip in range(STRIPS):
+        across = np.float32(near + (strip + 0.5) / STRIPS - 0.5)
+        chord = np.sqrt(np.maximum(radius_px * radius_px - across * across, np.float32(0.0)))
+        low = np.maximum(np.float32(far - 0.5), -chord)
+        share += np.maximum(np.minimum(np.float32(far + 0.5), chord) - low, np.float32(0.0))
+    return share * np.float32(1.0 / STRIPS)

@@ -1,0 +1,129 @@
+"""The degradation of a camera: its effects on light, in the order of the light."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from omnisim.core.errors import OpticsError
+from omnisim.core.short_repr import short_repr
+from omnisim.rendering.camera.degradations.bayer import Bayer
+from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
+from omnisim.rendering.camera.degradations.defocus import Defocus
+from omnisim.rendering.camera.degradations.dirt import Dirt
+from omnisim.rendering.camera.degradations.effect import Effect, OpticalEffect, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.encoding import Encoding
+from omnisim.rendering.camera.degradations.exposure import Exposure
+from omnisim.rendering.camera.degradations.jpeg import Jpeg
+from omnisim.rendering.camera.degradations.noise import Noise
+from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.reflectance import Reflectance
+from omnisim.rendering.camera.degradations.shutter import Shutter
+from omnisim.rendering.camera.degradations.vignetting import Vignetting
+from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
+from omnisim.rendering.opengl.degradation.step import Step
+
+
+@dataclass(frozen=True, kw_only=True)
+class Degradation:
+    """Effects of a camera; None: not there. By default the camera is ideal.
+
+    The order of the fields is the order of the light, and stated nowhere else.
+
+    Raises:
+        OpticsError: dark current without an exposure time.
+    """
+
+    reflectance: Reflectance | None = None
+    dirt: Dirt | None = None
+    defocus: Defocus | None = None
+    vignetting: Vignetting | None = None
+    chromatic_aberration: ChromaticAberration | None = None
+    shutter: Shutter | None = None
+    exposure: Exposure | None = None
+    noise: Noise | None = None
+    bayer: Bayer | None = None
+    white_balance: WhiteBalance | None = None
+    encoding: Encoding | None = None
+    jpeg: Jpeg | None = None
+
+    def __post_init__(self) -> None:
+        if self.noise and self.noise.dark_current_e_per_s > 0.0 and self.exposure_s == 0.0:
+            raise OpticsError(
+                "degradation.noise.dark_current_e_per_s = "
+                f"{self.noise.dark_current_e_per_s:g}: needs degradation.shutter.exposure_s"
+            )
+
+    def __repr__(self) -> str:
+        return short_repr(self, *(self.parts or ("ideal",)))
+
+    @property
+    def parts(self) -> dict[str, Effect]:
+        """Effects that are there, by the names of their tables."""
+        parts = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return {name: part for name, part in parts.items() if part is not None}
+
+    @property
+    def is_ideal(self) -> bool:
+        """True where there is no effect."""
+        return not self.parts
+
+    @property
+    def exposure_s(self) -> float:
+        """Time in which a row collects light; 0: an instant."""
+        return 0.0 if self.shutter is None else self.shutter.exposure_s or 0.0
+
+    @property
+    def is_metered(self) -> bool:
+        """True where the exposure depends on the picture."""
+        return self.exposure is not None and self.exposure.auto
+
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """Tables of a sensor file with the same effects."""
+        return {name: part.values() for name, part in self.parts.items()}
+
+    def scaled(self, scale: float) -> Degradation:
+        """The degradation of a picture `scale` times as large."""
+        parts: dict[str, Any] = {name: part.scaled(scale) for name, part in self.parts.items()}
+        return Degradation(**parts)
+
+    @property
+    def optics(self) -> list[OpticalEffect]:
+        """Effects before the shutter."""
+        return [part for part in self.parts.values() if isinstance(part, OpticalEffect)]
+
+    @property
+    def electronics(self) -> list[SensorEffect]:
+        """Effects after the shutter, up to the linear picture.
+
+        The sensor's response to colours is a factor of its exposure, even where that has no table.
+        """
+        whole = self
+        if self.white_balance and not self.exposure:
+            whole = dataclasses.replace(self, exposure=Exposure())
+        return [part for part in whole.parts.values() if isinstance(part, SensorEffect)]
+
+    def optics_steps(self, geometry: PictureGeometry) -> list[Step]:
+        """Passes on the GPU before the shutter."""
+        return [step for effect in self.optics for step in effect.steps(geometry)]
+
+    def sensor_steps(self, geometry: PictureGeometry, noise_key: int) -> list[Step]:
+        """Passes on the GPU after the shutter, up to the linear picture.
+
+        Args:
+            geometry: of the picture.
+            noise_key: of the camera's random numbers.
+        """
+        shot = Shot(exposure_s=self.exposure_s, noise_key=noise_key)
+        return [step for effect in self.electronics for step in effect.steps(geometry, shot)]
+
+    def encoding_step(self) -> Step | None:
+        """The pass on the GPU into 8 bits, where it is not the ideal camera's."""
+        return self.encoding.step() if self.encoding else None
+
+    def exposure_factors(self, ev: float) -> tuple[float, float, float]:
+        """Factors of red, green and blue light at an exposure in stops."""
+        response = self.white_balance.response if self.white_balance else (1.0, 1.0, 1.0)
+        red, green, blue = (2.0**ev * part for part in response)
+        return red, green, blue

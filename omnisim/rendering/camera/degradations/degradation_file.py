@@ -1,0 +1,124 @@
+"""The `[degradation]` table of a sensor file, and presets.
+
+[degradation]
+preset = "dragonfly2"     # a name, or a file of such tables without `degradation.` before them
+
+[degradation.noise]       # on top of the preset, key by key
+read_noise_e = 20.0
+
+[degradation.jpeg]
+enabled = false           # off, whatever the preset says
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from pydantic import create_model
+
+from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
+from omnisim.core.files.parameters import Table, parse_table, table_of
+from omnisim.core.files.toml_file import read_toml
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.effect import Effect
+
+PRESETS = Path(__file__).resolve().parents[1] / "presets"
+
+
+def _effects() -> dict[str, type[Effect]]:
+    hints = get_type_hints(Degradation)
+    return {field.name: get_args(hints[field.name])[0] for field in dataclasses.fields(Degradation)}
+
+
+EFFECTS = _effects()  # by the names of their tables
+
+
+@cache
+def _preset_table() -> type[Table]:
+    """The table of a preset's file: a table for each effect, with the key `enabled`."""
+    fields: dict[str, Any] = {}
+    for name, kind in EFFECTS.items():
+        table = create_model(f"{kind.__name__}Table", __base__=table_of(kind), enabled=(bool, True))
+        fields[name] = (table | None, None)
+    return create_model("PresetTable", __base__=Table, **fields)
+
+
+@cache
+def _degradation_table() -> type[Table]:
+    """The table `[degradation]` of a sensor file."""
+    return create_model("DegradationTable", __base__=_preset_table(), preset=(str | None, None))
+
+
+def preset_names() -> list[str]:
+    """Names of the presets that ship with omnisim."""
+    return sorted(path.stem for path in PRESETS.glob("*.toml"))
+
+
+def preset(name: str, folder: Path = Path()) -> Degradation:
+    """The degradation of a preset.
+
+    Args:
+        name: of one that ships with omnisim, or a file that ends in .toml.
+        folder: of such a file, where its path is relative.
+
+    Raises:
+        SensorFileError: there is none, or it has a fault: naming file, key, value and what was
+            expected.
+    """
+    path = _preset_path(name, folder, f"preset {name!r}: ")
+    return _build(_read_preset(path), str(path), "")
+
+
+def parse_degradation(table: Mapping[str, Any], source: str, folder: Path) -> Degradation:
+    """The degradation of a `[degradation]` table: its effects on top of its preset's, key by key.
+
+    Args:
+        table: as read from TOML.
+        source: names the file in messages.
+        folder: of a preset's file, where its path is relative.
+
+    Raises:
+        SensorFileError: naming file, key, value and what was expected.
+    """
+    checked = parse_table(table, _degradation_table(), SensorFileError, source, "degradation")
+    given = checked.model_dump(exclude_unset=True)
+    name = given.pop("preset", None)
+    tables: dict[str, dict[str, Any]] = {}
+    if name is not None:
+        where = f"{source}: degradation.preset = {name!r}: "
+        tables = _read_preset(_preset_path(name, folder, where))
+    for key, values in given.items():
+        tables[key] = {**tables.get(key, {}), **values}
+    return _build(tables, source, "degradation.")
+
+
+def _preset_path(name: str, folder: Path, where: str) -> Path:
+    if name.endswith(".toml"):
+        return folder / name
+    names = preset_names()
+    if name not in names:
+        hint = did_you_mean(name, [*names, "a file that ends in .toml"])
+        raise SensorFileError(f"{where}unknown preset; {hint}")
+    return PRESETS / f"{name}.toml"
+
+
+def _read_preset(path: Path) -> dict[str, dict[str, Any]]:
+    return read_toml(path, _preset_table(), SensorFileError).model_dump(exclude_unset=True)
+
+
+def _build(tables: Mapping[str, dict[str, Any]], source: str, prefix: str) -> Degradation:
+    """The degradation of checked tables, whose names have the prefix in their file."""
+    parts: dict[str, Any] = {}
+    try:
+        for name, values in tables.items():
+            keys = {key: value for key, value in values.items() if key != "enabled"}
+            if values.get("enabled", True):
+                parts[name] = EFFECTS[name](**keys)
+        return Degradation(**parts)
+    except OpticsError as reason:
+        words = str(reason).replace("degradation.", prefix)
+        raise SensorFileError(f"{source}: {words}") from None

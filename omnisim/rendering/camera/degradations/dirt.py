@@ -1,0 +1,158 @@
+"""Dust and scratches on the mirror or lens, fixed in the picture.
+
+No source has numbers for the dirt on a robot's mirror: these are assumptions, chosen by looking.
+
+It is nearly in focus: a speck's edge is soft over some tenths of its radius. Radii are log-normal,
+as those of dust are; positions are evenly distributed. The map is made once, in NumPy, and the GPU
+multiplies and adds: light · (1 − absorbed) + glow · absorbed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.core.files.parameters import Fraction, NotNegative, Number
+from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect, Seed
+from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
+from omnisim.rendering.opengl.degradation.step import Step
+
+Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]
+RADIUS_SPREAD = 0.5  # standard deviation of the logarithm of the specks' radii
+SOFT = 0.35  # of a speck's radius: half of the width of its edge
+SPACING_PX = 0.25  # of the dots that a scratch is drawn with
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dirt(OpticalEffect, name="degradation.dirt"):
+    """Specks and scratches, drawn by their seed."""
+
+    dust_count: Count = 60
+    """Specks in the picture's square; typically 0 to 300."""
+    dust_radius_px: Pixels = 2.0
+    """Median radius of the specks in pixels; typically 1 to 4."""
+    dust_opacity: Fraction = 0.5
+    """Fraction of the light that the middle of a speck absorbs, at most; typically 0.2 to 0.8."""
+    scratch_count: Count = 0
+    """Scratches; typically 0 to 30."""
+    scratch_width_px: Pixels = 0.7
+    """Pixels to where half of a scratch's effect is gone; typically 0.5 to 1."""
+    scratch_length_px: Pixels = 80.0
+    """Length of the longest in pixels; typically 20 to 200."""
+    scratch_opacity: Fraction = 0.3
+    """Fraction of the light that a scratch absorbs, at most; typically 0.1 to 0.5."""
+    dust_glow: NotNegative = 0.05
+    """Linear light that dust scatters to the camera in place of it; typically 0.02 to 0.2."""
+    scratch_glow: NotNegative = 0.6
+    """The same of scratches, which catch the lamps; typically 0.2 to 1."""
+    seed: Seed = 0
+    """Seed of the specks and scratches."""
+
+    def map(self, geometry: PictureGeometry) -> NDArray[np.float32]:
+        """Dirt (height, width, 2): fraction of the light absorbed, and light added."""
+        dust, scratches = np.ones((2, geometry.height_px, geometry.width_px))
+        self._dust(dust, geometry)
+        self._scratches(scratches, geometry)
+        glow = self.dust_glow * (1.0 - dust) + self.scratch_glow * (1.0 - scratches)
+        return np.stack((1.0 - dust * scratches, glow), axis=-1).astype(np.float32)
+
+    def steps(self, geometry: PictureGeometry) -> list[Step]:
+        """One pass on the GPU."""
+        return [Step("dirt", textures={"u_dirt": self.map(geometry)})]
+
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
+        dirt = np.where(picture[..., 3:] > 0.5, self.map(geometry), np.float32(0.0))
+        result = picture.copy()
+        result[..., :3] = picture[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]
+        return result
+
+    def _random(self, stream: str, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Uniform random numbers (count, 12) and normal ones (count, 4), a row for each item."""
+        key = key_of("dirt", stream, self.seed)
+        items = np.arange(count)[:, None]
+        hashes = np.moveaxis(pcg4d(items, np.arange(5)[None, :], 0, key), 0, -1)
+        plain = uniform(hashes[:, :3].reshape(count, 12)).astype(np.float64)
+        pairs = hashes[:, 3:].reshape(count, 8)
+        return plain, normal(pairs[:, :4], pairs[:, 4:]).astype(np.float64)
+
+    def _positions(
+        self, fractions: NDArray[np.float64], geometry: PictureGeometry
+    ) -> NDArray[np.float64]:
+        """Positions (..., 2) in the square of the picture's shorter side around the axis."""
+        middle = np.array(geometry.centre_px)
+        return middle + (2.0 * fractions - 1.0) * geometry.radius_unit_px
+
+    def _dust(self, clear: NDArray[np.float64], geometry: PictureGeometry) -> None:
+        plain, spread = self._random("dust", self.dust_count)
+        positions = self._positions(plain[:, :2], geometry)
+        radii = self.dust_radius_px * np.exp(RADIUS_SPREAD * spread[:, 0])
+        opacities = self.dust_opacity * (0.4 + 0.6 * plain[:, 2])
+        for position, radius, opacity, phases in zip(
+            positions, radii, opacities, plain[:, 3:6], strict=True
+        ):
+            window, right, down = _window(clear, position, 1.8 * radius + 1.0)
+            if not window.size:
+                continue
+            angle = np.arctan2(down, right)
+            # no speck is round: an oval, three lumps and five small ones
+            lumps = zip((0.22, 0.12, 0.07), (2, 3, 5), phases, strict=True)
+            edge = radius * (
+                1.0 + sum(size * np.sin(n * angle + 2 * np.pi * phase) for size, n, phase in lumps)
+            )
+            soft = max(SOFT * radius, 0.5)
+            inside = np.clip(0.5 + (edge - np.hypot(right, down)) / (2.0 * soft), 0.0, 1.0)
+            window *= 1.0 - opacity * inside * inside * (3.0 - 2.0 * inside)
+
+    def _scratches(self, clear: NDArray[np.float64], geometry: PictureGeometry) -> None:
+        plain, spread = self._random("scratches", self.scratch_count)
+        positions = self._positions(plain[:, :2], geometry)
+        reach = 3.0 * self.scratch_width_px + 1.0
+        for position, numbers, bends in zip(positions, plain[:, 2:], spread, strict=True):
+            length = self.scratch_length_px * (0.3 + 0.7 * numbers[0])
+            along = np.linspace(-0.5, 0.5, max(2, round(length / SPACING_PX)))
+            angle = 2.0 * np.pi * numbers[1] + 0.6 * bends[0] * along
+            steps = np.stack((np.cos(angle), np.sin(angle)), axis=-1) * (length / len(along))
+            points = position + np.cumsum(steps, axis=0) - 0.5 * steps.sum(axis=0)
+            # deep where it begins or in the middle, never all along
+            depth = np.cos(np.pi * along) * (
+                0.7 + 0.3 * np.sin(2 * np.pi * (5 * along + numbers[2]))
+            )
+            opacity = self.scratch_opacity * (0.4 + 0.6 * numbers[3])
+            dirt = np.zeros_like(clear)
+            window, right, down = _window(dirt, points.mean(axis=0), 0.5 * length + reach)
+            if not window.size:
+                continue
+            points = points - points.mean(axis=0)
+            for point, strength in zip(points, opacity * depth, strict=True):
+                part = (np.abs(right[0] - point[0]) < reach, np.abs(down[:, 0] - point[1]) < reach)
+                across = np.flatnonzero(part[0])
+                upright = np.flatnonzero(part[1])
+                if not across.size or not upright.size:
+                    continue
+                near = np.s_[upright[0] : upright[-1] + 1, across[0] : across[-1] + 1]
+                squared = (right[near] - point[0]) ** 2 + (down[near] - point[1]) ** 2
+                width = max(self.scratch_width_px, 0.3)
+                shape = strength * np.exp2(-np.minimum(squared / width**2, 60.0))
+                np.maximum(window[near], shape, out=window[near])
+            clear *= 1.0 - dirt
+
+
+def _window(
+    values: NDArray[np.float64], centre_px: NDArray[np.float64], reach_px: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """View of values (height, width) around a position, and offsets right and down from it."""
+    height, width = values.shape
+    first = np.floor(centre_px - reach_px).astype(int)
+    last = np.ceil(centre_px + reach_px).astype(int) + 1
+    left, right = np.clip((first[0], last[0]), 0, width).tolist()
+    top, bottom = np.clip((first[1], last[1]), 0, height).tolist()
+    u = np.arange(left, right) - centre_px[0]
+    v = np.arange(top, bottom) - centre_px[1]
+    across, down = np.meshgrid(u, v)
+    return values[top:bottom, left:right], across, down

@@ -1,0 +1,84 @@
+"""Effects of a camera on light: parameters, passes on the GPU, and the same in NumPy."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
+
+from pydantic import Field
+
+from omnisim.core.files.parameters import NotNegative, Number, Parameters
+from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.opengl.degradation.step import Step
+
+MAX_EV = 30.0
+Ev = Annotated[Number, Field(ge=-MAX_EV, le=MAX_EV)]
+Count = Annotated[int, Field(strict=True, ge=0, le=10_000)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+Rgb = tuple[NotNegative, NotNegative, NotNegative]
+
+
+class Effect(Parameters):
+    """Base of the tables below `[degradation]`: frozen dataclasses, named as their modules."""
+
+    def values(self) -> dict[str, Any]:
+        """Keys of the table with their values, without those that are None."""
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return {key: value for key, value in values.items() if value is not None}
+
+    def scaled(self, scale: float) -> Self:
+        """The effect on a picture `scale` times as large: lengths in pixels grow."""
+        lengths: dict[str, Any] = {
+            field.name: scale * getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name.endswith("_px")
+        }
+        return dataclasses.replace(self, **lengths) if lengths else self
+
+
+@dataclass(frozen=True)
+class Shot:
+    """Conditions of one picture.
+
+    Attributes:
+        exposure_factors: of red, green and blue light.
+        exposure_s: time in which a row collects light; 0: an instant.
+        noise_key: of the camera's random numbers.
+        frame_number: of the picture, for its noise.
+    """
+
+    exposure_factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    exposure_s: float = 0.0
+    noise_key: int = 0
+    frame_number: int = 0
+
+
+DEFAULT_SHOT = Shot()
+
+
+class OpticalEffect(Effect, ABC):
+    """An effect of mirror or lens on linear light, before the shutter."""
+
+    @abstractmethod
+    def steps(self, geometry: PictureGeometry) -> list[Step]:
+        """Passes on the GPU."""
+
+    @abstractmethod
+    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+        """The reference in NumPy."""
+
+
+class SensorEffect(Effect, ABC):
+    """An effect of sensor and processor on a linear picture, after the shutter."""
+
+    @abstractmethod
+    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+        """Passes on the GPU; exposure factors and frame number are uniforms of each frame."""
+
+    @abstractmethod
+    def apply(
+        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearPicture:
+        """The reference in NumPy."""

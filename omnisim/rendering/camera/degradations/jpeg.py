@@ -1,0 +1,34 @@
+"""JPEG: the camera's compression, by a real encoder and decoder.
+
+Source: ITU-T T.81.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.rendering.camera.degradations.effect import Effect
+
+
+@dataclass(frozen=True)
+class Jpeg(Effect, name="degradation.jpeg"):
+    """Encoding and decoding; outside of its mask the picture stays black."""
+
+    quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90
+    """As libjpeg counts; typically 75 to 95, 30 for a cheap stream."""
+    subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
+    """Subsampling of the colour."""
+
+    def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Picture (height, width, 4) after JPEG; alpha is kept."""
+        from omnisim.core.files.image_files import through_jpeg  # with OpenImageIO, slow to import
+
+        result = rgba.copy()
+        result[..., :3] = through_jpeg(rgba[..., :3], self.quality, self.subsampling)
+        result[rgba[..., 3] == 0, :3] = 0
+        return result

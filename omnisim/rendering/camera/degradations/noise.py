@@ -1,0 +1,145 @@
+"""Shot noise, dark current, read noise and the converter of a sensor that counts electrons.
+
+Without `gain_e_per_dn` a full well is the converter's largest number.
+
+A linear value of 1 fills the well, or reaches the converter's largest number, whichever is first:
+`white_e` electrons. Photons that are caught are Poisson distributed. Below a mean of 32 electrons
+their number is found by inversion of the distribution function, exactly but for float32. From
+there on it is λ + z√λ + (z² − 1)/6, rounded, z normal: Cornish and Fisher's expansion, which has
+the Poisson distribution's skewness to its first order. The largest difference of the distribution
+functions there is 4e-4 (a plain normal number: 12e-3), and gets smaller with the mean; an 8-bit
+camera's step is many electrons by then.
+
+Source: EMVA Standard 1288, release 4.0 (model and names); Cornish and Fisher, 1938.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.core.files.parameters import NotNegative, Positive
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d, uniform
+from omnisim.rendering.opengl.degradation.step import Step
+
+NORMAL_FROM_E = 32.0  # mean number of electrons from which on normal numbers are good enough
+MAX_COUNTED = 128  # more do not come from a mean below NORMAL_FROM_E
+# The terms of the sum are smaller than float32's steps near 1 from here on: it has come to its end.
+SMALLEST_TERM = 2.0**-27
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise(SensorEffect, name="degradation.noise"):
+    """Poisson distributed electrons and normal read noise, rounded and clipped.
+
+    The result is brought back to linear values in which white is 1. It may be below 0 where there
+    is a black level: clipping there would brighten the dark. Outside of the mask there is no noise.
+    """
+
+    full_well_e: Annotated[Positive, Field(ge=10.0, le=1e7)] = 20_000.0
+    """Electrons a pixel holds; typically 5 000 (small CMOS) to 30 000 (large CCD)."""
+    gain_e_per_dn: Positive | None = None
+    """Electrons a step of the converter; left out: a full well is its largest number."""
+    read_noise_e: NotNegative = 5.0
+    """Standard deviation in electrons; typically 2 (good CMOS) to 20 (interline CCD)."""
+    dark_current_e_per_s: NotNegative = 0.0
+    """Electrons a second, typically 1 to 100; needs shutter.exposure_s."""
+    black_level_dn: NotNegative = 0.0
+    """Steps added before the converter and taken off again; typically 0.1 to 2 % of its range."""
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=16)] = 12
+    """Bits of the converter; typically 8 to 14."""
+
+    def _check(self) -> None:
+        if self.black_level_dn >= self.largest_dn:
+            raise self._error(
+                "black_level_dn",
+                f"less than {self.largest_dn}, the largest number of {self.bit_depth} bits",
+            )
+
+    @property
+    def largest_dn(self) -> int:
+        """The converter's largest number."""
+        return (1 << self.bit_depth) - 1
+
+    @property
+    def gain(self) -> float:
+        """Electrons a step of the converter."""
+        if self.gain_e_per_dn is not None:
+            return self.gain_e_per_dn
+        return self.full_well_e / (self.largest_dn - self.black_level_dn)
+
+    @property
+    def white_e(self) -> float:
+        """Electrons of a linear value of 1."""
+        return min(self.full_well_e, self.gain * (self.largest_dn - self.black_level_dn))
+
+    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+        """One pass on the GPU."""
+        uniforms = {
+            "u_key": shot.noise_key,
+            "u_white_e": self.white_e,
+            "u_full_well_e": self.full_well_e,
+            "u_gain_e_per_dn": self.gain,
+            "u_read_noise_e": self.read_noise_e,
+            "u_dark_e": self.dark_current_e_per_s * shot.exposure_s,
+            "u_black_level_dn": self.black_level_dn,
+            "u_largest_dn": float(self.largest_dn),
+            "u_normal_from_e": NORMAL_FROM_E,
+            "u_most_counted": MAX_COUNTED,
+            "u_smallest_term": SMALLEST_TERM,
+        }
+        return [Step("noise", uniforms)]
+
+    def apply(
+        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearPicture:
+        """The reference in NumPy."""
+        column, row, channel = np.meshgrid(
+            np.arange(geometry.width_px), np.arange(geometry.height_px), np.arange(3)
+        )
+        hashes = pcg4d(column, row, shot.frame_number, shot.noise_key + channel)
+        dark_e = np.float32(self.dark_current_e_per_s * shot.exposure_s)
+        white_e, gain = np.float32(self.white_e), np.float32(self.gain)
+        black = np.float32(self.black_level_dn)
+        mean_e = np.maximum(picture[..., :3], np.float32(0.0)) * white_e + dark_e
+        electrons = np.minimum(poisson(mean_e, hashes[0], hashes[1]), np.float32(self.full_well_e))
+        electrons += np.float32(self.read_noise_e) * normal(hashes[2], hashes[3])
+        numbers = np.floor(electrons / gain + black + np.float32(0.5))
+        numbers = np.clip(numbers, np.float32(0.0), np.float32(self.largest_dn))
+        result = picture.copy()
+        seen = picture[..., 3] > 0.5
+        result[seen, :3] = ((numbers[seen] - black) * gain - dark_e) / white_e
+        return result
+
+
+def poisson(
+    mean: NDArray[np.float32], first: NDArray[np.uint32], second: NDArray[np.uint32]
+) -> NDArray[np.float32]:
+    """Poisson distributed whole numbers (...) with means (...) ≥ 0, from two hashes each."""
+    z = normal(first, second)
+    large = np.maximum(mean, np.float32(NORMAL_FROM_E))
+    many = large + np.sqrt(large) * z + (z * z - np.float32(1.0)) * np.float32(1.0 / 6.0)
+    many = np.maximum(np.floor(many + np.float32(0.5)), np.float32(0.0))
+    return np.where(mean >= np.float32(NORMAL_FROM_E), many, _quantiles(mean, uniform(first)))
+
+
+def _quantiles(mean: NDArray[np.float32], fraction: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Quantiles (...) of the Poisson distribution with means (...), by summation."""
+    mean = np.minimum(mean, np.float32(NORMAL_FROM_E))
+    term = np.exp(-mean)
+    total = term.copy()
+    count = np.zeros_like(mean)
+    for number in range(1, MAX_COUNTED):
+        more = (fraction > total) & ~((number > mean) & (term < np.float32(SMALLEST_TERM)))
+        if not np.any(more):
+            break
+        term = np.where(more, term * (mean / np.float32(number)), term)
+        total = np.where(more, total + term, total)
+        count = np.where(more, np.float32(number), count)
+    return count

@@ -1,0 +1,316 @@
+"""Camera sensors: camera model, virtual cameras, mounting and degradation."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import CentralCamera, NonCentralCamera, summary
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors.tessellation import sectors_and_rings
+from omnisim.core import poses
+from omnisim.core.errors import NoticeWarning, OpticsError
+from omnisim.core.short_repr import short_repr
+from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px, most_polygons
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.quality import (
+    DEFAULT_NEAR_M,
+    DEFAULT_QUALITY,
+    MAX_DENSITY,
+    MAX_PICTURE_PX,
+    MAX_SUPERSAMPLING,
+    MIN_DENSITY,
+    QUALITIES,
+    QualityName,
+    quality_named,
+)
+from omnisim.rendering.near_plane import near_plane_m
+
+if TYPE_CHECKING:
+    from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+    from omnisim.cameras.calibration.calibration import Calibration
+    from omnisim.rendering.camera.sensor_file import SensorSettings
+
+Polygons = int | Literal["auto", "default"] | None  # of a mirror's mesh; None: exact
+PAPER_POLYGONS = 1024
+PAPER_SIZE_PX = 360
+
+
+def _paper_camera() -> HyperbolicCamera:
+    return HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
+
+
+@dataclass(frozen=True, eq=False)
+class OmniCamera:
+    """An omnidirectional camera: a pinhole camera below a mirror, or a lens.
+
+    Without arguments: the paper's.
+
+    Attributes:
+        model: the camera model, with its mirror if it has one.
+        polygons: of the mirror's mesh; "auto": as few as keep the largest error in the picture
+            below a tenth of a pixel, see `mesh_polygons`; None captures exactly, pixel by pixel,
+            as a lens always is; "default", which becomes one of the two, is "auto", but exact for
+            an optical system, whose exact rays are traced once.
+        base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
+            viewpoint.
+        face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
+        near_m, far_m: clipping planes of the virtual cameras; far may be infinite. The default
+            near plane is nearer in small scenes, see `seeing`.
+        samples: samples a texel of the virtual cameras, against jagged edges.
+        supersampling: samples to a side of a pixel of the picture, averaged in linear light.
+        texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels,
+            where no size is given.
+        degradation: of the ideal picture; by default none.
+
+    Raises:
+        OmnisimError: no camera model, a polygon count that makes no mesh, near and far that leave
+            nothing between them, a size or number of samples that cannot be, or a mounting that is
+            no pose.
+    """
+
+    model: CentralCamera = field(default_factory=_paper_camera)
+    _: KW_ONLY
+    polygons: Polygons = "default"
+    base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    face_size_px: int | None = None
+    near_m: float = DEFAULT_NEAR_M
+    far_m: float = np.inf
+    samples: int = 1
+    supersampling: int = QUALITIES[DEFAULT_QUALITY].supersampling
+    texels_per_pixel: float = QUALITIES[DEFAULT_QUALITY].texels_per_pixel
+    degradation: Degradation = field(default_factory=Degradation)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.model, CentralCamera):
+            raise OpticsError(f"camera: expected a camera model, got {type(self.model).__name__}")
+        if self.polygons == "default":
+            polygons = None if isinstance(self.model, NonCentralCamera) else "auto"
+            object.__setattr__(self, "polygons", polygons)  # frozen
+        if self.polygons is not None and self.polygons != "auto":
+            if type(self.polygons) is not int:
+                raise OpticsError(
+                    f"polygons: expected a whole number, 'auto' or None, got {self.polygons!r}"
+                )
+            sectors_and_rings(self.polygons)
+            if most_polygons(self.model) is None:
+                raise OpticsError(
+                    f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
+                    "no mirror with a mesh: expected 'auto' or 'exact'"
+                )
+        if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
+            raise OpticsError(
+                f"near_m: expected more than 0 and less than far_m = {self.far_m:g}, "
+                f"got {self.near_m:g}"
+            )
+        if self.face_size_px is not None and self.face_size_px < 1:
+            raise OpticsError(
+                f"face_size_px: expected at least 1, or None, got {self.face_size_px}"
+            )
+        if self.samples not in (1, 2, 4, 8):
+            raise OpticsError(f"samples: expected 1, 2, 4 or 8, got {self.samples}")
+        if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
+            raise OpticsError(
+                f"supersampling: expected 1 to {MAX_SUPERSAMPLING}, got {self.supersampling}"
+            )
+        if not MIN_DENSITY <= self.texels_per_pixel <= MAX_DENSITY:  # false for NaN, too
+            raise OpticsError(
+                f"texels_per_pixel: expected {MIN_DENSITY:g} to {MAX_DENSITY:g}, "
+                f"got {self.texels_per_pixel}"
+            )
+        poses.check_pose(self.base_from_rig)
+
+    def __repr__(self) -> str:
+        return short_repr(
+            self,
+            summary(self.model),
+            self.mesh_summary,
+            "" if self.degradation.is_ideal else f"degraded by {', '.join(self.degradation.parts)}",
+        )
+
+    @classmethod
+    def of(
+        cls, camera: OmniCamera | CentralCamera | Calibration | CalibratedCamera | str | Path | None
+    ) -> OmniCamera:
+        """Sensor of whatever names one.
+
+        Args:
+            camera: a sensor; a camera model; path of a sensor, optics or calibration file of one
+                camera; such a calibration, or one of its cameras; None: the paper's.
+
+        Raises:
+            SensorFileError: naming file, key, value and what was expected.
+            CalibrationError: likewise, or several cameras.
+            OpticsError: none of these.
+        """
+        if isinstance(camera, OmniCamera):
+            return camera
+        if camera is None:
+            return cls()
+        if isinstance(camera, CentralCamera):
+            return cls(camera)
+        if isinstance(camera, str | Path) and Path(camera).suffix.lower() in ("", ".toml"):
+            return cls.from_file(camera)
+        # the time to import formats and fits is for those who use them
+        from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+        from omnisim.cameras.calibration.calibration import Calibration, load_calibration
+
+        found = load_calibration(camera) if isinstance(camera, str | Path) else camera
+        if isinstance(found, Calibration):
+            for note in found.notes if found is not camera else ():
+                warnings.warn(f"{camera}: {note}", NoticeWarning, stacklevel=3)
+            found = found.only_camera()
+        if isinstance(found, CalibratedCamera):
+            return cls(found.camera, polygons=None)
+        return cls(found)
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> OmniCamera:
+        """Read a sensor file.
+
+        Raises:
+            SensorFileError: naming file, key, value and what was expected.
+        """
+        from omnisim.rendering.camera.sensor_file import (
+            read_sensor_file,
+        )  # the paper's camera needs none
+
+        return cls._from_settings(read_sensor_file(Path(path)))
+
+    @classmethod
+    def from_table(cls, table: dict[str, Any], source: str = "sensor") -> OmniCamera:
+        """Make the sensor of a table with the keys of a sensor file.
+
+        Raises:
+            SensorFileError: naming `source`, key, value and what was expected.
+        """
+        from omnisim.rendering.camera.sensor_file import parse_sensor
+
+        return cls._from_settings(parse_sensor(table, source))
+
+    @classmethod
+    def _from_settings(cls, settings: SensorSettings) -> OmniCamera:
+        mounting, virtual = settings.mounting, settings.virtual_cameras
+        return cls(
+            model=settings.model,
+            polygons=settings.polygons,
+            base_from_rig=poses.pose(
+                mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
+            ),
+            face_size_px=None if virtual.size_px == "auto" else virtual.size_px,
+            near_m=virtual.near_m,
+            far_m=virtual.far_m,
+            samples=virtual.samples,
+            supersampling=settings.quality.supersampling,
+            texels_per_pixel=settings.quality.texels_per_pixel,
+            degradation=settings.degradation,
+        )
+
+    def resized(self, size_px: int) -> OmniCamera:
+        """The same view in a picture whose shorter side has `size_px` pixels.
+
+        Raises:
+            OpticsError: a size below 1, or beyond any GPU's.
+        """
+        if not 1 <= size_px <= MAX_PICTURE_PX:
+            raise OpticsError(f"camera: size: expected 1 to {MAX_PICTURE_PX}, got {size_px}")
+        old = self.model
+        scale = size_px / min(old.width_px, old.height_px)
+        return dataclasses.replace(
+            self, model=old.scaled(scale), degradation=self.degradation.scaled(scale)
+        )
+
+    def seeing(self, size_m: float) -> OmniCamera:
+        """The same camera for a scene of a size, to which a near plane by default adapts.
+
+        Rays that start beside the effective viewpoint need one that is farther than they do, so
+        non-central optics keep theirs.
+        """
+        near_m = near_plane_m(size_m, DEFAULT_NEAR_M)
+        is_kept = self.near_m != DEFAULT_NEAR_M or isinstance(self.model, NonCentralCamera)
+        if is_kept or near_m == DEFAULT_NEAR_M:
+            return self
+        return dataclasses.replace(self, near_m=near_m)
+
+    @cached_property
+    def mesh_polygons(self) -> int | None:
+        """Polygons of the mirror's mesh: `polygons`, or what "auto" comes to; None: exact.
+
+        "auto" is exact where even the finest mesh is off by more.
+        """
+        if isinstance(self.polygons, str):
+            return auto_polygons(self.model)
+        return self.polygons
+
+    @property
+    def mesh_error_px(self) -> float:
+        """Largest error of the mirror's mesh anywhere in the picture; 0 where it is exact."""
+        return mesh_error_px(self.model, self.mesh_polygons)
+
+    @property
+    def mesh_summary(self) -> str:
+        """Polygons of the mirror's mesh in words."""
+        if self.mesh_polygons is not None:
+            chosen = " (auto)" if self.polygons == "auto" else ""
+            return f"{self.mesh_polygons} polygons{chosen}"
+        most = None if self.polygons is None else most_polygons(self.model)
+        if most is None:
+            return "exact"
+        return f"exact (auto: {MAX_ERROR_PX} px need more than {most} polygons)"
+
+    @property
+    def supersampled_model(self) -> CentralCamera:
+        """Model of the supersampled picture that is averaged to this one's."""
+        return self.model.scaled(self.supersampling)
+
+    @property
+    def base_from_optical(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the camera's optical frame on its vehicle."""
+        pose = self.base_from_rig.copy()
+        pose[:3, :3] = pose[:3, :3] @ self.model.rig_from_optical
+        return pose
+
+    def with_polygons(self, polygons: Polygons) -> OmniCamera:
+        """The same sensor with another mesh, see `polygons`.
+
+        Raises:
+            OpticsError: a polygon count that makes no mesh.
+        """
+        return dataclasses.replace(self, polygons=polygons)
+
+    def with_quality(self, name: QualityName | str) -> OmniCamera:
+        """The same sensor with a capture quality by name: "fast", "default" or "fine".
+
+        Raises:
+            OpticsError: there is no such quality.
+        """
+        return dataclasses.replace(self, **quality_named(name)._asdict())
+
+    def with_degradation(self, degradation: Degradation) -> OmniCamera:
+        """The same sensor with another degradation."""
+        return dataclasses.replace(self, degradation=degradation)
+
+    def base_pose(
+        self,
+        viewpoint_m: ArrayLike,
+        yaw_deg: float = 0.0,
+        pitch_deg: float = 0.0,
+        roll_deg: float = 0.0,
+    ) -> NDArray[np.float64]:
+        """Pose (4, 4) world_from_base of a vehicle at a heading, by default level, such that the
+        effective viewpoint is at `viewpoint_m` (3,), world.
+
+        Raises:
+            OmnisimError: a position or angle that is not finite.
+        """
+        world_from_base = poses.pose(viewpoint_m, roll_deg, pitch_deg, yaw_deg)
+        world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]
+        return world_from_base

@@ -1,0 +1,411 @@
+"""Sensor files: the paper's three groups of USARBot.ini (section 2.4) in TOML.
+
+`paper.toml` beside this module has every key, with its default and a comment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pydantic
+from pydantic import ConfigDict, Field, model_validator
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.camera_table import camera_from_table
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import (
+    DEFAULT_RIM_RAD,
+    PAPER_C,
+    PAPER_K,
+    PAPER_METERS_PER_UNIT,
+    HyperbolicMirror,
+)
+from omnisim.cameras.mirrors.tessellation import sectors_and_rings
+from omnisim.core.errors import CalibrationError, OpticsError, SensorFileError
+from omnisim.core.files.parameters import Number, Table, described, parse_table
+from omnisim.core.files.toml_file import read_tables
+from omnisim.rendering.auto_mesh import most_polygons
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
+from omnisim.rendering.camera.quality import (
+    DEFAULT_NEAR_M,
+    DEFAULT_QUALITY,
+    MAX_DENSITY,
+    MAX_PICTURE_PX,
+    MAX_SUPERSAMPLING,
+    MIN_DENSITY,
+    CaptureQuality,
+    QualityName,
+    quality_named,
+)
+
+Polygons = int | Literal["auto"] | None  # None: exact
+DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
+
+
+Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+Positive = Annotated[Number, Field(gt=0.0)]
+PolygonCount = Annotated[
+    Literal["auto", "exact"] | pydantic.StrictInt,
+    described("a whole number, 'auto' or 'exact'"),
+]
+FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_PICTURE_PX} or 'auto'")]
+FocalLength = Annotated[Literal["fit"] | Positive, described("a number > 0 or 'fit'")]
+PrincipalPoint = Annotated[
+    Literal["centre"] | tuple[Number, Number], described("[u, v] in pixels or 'centre'")
+]
+
+
+class MountingTable(Table):
+    """Pose of the sensor on its vehicle; its position is that of the effective viewpoint."""
+
+    position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Metres in the base frame: x forward, y left, z up."""
+    roll_deg: Number = 0.0
+    """Degrees about x."""
+    pitch_deg: Number = 0.0
+    """Degrees about y; more than 0: nose down."""
+    yaw_deg: Number = 0.0
+    """Degrees about z, counter-clockwise seen from above."""
+
+
+class MirrorTable(Table):
+    """First group: the static mesh."""
+
+    shape: Literal["hyperbolic"] = "hyperbolic"
+    """Profile of the mirror: Baker and Nayar's hyperboloid, the paper's Eq. 1."""
+    k: Annotated[Number, Field(ge=2.0)] = PAPER_K
+    """Parameter k of the profile, without a unit."""
+    c: Positive = PAPER_C
+    """From the effective viewpoint to the pinhole, in units of the profile."""
+    meters_per_unit: Positive = PAPER_METERS_PER_UNIT
+    """Metres in a unit of the profile; the paper names none: an assumption."""
+    theta_max_deg: Number | None = None
+    """The rim: degrees of incidence from straight down, 90 is the horizon; 105 where no rim is
+    given."""
+    rim_radius_m: Positive | None = None
+    """Radius of the rim in metres, in place of theta_max_deg."""
+    polygons: PolygonCount = "auto"
+    """Polygons of the mesh: 16, 64, 256, 1024 (the paper's), 4096, …; "auto": as few as keep the
+    largest error in the picture below 0.1 px; "exact": no mesh."""
+    mounting: MountingTable = Field(default_factory=MountingTable)
+
+    @model_validator(mode="after")
+    def _at_most_one_rim(self) -> MirrorTable:
+        if self.theta_max_deg is not None and self.rim_radius_m is not None:
+            raise ValueError(
+                "theta_max_deg and rim_radius_m both say where the rim is: expected one of them"
+            )
+        return self
+
+    def make_mirror(self, source: str) -> HyperbolicMirror:
+        """The mirror.
+
+        Raises:
+            SensorFileError: values that do not fit each other.
+        """
+        shape = (self.k, self.c, self.meters_per_unit)
+        given = f"theta_max_deg = {math.degrees(DEFAULT_RIM_RAD):g} (default)"
+        rim_rad = DEFAULT_RIM_RAD
+        if self.theta_max_deg is not None:
+            given, rim_rad = (
+                f"theta_max_deg = {self.theta_max_deg}",
+                math.radians(self.theta_max_deg),
+            )
+        try:
+            if self.rim_radius_m is not None:
+                given = f"rim_radius_m = {self.rim_radius_m}"
+                return HyperbolicMirror.with_rim_radius(self.rim_radius_m, *shape)
+            return HyperbolicMirror(*shape, rim_rad)
+        except OpticsError as reason:
+            raise _fault(f"{source}: mirror.{given}: ", reason, "mirror: ") from None
+
+    def polygon_count(self, source: str) -> Polygons:
+        """Polygons of the mesh, or None: exact.
+
+        Raises:
+            SensorFileError: a count that makes no mesh.
+        """
+        return _polygon_count(self.polygons, f"{source}: mirror")
+
+
+class VirtualCamerasTable(Table):
+    """Second group: the cameras at the effective viewpoint."""
+
+    size_px: FaceSize = "auto"
+    """Texels across the 90°; "auto": as texels_per_pixel needs."""
+    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
+    """Texels to a side of the picture's finest pixels; left out: as camera.quality says."""
+    near_m: Positive = DEFAULT_NEAR_M
+    """Metres; nothing nearer is seen, and a note says so where something is. Left at 0.05, it is
+    nearer in scenes of less than 1 m."""
+    far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
+    """Metres; nothing farther is seen; may be inf."""
+    samples: Literal[1, 2, 4, 8] = 1
+    """Samples a texel, against jagged edges; at most as many as the GPU has."""
+
+    @model_validator(mode="after")
+    def _near_before_far(self) -> VirtualCamerasTable:
+        if not self.near_m < self.far_m:
+            raise ValueError(
+                f"far_m: expected more than near_m = {self.near_m:g}, got {self.far_m:g}"
+            )
+        return self
+
+
+class CameraTable(Table):
+    """Third group: the camera that looks at the mirror."""
+
+    width_px: Size = 360
+    """Width of the picture in pixels."""
+    height_px: Size = 360
+    """Height of the picture in pixels."""
+    focal_length_px: FocalLength = "fit"
+    """Focal length in pixels; "fit": the rim touches the nearest edges of the picture."""
+    principal_point_px: PrincipalPoint = "centre"
+    """(u, v) of the optical axis in pixels, (0, 0) at the centre of the top left one; "centre": the
+    picture's middle."""
+    quality: QualityName = DEFAULT_QUALITY
+    """Capture quality by name: fast is supersampling 2 and texels_per_pixel 1, default 3 and 2.9,
+    fine 4 and 4."""
+    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] | None = None
+    """Samples to a side of a pixel, averaged in linear light; left out: as quality says."""
+
+    def make_camera(self, mirror: HyperbolicMirror, source: str) -> HyperbolicCamera:
+        """The camera below a mirror; `source` names the file in messages."""
+        camera = HyperbolicCamera.framed_on_rim(mirror, self.width_px, self.height_px)
+        try:
+            if self.focal_length_px != "fit":
+                camera = replace(camera, focal_length_px=self.focal_length_px)
+            if self.principal_point_px != "centre":
+                camera = replace(camera, principal_point_px=self.principal_point_px)
+        except OpticsError as reason:
+            raise _fault(f"{source}: camera.", reason, "camera: ") from None
+        return camera
+
+
+class LensTable(Table):
+    """A camera in place of the first and third group.
+
+    Either a model with its own parameters as further keys, or a calibration file.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    model: str | None = None
+    """Name of the camera model; its parameters are further keys of this table."""
+    calibration: str | None = None
+    """Calibration file, relative to this file, in place of model; with `mirrored = true` beside it
+    the camera looks into a mirror, by default as omnisim's metadata in the file has it."""
+    camera: str | None = None
+    """Name of a camera in the calibration file; left out: the first."""
+    mounting: MountingTable = Field(default_factory=MountingTable)
+
+    @model_validator(mode="after")
+    def _model_or_calibration(self) -> LensTable:
+        if self.model is None and self.calibration is None:
+            raise ValueError("model: missing; expected it, or calibration with the name of a file")
+        return self
+
+    def make_camera(self, source: str) -> CentralCamera:
+        """The camera of these parameters, or of the calibration file.
+
+        Raises:
+            SensorFileError: naming the key and what was expected.
+        """
+        extra = dict(self.__pydantic_extra__ or {})
+        if self.calibration is not None:
+            return self._calibrated(self.calibration, extra, source)
+        if self.camera is not None:
+            words = "is a name in a calibration file: expected calibration"
+            raise SensorFileError(f"{source}: lens.camera: {words}")
+        return camera_from_table({"model": self.model, **extra}, source, "lens")
+
+    def _calibrated(self, file: str, extra: dict[str, Any], source: str) -> CentralCamera:
+        mirrored = extra.pop("mirrored", None)
+        if self.model is not None or extra:
+            other = "model" if self.model is not None else min(extra)
+            raise SensorFileError(
+                f"{source}: lens.{other}: calibration has it: expected one of them"
+            )
+        if mirrored is not None and type(mirrored) is not bool:
+            raise SensorFileError(
+                f"{source}: lens.mirrored: expected true or false, got {mirrored!r}"
+            )
+        # formats and fits are worth their time only to those who ask for them
+        from omnisim.cameras.calibration.calibration import load_calibration
+
+        try:
+            found = load_calibration(Path(source).parent / file, mirrored=mirrored)
+            return found.camera(self.camera).camera
+        except CalibrationError as reason:
+            raise SensorFileError(f"{source}: lens.calibration: {reason}") from None
+
+
+class OpticsTable(Table):
+    """An optical system in place of the first and third group: its rays need not meet.
+
+    Either a file, or the keys of an optics file as further keys: `[optics.camera]`,
+    `[[optics.surfaces]]` and so on.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    file: str | None = None
+    """Optics file, relative to this file; left out: its keys are in this table, as
+    [optics.camera] and [[optics.surfaces]]."""
+    polygons: PolygonCount = "exact"
+    """Polygons of the mesh of the first mirror that the camera sees; "auto": as few as keep the
+    largest error in the picture below 0.1 px; "exact": no mesh."""
+    mounting: MountingTable = Field(default_factory=MountingTable)
+
+    def polygon_count(self, camera: CentralCamera, source: str) -> Polygons:
+        """Polygons of a camera's mesh, or None: exact.
+
+        Raises:
+            SensorFileError: a count that makes no mesh, or no mirror that has one.
+        """
+        found = _polygon_count(self.polygons, f"{source}: optics")
+        if isinstance(found, int) and most_polygons(camera) is None:
+            raise SensorFileError(
+                f"{source}: optics.polygons = {found}: expected 'auto' or 'exact', as no mirror "
+                "with a rim is there"
+            )
+        return found
+
+    def make_camera(self, source: str) -> CentralCamera:
+        """The optical system of the file, or of the further keys.
+
+        Raises:
+            SensorFileError: naming the file, its key and what was expected.
+        """
+        from omnisim.cameras.optics.system_file import (  # few have one
+            parse_optics,
+            read_optics_file,
+        )
+
+        extra = dict(self.__pydantic_extra__ or {})
+        if self.file is None:
+            return parse_optics(extra, source, "optics")
+        if extra:
+            words = "the optics file has it: expected one of them"
+            raise SensorFileError(f"{source}: optics.{min(extra)}: {words}")
+        return read_optics_file(Path(source).parent / self.file)
+
+
+class SensorFile(Table):
+    """A whole sensor file: a mirror and the camera that looks at it, a lens, or optics."""
+
+    mirror: MirrorTable = Field(default_factory=MirrorTable)
+    virtual_cameras: VirtualCamerasTable = Field(default_factory=VirtualCamerasTable)
+    camera: CameraTable = Field(default_factory=CameraTable)
+    lens: LensTable | None = None
+    optics: OpticsTable | None = None
+    degradation: dict[str, Any] = Field(default_factory=dict)
+    """Table of the effects that make the camera less than ideal, see the degradations; left out:
+    none."""
+
+    @model_validator(mode="after")
+    def _mirror_or_lens(self) -> SensorFile:
+        given = [name for name in ("lens", "optics") if getattr(self, name) is not None]
+        given += ["mirror"] if "mirror" in self.model_fields_set else []
+        if len(given) > 1:
+            words = "both define the camera: expected one of them"
+            raise ValueError(f"[{given[0]}] and [{given[1]}] {words}")
+        extra = self.camera.model_fields_set - {"quality", "supersampling"}
+        if extra and given in (["lens"], ["optics"]):
+            owner = "[lens]" if self.lens is not None else "[optics.camera] or the optics file"
+            raise ValueError(f"camera.{min(extra)}: is a key of {owner}, where there is one")
+        return self
+
+
+@dataclass(frozen=True)
+class SensorSettings:
+    """Contents of a sensor file.
+
+    Attributes:
+        model: the camera model, with its mirror if it has one.
+        polygons: of the mirror's mesh, or "auto"; None: exact.
+        mounting: on the vehicle.
+        virtual_cameras: at the effective viewpoint.
+        quality: of the capture: the named one, but for what has a key of its own.
+        degradation: of the ideal picture.
+    """
+
+    model: CentralCamera
+    polygons: Polygons
+    mounting: MountingTable
+    virtual_cameras: VirtualCamerasTable
+    quality: CaptureQuality
+    degradation: Degradation
+
+
+def read_sensor_file(path: Path) -> SensorSettings:
+    """Read and check a sensor file; or an optics file, whose system has default settings.
+
+    Raises:
+        SensorFileError: naming file, key, value and what was expected.
+    """
+    table = read_tables(path, SensorFileError)
+    if "surfaces" not in table or "optics" in table:
+        return parse_sensor(table, str(path))
+    from omnisim.cameras.optics.system_file import parse_optics  # few have one
+
+    system = parse_optics(table, str(path))
+    return replace(_settings(SensorFile(), str(path)), model=system, polygons=None)
+
+
+def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:
+    """Check a table with the keys of a sensor file; `source` names it in messages.
+
+    Raises:
+        SensorFileError: naming source, key, value and what was expected.
+    """
+    return _settings(parse_table(table, SensorFile, SensorFileError, source), source)
+
+
+def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:
+    """The error of a file for one of the optics, whose own prefix gives way to the key."""
+    return SensorFileError(where + str(reason).removeprefix(prefix))
+
+
+def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Polygons:
+    """Polygons of a mesh, or None: exact.
+
+    Raises:
+        SensorFileError: a count that makes no mesh.
+    """
+    if polygons == "exact":
+        return None
+    if polygons == "auto":
+        return polygons
+    try:
+        sectors_and_rings(polygons)
+    except OpticsError as reason:
+        raise _fault(f"{where}.polygons = {polygons}: ", reason, "mirror: ") from None
+    return polygons
+
+
+def _settings(file: SensorFile, source: str) -> SensorSettings:
+    model: CentralCamera
+    other = file.lens or file.optics
+    polygons: Polygons
+    if other is not None:
+        model, polygons, mounting = other.make_camera(source), None, other.mounting
+        if isinstance(other, OpticsTable):
+            polygons = other.polygon_count(model, source)
+    else:
+        polygons, mounting = file.mirror.polygon_count(source), file.mirror.mounting
+        model = file.camera.make_camera(file.mirror.make_mirror(source), source)
+    named = quality_named(file.camera.quality)
+    quality = CaptureQuality(
+        file.camera.supersampling or named.supersampling,
+        file.virtual_cameras.texels_per_pixel or named.texels_per_pixel,
+    )
+    degradation = parse_degradation(file.degradation, source, Path(source).parent)
+    return SensorSettings(model, polygons, mounting, file.virtual_cameras, quality, degradation)

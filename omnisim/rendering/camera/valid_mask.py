@@ -1,0 +1,46 @@
+"""Mask of a picture's pixels that show the scene."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CentralCamera, NonCentralCamera, pixel_grid
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.tessellation import sectors_and_rings
+
+BLOCK_PIXELS = 1 << 20  # computed at a time, to bound the memory of intermediate arrays
+
+
+def valid_mask(camera: CentralCamera, polygons: int | None) -> NDArray[np.bool_]:
+    """Mask (height, width) of the pixels that are sure to show the scene.
+
+    Args:
+        camera: the camera.
+        polygons: of the mirror's mesh, or None: captured exactly. A mesh's outline is a polygon
+            with its corners on the rim: what is inside the circle that fits into it counts.
+
+    Raises:
+        OpticsError: a polygon count that makes no mesh.
+    """
+    if polygons is not None and isinstance(camera, NonCentralCamera):
+        from omnisim.cameras.optics.mesh_rays import MeshRays  # few cameras have one
+
+        pixels = pixel_grid(camera.width_px, camera.height_px)
+        return MeshRays(camera, polygons).ray_from_pixel(pixels).valid
+    inner_radius_px = math.inf
+    if polygons is not None and isinstance(camera, HyperbolicCamera):
+        sectors, _ = sectors_and_rings(polygons)
+        inner_radius_px = camera.rim_radius_px * math.cos(math.pi / sectors)
+    mask = np.empty((camera.height_px, camera.width_px), dtype=np.bool_)
+    step = max(1, BLOCK_PIXELS // camera.width_px)
+    for first in range(0, camera.height_px, step):
+        rows = mask[first : first + step]
+        pixels = pixel_grid(camera.width_px, len(rows)) + (0.0, first)
+        rows[:] = camera.ray_from_pixel(pixels).valid
+        if isinstance(camera, HyperbolicCamera):
+            radii_px = np.linalg.norm(pixels - camera.principal_point_px, axis=-1)
+            rows &= radii_px <= inner_radius_px
+    return mask

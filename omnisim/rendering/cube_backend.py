@@ -1,0 +1,378 @@
+"""Back end of virtual cameras: OpenGL draws the faces of a cube, and samples pictures from them."""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import NonCentralCamera
+from omnisim.core.errors import GraphicsError
+from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.ground_truth.lidar_beams import LidarBeams
+from omnisim.rendering.backend import (
+    CameraBackend,
+    CameraSetup,
+    FrameRequest,
+    SceneBackend,
+    seen_background,
+)
+from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.random_numbers import key_of
+from omnisim.rendering.camera.degraded_camera import DegradedCamera
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.quality import QUALITIES
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.near_plane import near_plane_m, scene_size_m
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
+from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
+from omnisim.rendering.opengl.capture.picture_pass import RemapPass
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.context import (
+    check_process,
+    collect_garbage,
+    graphics_info,
+    open_context,
+    release_context,
+    release_unclosed_context,
+    release_unclosed_contexts,
+)
+from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.range_pass import RangePass
+from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
+from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
+from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
+from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.hit_batches import HitBatches
+from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline, check_picture_size
+from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
+from omnisim.rendering.readback import Readback, ScenePoses
+from omnisim.rendering.sensor_tiles import sensor_tiles
+from omnisim.rendering.truth.deforming_draws import deforming_draws
+from omnisim.rendering.truth.moving_boxes import MovingBoxes
+from omnisim.scene.model import Scene
+
+# A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
+# warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at 1.5, and most of those are at
+# silhouettes.
+TEXELS_PER_PIXEL = 1.5
+LIDAR_NEAR_M = 0.01  # nearer in small scenes
+
+
+class CubeBackend(SceneBackend):
+    """Holds the OpenGL context, one copy of the scene, and the programs that draw it.
+
+    One that is dropped and not closed warns, as files do, and is released.
+
+    Args:
+        scene: static scene.
+        objects: bodies and dynamic objects by name.
+        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
+
+    Attributes:
+        context, buffers, surface_programs: for the passes.
+
+    Raises:
+        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
+    """
+
+    def __init__(self, scene: Scene, objects: Mapping[str, Scene], device: int | None = None):
+        super().__init__(scene, objects)
+        self.context = open_context(device)
+        self._finalizer = weakref.finalize(
+            self, release_unclosed_context, self.context, threading.current_thread()
+        )
+        self._finalizer.atexit = False  # the end of the process frees it
+        try:
+            with self.context:
+                self.buffers = SceneBuffers(self.context, scene, tuple(objects.values()))
+                self._shadows = None
+                if has_computed_shadows((scene, *objects.values())):
+                    self._shadows = ShadowMaps(self.buffers, scene.lighting)
+                self.surface_programs = SurfacePrograms(self.buffers, scene.lighting, self._shadows)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def is_open(self) -> bool:
+        """False after `close`."""
+        return self._finalizer.alive
+
+    @property
+    def renderer(self) -> str:
+        """OpenGL's name of the renderer."""
+        return graphics_info(self.context).renderer
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Make its context current for a `with` block, as another one may be.
+
+        Raises:
+            GraphicsError: it is closed, or another process's, from before a fork.
+        """
+        check_process()
+        if not self.is_open:
+            raise GraphicsError("this stage is closed: open a new one")
+        release_unclosed_contexts()
+        with self.context:
+            collect_garbage(self.context)  # renderers that were dropped and not closed
+            yield
+
+    def update(self, scene: Scene) -> None:
+        """Take another static scene; its context is current. Meshes that stay are not uploaded."""
+        self.buffers.update(scene)
+        if self._shadows is not None:
+            self._shadows.refresh()
+        self.scene = scene
+
+    def camera(self, setup: CameraSetup) -> CameraBackend:
+        """Camera in the scene; its context is current, here and in all the camera's methods."""
+        if isinstance(setup.sensor.model, NonCentralCamera):
+            from omnisim.rendering.parallax_camera import Drawn, ParallaxCamera  # seldom needed
+
+            return ParallaxCamera(self, Drawn(self.buffers, self.surface_programs), setup)
+        return CubeCamera(self, setup)
+
+    def range_finder(
+        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+    ) -> RangePass:
+        """Beams of a scanner; its context is current, here and in the pass's methods."""
+        return RangePass(self.buffers, angles_rad, max_range_m, hidden)
+
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarPass:
+        """Beams of a spinning lidar; its context is current, here and in the pass's methods."""
+        near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
+        return LidarPass(self.buffers, beams, near_m, hidden)
+
+    def close(self) -> None:
+        """Release the OpenGL context with everything in it."""
+        if self._finalizer.detach() is not None:
+            for name in ("buffers", "surface_programs", "_shadows"):
+                self.__dict__.pop(name, None)
+            release_context(self.context)
+
+
+def has_computed_shadows(parts: Sequence[Scene]) -> bool:
+    """Tell whether lamps cast shadows in a scene, the first part, on it or on dynamic objects.
+
+    Baked light has its own; beside it they are for what is glossy.
+    """
+    lighting = parts[0].lighting
+    if lighting.baked is None:
+        return lighting.has_shadows
+    materials = [one for part in parts for one in part.materials]
+    return lighting.has_shadows and not (
+        lighting.is_matte or all(one.is_matte for one in materials)
+    )
+
+
+def _advice(sensor: OmniCamera, largest_px: int) -> str:
+    """Quality to choose for a picture that is too large at a finer one; empty: none helps."""
+    fast = QUALITIES["fast"]
+    side_px = max(sensor.model.width_px, sensor.model.height_px)
+    is_finer = (sensor.supersampling, sensor.texels_per_pixel) > fast
+    if is_finer and sensor.face_size_px is None and side_px * fast.supersampling <= largest_px:
+        return ", or choose --quality fast"
+    return ""
+
+
+class CubeCamera(CameraBackend):
+    """GPU passes of one camera; those that only some frames need are made on first use.
+
+    Attributes:
+        cube: pass of the virtual cameras.
+    """
+
+    def __init__(self, world: CubeBackend, setup: CameraSetup):
+        super().__init__(world, setup)
+        sensor = setup.sensor
+        self._graphics, self._sensor = world, sensor
+        self._cameras = VirtualCameras(
+            sensor.near_m,
+            sensor.far_m,
+            sensor.samples,
+            setup.unlit,
+            seen_background(world.scene, setup.unlit),
+            setup.hidden,
+        )
+        self._hit_source: CubeHits | None = None
+        camera, is_ideal = sensor.supersampled_model, sensor.degradation.is_ideal
+        try:
+            check_picture_size(world.context, camera.width_px, camera.height_px)
+            density = sensor.texels_per_pixel / sensor.supersampling
+            plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
+            self.cube = self._cube_pass(plan)
+        except GraphicsError as reason:
+            largest_px = graphics_info(world.context).max_texture_size_px
+            raise GraphicsError(f"{reason}{_advice(sensor, largest_px)}") from None
+        self._pipeline = Pipeline(
+            self.cube,
+            PixelMap(world.context, camera, sensor.mesh_polygons),
+            sensor.supersampling,
+            "f2" if is_ideal else "f4",
+        )
+        self._degraded = None if is_ideal else self._degraded_camera(setup.seed)
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        self.cube.refresh()
+        if "whole_cube" in self.__dict__:
+            self.whole_cube.refresh()
+        if "batches" in self.__dict__ and self.batches is not None:
+            self.batches.refresh()
+        if self._hit_source is not None:
+            self._hit_source.refresh()
+        self._refresh_ground_truth()
+
+    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
+        """Take a picture; also return the metadata of its degradation."""
+        if self._degraded is not None:
+            picture, metadata = self._degraded.take(request)
+            return picture, {"degradation": metadata}
+        return self._pipeline.render(request.poses, request.linear), {}
+
+    def begin_batch(
+        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
+    ) -> Callable[[], None] | None:
+        """Start to take pictures, those of an ideal camera together."""
+        if self.batches is None:
+            return super().begin_batch(poses, out, frame_number)
+        self.batches.begin(poses, out)
+        return self.batches.end
+
+    @cached_property
+    def batches(self) -> BatchPipeline | None:
+        """Pipeline of many pictures; None: they are degraded, or too large for it."""
+        picture_pass = self._pipeline.picture_pass
+        if self._degraded is not None or not isinstance(picture_pass, RemapPass):
+            return None
+        pipeline = self._pipeline
+        return BatchPipeline(pipeline.context, self.cube, picture_pass, pipeline.size_px)
+
+    def hit_source(self, details: HitDetails) -> CubeHits:
+        """Source of its ground truth, able to give these details."""
+        held = self._hit_source
+        wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
+        if held is None or wanted != held.details:
+            self._hit_source = held = CubeHits(self._graphics, self._sensor, self._cameras, wanted)
+            collect_garbage(self._graphics.context)
+        return held
+
+    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+        """Pictures (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
+        cube = self.whole_cube
+        cube.render(*poses)
+        return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
+
+    @cached_property
+    def whole_cube(self) -> CubePass:
+        """Virtual cameras of whole faces, each in one piece."""
+        return self._cube_pass(whole_faces(self.cube.plan))
+
+    def _degraded_camera(self, seed: int | str) -> DegradedCamera:
+        sensor, ideal = self._sensor, self._pipeline
+        degradation, geometry = sensor.degradation, PictureGeometry.of_camera(sensor.model)
+        passes = DegradationPass(
+            ideal.context,
+            (geometry.width_px, geometry.height_px),
+            degradation.optics_steps(geometry),
+            degradation.sensor_steps(geometry, key_of("noise", seed)),
+            degradation.encoding_step(),
+        )
+        boxes = MovingBoxes(self._graphics.scene, self._graphics.objects.values())
+        return DegradedCamera(sensor, seed, DegradedPipeline(ideal, passes), boxes)
+
+    def _cube_pass(self, plan: TilePlan) -> CubePass:
+        graphics = self._graphics
+        return CubePass(graphics.buffers, graphics.surface_programs, plan, self._cameras)
+
+
+class CubeHits(HitSource):
+    """Hits by the triangles that the virtual cameras see; everything on the GPU is made once.
+
+    Args:
+        graphics: its context is current, here and in all methods.
+        sensor: the camera.
+        cameras: depth range and hidden instances count.
+        details: that will be asked for.
+
+    Attributes:
+        details: as given.
+    """
+
+    def __init__(
+        self,
+        graphics: CubeBackend,
+        sensor: OmniCamera,
+        cameras: VirtualCameras,
+        details: HitDetails,
+    ):
+        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
+        self._graphics = graphics
+        self._pixels = PixelMap(graphics.context, sensor.model, sensor.mesh_polygons)
+        plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
+        self._passes = RayHitPass(
+            VisibilityPass(graphics.buffers, plan, cameras, details), self._pixels
+        )
+        self.has_ray = self._pixels.valid
+        self._find_draws()
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self._passes.refresh()
+        if "_batches" in self.__dict__:
+            self._batches.refresh()
+        self._find_draws()
+
+    def _find_draws(self) -> None:
+        items = self._graphics.buffers.draw_items
+        self.draws = [(item.object_index, item.name) for item in items]
+        self.deforming = deforming_draws(self._graphics.buffers)
+
+    def rays(self) -> NDArray[np.float32]:
+        """Unit rays (height, width, 3), optical frame."""
+        return self._pixels.read_rays()[0]
+
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
+        """Intersect all rays with what is seen around them."""
+        return self._passes.render(*poses, details=details)
+
+    def batch_hits(
+        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
+    ) -> Iterator[Hits]:
+        """Intersect the rays of many pictures, drawn together."""
+        return self._batches.hits(poses, details)
+
+    @cached_property
+    def _batches(self) -> HitBatches:
+        return HitBatches(self._passes)
+
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
+        """Start to draw the occlusion from another viewpoint."""
+        if deformed is not None:
+            self._passes.put_points(deformed)
+        self._occlusion_pass.render(
+            other.world_from_rig, other.world_from_objects, other_from_current
+        )
+
+    def occluded(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the points that something nearer hides there."""
+        return self._occlusion_pass.read() > 0
+
+    @cached_property
+    def _occlusion_pass(self) -> OcclusionPass:
+        return OcclusionPass(self._passes)

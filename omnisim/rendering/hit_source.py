@@ -1,0 +1,85 @@
+"""Hits of a camera's rays, whatever finds them: the source of its ground truth."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.readback import ScenePoses
+from omnisim.scene.model import Mesh
+
+
+class DeformingDraw(NamedTuple):
+    """Instance whose mesh deforms.
+
+    Attributes:
+        mesh: with its deformation.
+        object_index: of the dynamic object that it belongs to; None: it is static.
+        object_from_mesh: (4, 4), into the world or the dynamic object's frame.
+    """
+
+    mesh: Mesh
+    object_index: int | None
+    object_from_mesh: NDArray[np.float64]
+
+
+class HitSource(ABC):
+    """Casts the rays of a camera's pixels.
+
+    Attributes:
+        camera: the camera.
+        polygons: of its mirror's mesh; None: exact.
+        draws: dynamic object and name of each instance, as `Hits.draws_plus_one` counts them.
+        has_ray: (height, width), false outside of the lens or the mirror.
+        deforming: those of the instances whose meshes deform, by their index.
+    """
+
+    camera: CentralCamera
+    polygons: int | None
+    draws: Sequence[ObjectPart]
+    has_ray: NDArray[np.bool_]
+    deforming: Mapping[int, DeformingDraw]
+
+    @abstractmethod
+    def rays(self) -> NDArray[np.floating]:
+        """Unit rays (height, width, 3), optical frame."""
+
+    @abstractmethod
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
+        """Cast all rays."""
+
+    def batch_hits(
+        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
+    ) -> Iterator[Hits]:
+        """Cast all rays of each picture, in order; here one after the other."""
+        for one in poses:
+            yield self.hits(one, details)
+
+    @abstractmethod
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
+        """Start to cast rays from another viewpoint to the points of the last `hits`.
+
+        Args:
+            other: poses at the other time.
+            other_from_current: (draws, 3, 4), from the viewpoint frame of the last hits to the
+                other one's, of points on each instance.
+            deformed: the last hits with the points of deformed surfaces; None: no surface deforms.
+        """
+
+    @abstractmethod
+    def occluded(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the points that something nearer hides there."""
+
+    def objects_of_draws(self) -> NDArray[np.intp]:
+        """Object of each instance (n + 1,), from −1 on, which is nothing: 0: the static scene."""
+        objects = [0 if index is None else index + 1 for index, _ in self.draws]
+        return np.array([0, *objects], dtype=np.intp)

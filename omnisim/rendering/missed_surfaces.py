@@ -1,0 +1,117 @@
+"""Surfaces that a camera misses, as they are nearer than the near plane of its virtual cameras."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.near_plane import scene_size_m
+from omnisim.scene.model import Scene
+
+_PROBES = 48  # rays to a side of the image, at most
+_TRIANGLES_PER_BATCH = 256
+_NAMES = 4  # in a note
+
+
+def near_plane_note(
+    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
+) -> str | None:
+    """Note on surfaces that are missing as they are too near; None: there are none.
+
+    Args:
+        scene: that is seen.
+        sensor: as it was given, before it takes the near plane of the scene.
+        world_from_base: (4, 4) pose of its vehicle.
+    """
+    seeing = sensor.seeing(scene_size_m(scene))
+    names = surfaces_too_near(scene, seeing, world_from_base)
+    if not names:
+        return None
+    more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
+    return (
+        f"nearer than the near plane, {seeing.near_m:.3g} m, and not seen there: "
+        f"{', '.join(names[:_NAMES])}{more} (virtual_cameras.near_m of a sensor file)"
+    )
+
+
+def surfaces_too_near(
+    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
+) -> tuple[str, ...]:
+    """Names of the instances of which a camera misses something before its near plane.
+
+    Rays of some pixels are cast at what is near. Moving objects are where they are at 0 s; bodies
+    of vehicles do not count, nor do holes in textures.
+
+    Args:
+        scene: that is seen.
+        sensor: with the near plane that it has in the scene.
+        world_from_base: (4, 4) pose of its vehicle.
+    """
+    origins_m, directions = _probe_rays(sensor)
+    if not len(directions):
+        return ()
+    ends_m = sensor.near_m / np.abs(directions).max(axis=1)
+    reach_m = float(np.linalg.norm(origins_m, axis=1).max() + ends_m.max())
+    rig_from_world = np.linalg.inv(world_from_base @ sensor.base_from_rig)
+    still = scene.at_start()
+    found: dict[str, None] = {}
+    for instance in still.instances:
+        mesh = still.meshes[instance.mesh]
+        rig_from_mesh = rig_from_world @ instance.world_from_mesh
+        places_m = mesh.positions @ rig_from_mesh[:3, :3].T + rig_from_mesh[:3, 3]
+        corners_m = places_m[mesh.triangles]
+        near = (corners_m.min(axis=1) <= reach_m) & (corners_m.max(axis=1) >= -reach_m)
+        corners_m = corners_m[near.all(axis=1)]
+        if np.linalg.det(rig_from_mesh[:3, :3]) < 0.0:  # wound the other way round
+            corners_m = corners_m[:, ::-1]
+        both_sides = still.materials[mesh.material].double_sided
+        for first in range(0, len(corners_m), _TRIANGLES_PER_BATCH):
+            batch_m = corners_m[first : first + _TRIANGLES_PER_BATCH]
+            if _is_hit(batch_m, origins_m, directions, ends_m, both_sides):
+                found[instance.name] = None
+                break
+    return tuple(found)
+
+
+def _probe_rays(sensor: OmniCamera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Origins and unit directions (n, 3) of the rays of some pixels, in the rig."""
+    model = sensor.model
+    u, v = (
+        np.linspace(0.0, size - 1.0, min(size, _PROBES))
+        for size in (model.width_px, model.height_px)
+    )
+    rays = model.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+    directions = rays.directions[rays.valid]
+    origins_m = np.zeros_like(directions) if rays.origins_m is None else rays.origins_m[rays.valid]
+    rotation = model.rig_from_optical.T
+    return origins_m @ rotation, directions @ rotation
+
+
+def _is_hit(
+    corners_m: NDArray[np.float64],
+    origins_m: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    ends_m: NDArray[np.float64],
+    both_sides: bool,
+) -> bool:
+    """Tell whether any ray (n) meets a triangle (k, 3 corners, xyz) before its end.
+
+    Source: Möller and Trumbore, "Fast, minimum storage ray-triangle intersection", Journal of
+    Graphics Tools 2 (1997).
+    """
+    a = corners_m[:, 0]
+    first, second = corners_m[:, 1] - a, corners_m[:, 2] - a
+    # 1, u, v and the range times the determinant, each (n, k)
+    determinant = -directions @ np.cross(first, second).T
+    from_a = origins_m[:, None] - a
+    turned = np.cross(from_a, directions[:, None])
+    u = np.einsum("nkc,kc->nk", turned, second)
+    v = -np.einsum("nkc,kc->nk", turned, first)
+    ranges = np.einsum("nkc,kc->nk", from_a, np.cross(first, second))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v, ranges = u / determinant, v / determinant, ranges / determinant
+        meets = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+        meets &= (ranges > 0.0) & (ranges < ends_m[:, None])
+    shows = determinant > 0.0 if not both_sides else determinant != 0.0
+    return bool(np.any(meets & shows))

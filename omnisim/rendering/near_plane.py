@@ -1,0 +1,28 @@
+"""Near plane of virtual cameras in scenes of all sizes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # a sensor file is read without scenes
+    from omnisim.scene.model import Scene
+
+NEAR_PER_SIZE = 0.05  # of a scene's longest side
+
+
+def scene_size_m(scene: Scene) -> float:
+    """Longest side of what stands in a scene, moving objects only where nothing else does; 0:
+    nothing."""  # fmt: skip
+    if not scene.instances and not scene.objects:
+        return 0.0
+    low, high = scene.bounds_m()
+    return float((high - low).max())
+
+
+def near_plane_m(size_m: float, default_m: float) -> float:
+    """Distance of the near plane in a scene of a size: the default, or nearer in small scenes.
+
+    Reversed float depth is as precise with any near plane.
+    """
+    near_m = NEAR_PER_SIZE * size_m
+    return near_m if 0.0 < near_m < default_m else default_m

@@ -1,0 +1,252 @@
+"""Sampling density of a picture on a face of the cube: which part it sees, and how densely."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CentralCamera
+
+# Samples along a face's edge, corners included: a rim reaches a face first at the middle of an
+# edge or at a corner.
+GRID = 65
+GRID_STEP = 2.0 / (GRID - 1)
+# A pole of the picture stretches one direction without bound, the rim of an orthographic lens
+# squeezes one to nothing. Neither is followed further than this: a picture that is stretched
+# across more than four times as much as along is drawn for four, and no pixel is taken to be
+# wider than 32 of the smallest.
+MAX_ANISOTROPY = 4.0
+MIN_DENSITY_SHARE = 1.0 / 32.0
+WHOLE_FACE: NDArray[np.float64] = np.array([[-1.0, -1.0], [1.0, 1.0]])
+_STEP = 1e-5  # of a tangent, for derivatives: far above rounding, far below a texel
+
+
+class RegionDensity(NamedTuple):
+    """Sampling density of the picture in a region of a face.
+
+    Attributes:
+        min_px_per_tan, max_px_per_tan: pixels to a tangent of 1.
+        region: (2, 2) least and largest tangents, right and down, that are looked up here; regions
+            of a face do not overlap.
+        seen_region: (2, 2) likewise, without the margins that the picture does not see.
+    """
+
+    min_px_per_tan: float
+    max_px_per_tan: float
+    region: NDArray[np.float64]
+    seen_region: NDArray[np.float64]
+
+
+class SamplingDensity:
+    """Sampling density of the picture on a face, by samples all over it.
+
+    Args:
+        tangents: (n, 2) of the samples, those of the grid first, row by row.
+        seen: (n,) the picture looks them up.
+        most, least: (n,) pixels to a tangent of 1, along and across; 0 and infinite: not known.
+    """
+
+    def __init__(
+        self,
+        tangents: NDArray[np.float64],
+        seen: NDArray[np.bool_],
+        most: NDArray[np.float64],
+        least: NDArray[np.float64],
+    ):
+        self._tangents, self._seen, self._max, self._min = tangents, seen, most, least
+        self._is_seen = bool(seen.any())
+
+    def whole(self) -> list[RegionDensity]:
+        """Density of the whole face; empty where the picture sees nothing of it."""
+        return self._densities([WHOLE_FACE]) if self._is_seen else []
+
+    def subdivide(self, texels_per_pixel: float, tile_texels: float) -> list[RegionDensity]:
+        """Densities of the regions into which to cut the face where that spares texels.
+
+        The density of a picture varies over a face: at 45° down a mirror shows the same angle in
+        half as many pixels as above the horizon. Greedy: the cut that spares most is made first,
+        and each half is cut again.
+
+        Args:
+            texels_per_pixel: to a side of a pixel.
+            tile_texels: cost of one more tile.
+        """
+        if not self._is_seen:
+            return []
+        density, seen = self._on_grid()
+        whole = ((0, 0), (GRID - 1, GRID - 1))
+        cells = _cut_cell(density * texels_per_pixel, seen, tile_texels, *whole)
+        return self._densities([-1.0 + GRID_STEP * np.array(cell, dtype=float) for cell in cells])
+
+    def _densities(self, regions: list[NDArray[np.float64]]) -> list[RegionDensity]:
+        """Densities inside of tangents (2, 2) each, where the picture sees some of them."""
+        return [found for one in regions if (found := self._density(one)) is not None]
+
+    def _density(self, region: NDArray[np.float64]) -> RegionDensity | None:
+        # the seen part may begin anywhere between two samples
+        near = np.all(
+            (self._tangents >= region[0] - GRID_STEP) & (self._tangents <= region[1] + GRID_STEP),
+            axis=-1,
+        )
+        seen = self._tangents[near & self._seen]
+        if not len(seen):
+            return None
+        seen_region = np.stack((seen.min(axis=0) - GRID_STEP, seen.max(axis=0) + GRID_STEP))
+        seen_region = np.clip(seen_region, region[0], region[1])
+        if np.any(seen_region[0] >= seen_region[1]):
+            return None
+        densest = float(self._max[near].max())
+        if densest == 0.0:  # no derivative here: as elsewhere on the face
+            densest = float(self._max.max())
+            near = np.ones_like(near)
+        sparsest = float(self._min[near].min()) if densest > 0.0 else 1.0
+        sparsest = max(sparsest, MIN_DENSITY_SHARE * densest, 1e-6)
+        return RegionDensity(sparsest, densest, region, seen_region)
+
+    def _on_grid(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Largest density in pixels to a tangent of 1, and visibility, (GRID, GRID), rows down.
+
+        Between two samples the larger density of both counts, and that either is seen.
+        """
+        count = GRID * GRID
+        density = self._max[:count].reshape(GRID, GRID)
+        seen = self._seen[:count].reshape(GRID, GRID).copy()
+        column, row = np.clip(
+            np.floor((self._tangents[count:].T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2
+        )
+        for down in (0, 1):
+            for right in (0, 1):
+                seen[row + down, column + right] = True
+        return _dilate(density), _dilate(seen)
+
+
+def density_of_camera(
+    camera: CentralCamera, face_from_optical: NDArray[np.float64], seen: NDArray[np.float64]
+) -> SamplingDensity:
+    """Density of a camera's picture.
+
+    Args:
+        camera: whose picture.
+        face_from_optical: (3, 3).
+        seen: tangents (n, 2) that the picture looks up.
+    """
+    grid = _grid()
+    tangents = np.concatenate((grid, seen))
+
+    def pixels(right: float, down: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        local = np.ones((len(tangents), 3))
+        local[:, :2] = tangents + np.array([right, down])
+        return camera.pixel_from_ray(local @ face_from_optical)
+
+    at, valid = pixels(0.0, 0.0)
+    size = (camera.width_px, camera.height_px)
+    valid = valid & np.all((at >= -1.0) & (at <= size), axis=-1)
+    most, least = np.zeros(len(valid)), np.full(len(valid), np.inf)
+    if not valid.any():
+        return SamplingDensity(tangents, valid, most, least)
+    right, right_valid = pixels(_STEP, 0.0)
+    down, down_valid = pixels(0.0, _STEP)
+    steps = np.stack((right - at, down - at), axis=-1)
+    inner = valid & right_valid & down_valid
+    # A picture of everything is cut open somewhere, and at its poles all azimuths meet: there a
+    # step leaps. No face is so dense that one would move the picture by a pixel otherwise.
+    smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
+    inner = smooth if smooth.any() else inner
+    largest, smallest = _singular_values(steps[inner] / _STEP)
+    most[inner] = np.minimum(largest, MAX_ANISOTROPY * smallest)
+    least[inner] = smallest
+    valid[len(grid) :] = True
+    return SamplingDensity(tangents, valid, most, least)
+
+
+def density_of_rays(
+    tangents: NDArray[np.float64], px_per_tan: NDArray[np.float64]
+) -> SamplingDensity:
+    """Density of a picture whose rays meet a face at tangents (n, 2), pixels to a tangent of 1."""
+    density = np.zeros((GRID, GRID))
+    column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
+    for down in (0, 1):
+        for right in (0, 1):
+            np.maximum.at(density, (row + down, column + right), px_per_tan)
+    flat = density.ravel()
+    return SamplingDensity(_grid(), flat > 0.0, flat, np.where(flat > 0.0, flat, np.inf))
+
+
+def _singular_values(
+    matrices: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Largest and smallest singular values (n,) of matrices (n, 2, 2).
+
+    Their sum and difference are the lengths of the matrices' conformal and anticonformal parts.
+    """
+    (a, b), (c, d) = matrices.transpose(1, 2, 0)
+    conformal, anticonformal = np.hypot(a + d, c - b), np.hypot(a - d, c + b)
+    return 0.5 * (conformal + anticonformal), 0.5 * np.abs(conformal - anticonformal)
+
+
+def _grid() -> NDArray[np.float64]:
+    line = np.linspace(-1.0, 1.0, GRID)
+    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+
+
+def _dilate(values: NDArray[Any]) -> NDArray[Any]:
+    """Largest of each value and its eight neighbours."""
+    for axis in (0, 1):
+        padded = np.pad(values, [(1, 1) if axis == own else (0, 0) for own in (0, 1)])
+        size = values.shape[axis]
+        values = np.max(
+            [np.take(padded, range(step, step + size), axis=axis) for step in (0, 1, 2)], axis=0
+        )
+    return values
+
+
+Cell = tuple[tuple[int, int], tuple[int, int]]  # column and row of the first and last sample
+
+
+def _cut_cell(
+    density: NDArray[np.float64],
+    seen: NDArray[np.bool_],
+    tile_texels: float,
+    first: tuple[int, int],
+    last: tuple[int, int],
+) -> list[Cell]:
+    """Cells into which to cut the one between two samples, but for those that nobody sees."""
+    rows, columns = slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)
+    inside, seen_inside = density[rows, columns], seen[rows, columns]
+    if not seen_inside.any():
+        return []
+    # along rows: cuts between what is above and what is below; along columns: left and right
+    below = _prefix_texels(inside, seen_inside, tile_texels)
+    above = _prefix_texels(inside[::-1], seen_inside[::-1], tile_texels)[::-1]
+    left = _prefix_texels(inside.T, seen_inside.T, tile_texels)
+    right = _prefix_texels(inside.T[::-1], seen_inside.T[::-1], tile_texels)[::-1]
+    row_costs, column_costs = (below + above)[1:-1], (left + right)[1:-1]
+    cheapest_row = row_costs.min(initial=np.inf)
+    cheapest_column = column_costs.min(initial=np.inf)
+    if min(cheapest_row, cheapest_column) >= below[-1]:
+        return [(first, last)]
+    if cheapest_row <= cheapest_column:
+        row = first[1] + 1 + int(np.argmin(row_costs))
+        halves = ((first, (last[0], row)), ((first[0], row), last))
+    else:
+        column = first[0] + 1 + int(np.argmin(column_costs))
+        halves = ((first, (column, last[1])), ((column, first[1]), last))
+    return [cell for half in halves for cell in _cut_cell(density, seen, tile_texels, *half)]
+
+
+def _prefix_texels(
+    density: NDArray[np.float64], seen: NDArray[np.bool_], tile_texels: float
+) -> NDArray[np.float64]:
+    """Cost of a tile of the rows 0 to i, for each i, in texels."""
+    count = np.arange(len(seen))
+    any_row = seen.any(axis=1)
+    last = np.maximum.accumulate(np.where(any_row, count, -1))
+    first = int(np.argmax(any_row)) if any_row.any() else 0
+    prefix = np.maximum.accumulate(seen, axis=0)
+    width = seen.shape[1] - 1 - np.argmax(prefix[:, ::-1], axis=1) - np.argmax(prefix, axis=1)
+    scale = GRID_STEP * np.maximum.accumulate(density.max(axis=1))
+    height = np.maximum(last - first, 1)
+    texels = (height * scale + 2.0) * (np.maximum(width, 1) * scale + 2.0) + tile_texels
+    return np.where(last >= 0, texels, 0.0)

@@ -1,0 +1,113 @@
+"""Pipeline of many pictures of one camera: drawn, sampled and read together, slice by slice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.capture.picture_pass import RemapPass
+from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.fences import clear_target
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.readback_ring import ReadbackRing
+from omnisim.rendering.readback import ScenePoses
+
+MAX_SLICE_BYTES = 256 * 2**20  # of atlases and pictures: however many poses there are
+_PIXEL_BYTES = 4
+
+
+class BatchPipeline:
+    """Draws pictures of an ideal camera into the layers of one atlas and below each other.
+
+    Args:
+        context: of OpenGL.
+        cube: the virtual cameras.
+        picture_pass: from an atlas to a picture.
+        size_px: width and height of a picture.
+
+    Attributes:
+        context, size_px: as given.
+        slice_length: most pictures that are drawn together.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        cube: CubePass,
+        picture_pass: RemapPass,
+        size_px: tuple[int, int],
+    ):
+        self.context = context
+        self._cube, self._picture_pass, self.size_px = cube, picture_pass, size_px
+        self._ring = ReadbackRing(context)
+        self._atlases: moderngl.TextureArray | None = None
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Bound the memory of what the virtual cameras have now."""
+        width, height = self.size_px
+        limits = self.context.info
+        layer_bytes = self._cube.bytes_of_layer + _PIXEL_BYTES * width * height
+        self.slice_length = max(
+            1,
+            min(
+                min(MAX_SLICE_BYTES, limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]) // layer_bytes,
+                int(limits["GL_MAX_TEXTURE_SIZE"]) // height,
+                int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
+            ),
+        )
+
+    def begin(self, poses: Sequence[ScenePoses], out: NDArray[np.uint8]) -> None:
+        """Draw the pictures of poses, and start to read them.
+
+        Args:
+            poses: of each.
+            out: (n, height, width, components) sRGB, with alpha if there are four; filled by `end`
+                at the latest.
+        """
+        self.end()
+        try:
+            for some, target in self._draw_slices(poses):
+                self._ring.start(target, out[some])
+        except BaseException:
+            self._ring.discard()
+            raise
+
+    def _draw_slices(
+        self, poses: Sequence[ScenePoses]
+    ) -> Iterator[tuple[slice, moderngl.Framebuffer]]:
+        """Draw slice after slice: those that are drawn, and the target below each other."""
+        if not poses:
+            return
+        slices = -(-len(poses) // self.slice_length)
+        length = -(-len(poses) // slices)
+        for first in range(0, len(poses), length):
+            some = slice(first, min(first + length, len(poses)))
+            atlases, target = self._reserve(length)
+            self._cube.render_layers(poses[some], atlases, self._levels)
+            self._picture_pass.draw_batch(atlases, target, some.stop - some.start)
+            yield some, target
+
+    def end(self) -> None:
+        """Wait for the pictures of `begin`."""
+        self._ring.finish()
+
+    def _reserve(self, count: int) -> tuple[moderngl.TextureArray, moderngl.Framebuffer]:
+        """Atlases and a target for at least so many pictures, at most twice as many."""
+        if self._atlases is None or not count <= self._atlases.layers <= 2 * count:
+            plan, (width, height) = self._cube.plan, self.size_px
+            with gpu_allocation(f"a batch of {count} pictures", "render fewer at once"):
+                size = (plan.width_px, plan.height_px, count)
+                self._atlases = self.context.texture_array(size, 4, dtype="f2")
+                self._levels = AtlasLevels(self._atlases, plan.max_level)
+                pictures = self.context.renderbuffer((width, count * height), 4)
+                self._target = self.context.framebuffer([pictures])
+            self._atlases.repeat_x = self._atlases.repeat_y = False
+            self._atlases.filter = self._cube.atlas.filter
+            # once: nothing is ever drawn where nothing is valid
+            clear_target(self._target)
+        return self._atlases, self._target

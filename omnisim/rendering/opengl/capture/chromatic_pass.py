@@ -1,0 +1,72 @@
+"""Pixels whose red, green and blue have rays of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.parallax_pass import CastSamples, ParallaxPass
+from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays
+from omnisim.scene.model import Fog
+
+_GREEN = 1  # whose rays say where the picture is valid
+
+
+class ChromaticPass:
+    """Picture pass of a camera that refracts: one pass for each channel, of one atlas.
+
+    Args:
+        context: of OpenGL.
+        rays: of the samples of R, G and B, from the viewpoint, rig frame.
+        plan: tiles of the atlas.
+        pyramid: of its depth.
+        fog: see `ParallaxPass`.
+
+    Attributes:
+        undecided_samples: of the last picture, those of all channels.
+
+    Raises:
+        GraphicsError: no memory for it.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        rays: Sequence[ParallaxRays],
+        plan: TilePlan,
+        pyramid: DepthPyramid,
+        fog: Fog | None = None,
+    ):
+        self._pyramid, self.undecided_samples = pyramid, 0
+        shown = rays[_GREEN].valid_shares() >= 0.5
+        self._passes = [ParallaxPass(context, one, plan, pyramid, shown, fog) for one in rays]
+
+    def draw(
+        self,
+        atlas: moderngl.Texture,
+        depth: NDArray[np.float32],
+        target: moderngl.Framebuffer,
+        cast: CastSamples | None,
+    ) -> None:
+        """Draw the pixels that are valid in green, see `ParallaxPass.draw`."""
+        self._pyramid.update(depth)
+        self.undecided_samples = 0
+        for channel, one in enumerate(self._passes):
+            _write_only(target, [channel == color for color in range(3)] + [channel == _GREEN])
+            try:
+                one.draw_again(atlas, target, cast)
+            finally:
+                _write_only(target, [True] * 4)
+            self.undecided_samples += one.undecided_samples
+
+
+def _write_only(target: moderngl.Framebuffer, channels: Sequence[bool]) -> None:
+    """Set which of RGBA drawing changes, in all attachments."""
+    mask, count = tuple(channels), len(target.color_attachments)
+    masks = mask if count == 1 else (mask,) * count
+    setattr(target, "color_mask", masks)  # noqa: B010  moderngl's stubs know one attachment only

@@ -1,0 +1,262 @@
+"""Pixels of rays with origins of their own, from the atlas of one viewpoint and its depth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
+from omnisim.rendering.opengl.capture.picture_pass import picture_array
+from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.fences import clear_target, use_target
+from omnisim.rendering.opengl.gl_functions import clear_integers
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import find_uniform, uniform, write_fog
+from omnisim.scene.model import Fog
+
+# texture units
+_ATLAS, _RAYS, _ORIGINS, _RIM_RAYS, _SURFACES, _SAMPLES = range(6)
+_RIM_ROW = 1 << 12  # texels in a row of the rim's rays, as in capture/parallax_rays.glsl
+_SAMPLE_ROW = 1 << 10  # samples in a row of those that are drawn one by one
+_PARTS = 64  # of a pixel, at most, as in capture/parallax_samples.frag
+_LEFT = 1  # attachment
+
+# Linear RGB (n, 3) along rays (n,).
+CastSamples = Callable[[SampleRays], NDArray[np.float32]]
+
+
+class RayTextures(NamedTuple):
+    """Rays of pixels, and those of the samples at the rim, as `capture/parallax.frag` has them."""
+
+    rays: moderngl.Texture
+    origins: moderngl.Texture
+    rim: moderngl.Texture
+
+    def use(self) -> None:
+        """Bind them."""
+        for unit, texture in ((_RAYS, self.rays), (_ORIGINS, self.origins), (_RIM_RAYS, self.rim)):
+            texture.use(unit)
+
+
+class ParallaxPass:
+    """Picture pass of a camera whose rays do not meet.
+
+    Args:
+        context: of OpenGL.
+        rays: of the samples, from the viewpoint, rig frame.
+        plan: tiles of the atlas.
+        pyramid: of its depth.
+        shown: pixels (height, width) of the picture to draw; None: all that have samples.
+        fog: that the atlas shows, from the viewpoint; None: there is none.
+
+    Attributes:
+        undecided_samples: of the last picture.
+
+    Raises:
+        GraphicsError: no memory for it.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        rays: ParallaxRays,
+        plan: TilePlan,
+        pyramid: DepthPyramid,
+        shown: NDArray[np.bool_] | None = None,
+        fog: Fog | None = None,
+    ):
+        self._context, self._sample_rays, self._plan = context, rays, plan
+        self._pyramid, self._fog = pyramid, fog
+        self._size = width, height = rays.smooth.shape[1], rays.smooth.shape[0]
+        self._what = f"a capture of {width} × {height} px"
+        self.undecided_samples = 0
+        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+            self._rays = ray_textures(context, rays)
+            self._surfaces = context.texture(self._size, 4, dtype="f4")
+            self._colors = context.texture(self._size, 4, dtype="f4")
+            left = context.renderbuffer(self._size, 2, dtype="u4")
+        for texture in (self._surfaces, self._colors):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._surfaces_target = context.framebuffer([self._surfaces])
+        self._target = context.framebuffer([self._colors, left])
+        # once: nothing is ever drawn where there is no ray
+        clear_target(self._surfaces_target, (0.0, 0.0, 0.0, -1.0))
+        use_target(self._target)
+        self._target.clear()
+        clear_integers(_LEFT)
+        self._valid_bits = rays.valid_bits()
+        self._samples, self._samples_target = self._allocate_samples(1)
+        self._surfaces_array = self._covering("surfaces")
+        self._pixels_array = self._covering("parallax")
+        program = self._program("common/full_screen.vert", "parallax_samples")
+        uniform(program, "u_width_px").value = width
+        self._samples_array = context.vertex_array(program, [])
+        self._samples_array.vertices = 3
+        self._picture_array = picture_array(
+            context, rays.shown if shown is None else rays.shown & shown, 1
+        )
+
+    def _covering(self, fragment: str) -> moderngl.VertexArray:
+        """Vertex array that draws all pixels with samples."""
+        program = self._program("capture/picture.vert", fragment)
+        return valid_pixels_array(self._context, program, self._sample_rays.shown)
+
+    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
+        plan = self._plan
+        defines = ["MIP_LEVELS"] if plan.max_level else []
+        defines.append(f"SUPERSAMPLING {self._sample_rays.supersampling}")
+        if self._fog is not None:
+            defines.append("FOG")
+        program = build_program(self._context, vertex, f"capture/{fragment}.frag", defines)
+        self._pyramid.bind_program(program)
+        if self._fog is not None:
+            write_fog(program, self._fog)
+        for name, value in (
+            ("u_atlas", _ATLAS),
+            ("u_rays", _RAYS),
+            ("u_origins", _ORIGINS),
+            ("u_rim_rays", _RIM_RAYS),
+            ("u_surfaces", _SURFACES),
+            ("u_samples", _SAMPLES),
+            ("u_atlas_px", (plan.width_px, plan.height_px)),
+            ("u_max_level", float(plan.max_level)),
+            ("u_level_bias", plan.level_bias),
+        ):
+            found = find_uniform(program, name)
+            if found is not None:
+                found.value = value
+        return program
+
+    def draw(
+        self,
+        atlas: moderngl.Texture,
+        depth: NDArray[np.float32],
+        target: moderngl.Framebuffer,
+        cast: CastSamples | None,
+    ) -> None:
+        """Draw the valid pixels: encoded, and linear where the target has a second attachment.
+
+        Args:
+            atlas: of the viewpoint.
+            depth: (height, width) of its texels.
+            target: of the picture.
+            cast: gives undecided samples; None: they are as if what hides them were thin.
+        """
+        self._pyramid.update(depth)
+        self.draw_again(atlas, target, cast)
+
+    def draw_again(
+        self, atlas: moderngl.Texture, target: moderngl.Framebuffer, cast: CastSamples | None
+    ) -> None:
+        """Draw by the depth that the pyramid has already."""
+        self._rays.use()
+        atlas.use(_ATLAS)
+        self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        use_target(self._surfaces_target)
+        self._surfaces_array.render()
+        self._surfaces.use(_SURFACES)
+        use_target(self._target)
+        self._pixels_array.render()
+        self._add_samples_left(cast)
+        self._colors.use(_ATLAS)
+        use_target(target)
+        self._picture_array.render()
+
+    def _add_samples_left(self, cast: CastSamples | None) -> None:
+        """Add the samples that the pixels around did not tell, one by one."""
+        pixels, at, parts = self._samples_left()
+        self.undecided_samples = 0
+        if len(parts) == 0:
+            return
+        light = self._draw_samples(_PARTS * pixels[at] + parts)
+        undecided = np.flatnonzero(light[:, 3] < 0.5)
+        self.undecided_samples = len(undecided)
+        if cast is not None and len(undecided):
+            rows, columns = np.divmod(pixels[at[undecided]], self._size[0])
+            light[undecided, :3] = cast(self._sample_rays.of(rows, columns, parts[undecided]))
+        colors = np.frombuffer(self._colors.read(), np.float32).reshape(-1, 4).copy()
+        share = 1.0 / self._sample_rays.supersampling**2
+        for channel in range(3):
+            sums = np.bincount(at, light[:, channel], len(pixels))
+            colors[pixels, channel] += share * sums
+        self._colors.write(colors)
+
+    def _samples_left(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """Pixels (m,) with samples left; of each sample (n,) the number in these, and its part."""
+        width, height = self._size
+        bits = np.empty((height, width, 2), dtype="<u4")
+        self._target.read_into(bits, components=2, attachment=_LEFT, dtype="u4")
+        left = bits.view("<u8").ravel() & self._valid_bits
+        pixels = np.flatnonzero(left)
+        at, parts = np.nonzero(
+            np.unpackbits(
+                left[pixels, None].view(np.uint8),
+                axis=1,
+                count=self._sample_rays.supersampling**2,
+                bitorder="little",
+            )
+        )
+        return pixels, at, parts
+
+    def _draw_samples(self, samples: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Linear RGB (n, 4) of samples (n,), and 1 where what they meet is known."""
+        rows = -(-len(samples) // _SAMPLE_ROW)
+        if rows > self._samples.height:
+            self._samples, self._samples_target = self._allocate_samples(2 * rows)
+        texels = np.zeros(rows * _SAMPLE_ROW, dtype="<u4")
+        texels[: len(samples)] = samples
+        viewport = (0, 0, _SAMPLE_ROW, rows)
+        self._samples.write(texels, viewport=viewport)
+        self._samples.use(_SAMPLES)
+        use_target(self._samples_target)
+        self._samples_target.viewport = viewport
+        self._samples_array.render()
+        light = np.empty((rows * _SAMPLE_ROW, 4), dtype=np.float32)
+        self._samples_target.read_into(light, viewport, components=4, dtype="f4")
+        return light[: len(samples)]
+
+    def _allocate_samples(self, rows: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        size = _SAMPLE_ROW, rows
+        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+            samples = self._context.texture(size, 1, dtype="u4")
+            samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            found = self._context.renderbuffer(size, 4, dtype="f4")
+            return samples, self._context.framebuffer([found])
+
+
+def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
+    """Upload rays.
+
+    Raises:
+        moderngl.Error: no memory for them.
+    """
+    height, width = rays.directions.shape[:2]
+    inner = slice(MARGIN_PX, -MARGIN_PX)
+    samples = rays.supersampling**2
+    textures = []
+    rim = rays.rim_numbers >= 0
+    for values, own in (
+        (rays.directions, rays.valid_shares()),
+        (rays.origins_m, np.where(rim, 1 + 2 * samples * rays.rim_numbers, 0)),
+    ):
+        texels = np.zeros((height, width, 4), dtype=np.float32)
+        texels[..., :3] = values
+        texels[inner, inner, 3] = own
+        textures.append(context.texture((width, height), 4, texels.tobytes(), dtype="f4"))
+    count = 2 * samples * len(rays.rim_valid)
+    texels = np.zeros((max(1, -(-count // _RIM_ROW)) * _RIM_ROW, 4), dtype=np.float32)
+    texels[:count:2, :3] = rays.rim_directions.reshape(-1, 3)
+    texels[1:count:2, :3] = rays.rim_origins_m.reshape(-1, 3)
+    size = _RIM_ROW, len(texels) // _RIM_ROW
+    rim_rays = context.texture(size, 4, texels.tobytes(), dtype="f4")
+    found = RayTextures(textures[0], textures[1], rim_rays)
+    for texture in found:
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return found

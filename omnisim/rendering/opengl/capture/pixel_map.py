@@ -1,0 +1,162 @@
+"""Map from a camera's pixels to rays, and with an atlas on to colours or UVs."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from functools import cached_property
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.mirrored import MirroredCamera
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
+from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.shader_files import build_program, included_files
+from omnisim.rendering.opengl.uniforms import uniform
+
+RAYS_UNIT = 1  # texture unit of the rays, where a program reads them
+_ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"
+
+
+class Emit(StrEnum):
+    """Output of a capture for each pixel; the value is the file that writes it."""
+
+    RAY = "capture/emit_ray.glsl"
+    UV = "capture/emit_uv.glsl"
+    COLOR = "capture/emit_color.glsl"
+
+
+class PixelMap:
+    """Rays of a camera's pixels, and what an atlas has for them.
+
+    No pose changes the rays: they are computed on first use, and kept.
+
+    Args:
+        context: of OpenGL.
+        camera: the camera; for supersampling, that of the finer picture.
+        polygons: of its mirror's mesh, which a lens has not; None: exact, by the camera model's
+            GLSL file.
+
+    Attributes:
+        context, camera, polygons: as given.
+        size_px: width and height.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, camera: CentralCamera, polygons: int | None = None
+    ):
+        self.context, self.camera, self.polygons = context, camera, polygons
+        self.size_px = (camera.width_px, camera.height_px)
+
+    @cached_property
+    def rays(self) -> moderngl.Texture:
+        """Texture of unit rays, optical frame, and 1 where the pixel has one.
+
+        Raises:
+            moderngl.Error: it does not fit on the GPU.
+        """
+        rays = self.context.texture(self.size_px, 4, dtype="f4")
+        rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        target = self.context.framebuffer([rays])
+        self.context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        use_target(target)
+        target.clear()
+        self._model_array(Emit.RAY).render()
+        return rays
+
+    @cached_property
+    def lookup_rays(self) -> moderngl.Texture | None:
+        """`rays`, where the camera model finds them by iteration and they fit; else None.
+
+        A fetch costs less than an iteration, and more than a formula.
+        """
+        # as large as GPUs let buffers be: those with little memory keep none of a large picture's
+        limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        if not self._iterates or 16 * self.size_px[0] * self.size_px[1] > limit:
+            return None
+        try:
+            return self.rays
+        except moderngl.Error:
+            return None
+
+    def read_rays(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Unit rays (height, width, 3), optical frame, and their validity (height, width)."""
+        width, height = self.size_px
+        rays = np.empty((height, width, 4), dtype=np.float32)
+        self.rays.read_into(rays)
+        return rays[..., :3], rays[..., 3] > 0.5
+
+    @cached_property
+    def valid(self) -> NDArray[np.bool_]:
+        """Pixels (height, width) that have a ray."""
+        return self.read_rays()[1]
+
+    def vertex_array(self, emit: Emit, plan: TilePlan) -> moderngl.VertexArray:
+        """Vertex array that draws for each pixel what its ray has in an atlas.
+
+        For colours, `lookup_rays` have to be bound to `RAYS_UNIT`.
+        """
+        if emit is Emit.COLOR and self.lookup_rays is not None:
+            array = self._full_screen_array("capture/lookup_rays.frag", emit)
+            uniform(array.program, "u_rays").value = RAYS_UNIT
+        else:
+            array = self._model_array(emit)
+        bind_tiles(array.program, plan, self.camera.rig_from_optical)
+        return array
+
+    @property
+    def _iterates(self) -> bool:
+        return self.polygons is None and _ITERATIVE_INCLUDE in included_files(self._model_file)
+
+    @property
+    def _model_file(self) -> str:
+        return f"camera/{self.camera.model_name}.glsl"
+
+    def _model_array(self, emit: Emit) -> moderngl.VertexArray:
+        if self.polygons is not None and isinstance(self.camera, HyperbolicCamera):
+            return self._mesh_array(self.camera, self.polygons, emit)
+        defines = ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else ()
+        array = self._full_screen_array("capture/lens.frag", emit, defines)
+        for name, value in self.camera.uniforms().items():
+            array.program[name] = value
+        return array
+
+    def _full_screen_array(
+        self, fragment: str, emit: Emit, defines: tuple[str, ...] = ()
+    ) -> moderngl.VertexArray:
+        program = build_program(
+            self.context,
+            "common/full_screen.vert",
+            fragment,
+            defines,
+            {"EMIT": emit, "CAMERA_MODEL": self._model_file},
+        )
+        array = self.context.vertex_array(program, [])
+        array.vertices = 3
+        return array
+
+    def _mesh_array(
+        self, camera: HyperbolicCamera, polygons: int, emit: Emit
+    ) -> moderngl.VertexArray:
+        program = build_program(
+            self.context,
+            "capture/mirror_mesh.vert",
+            "capture/mirror_mesh.frag",
+            includes={"EMIT": emit},
+        )
+        program["u_picture_size_px"] = self.size_px
+        program["u_focal_length_px"] = camera.focal_length_px
+        program["u_principal_point_px"] = camera.principal_point_px
+        mesh = tessellate(camera.mirror, polygons)
+        positions = (mesh.vertices_m / camera.mirror.c_m).astype("<f4")
+        return self.context.vertex_array(
+            program,
+            [(self.context.buffer(positions), "3f4", "in_position")],
+            self.context.buffer(mesh.triangles.astype("<u4")),
+            index_element_size=4,
+        )

@@ -1,0 +1,43 @@
+"""Triangles that cover a picture's valid pixels: what lies outside of a mirror is not drawn."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.uniforms import uniform
+
+STRIP_PX = 8  # height of a rectangle
+
+
+def covering_triangles(valid: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Corners (n, 2) in pixels (right, down) of triangles that cover all valid pixels, three a
+    triangle; the picture's first corner is (0, 0).
+
+    Args:
+        valid: (height, width).
+    """  # fmt: skip
+    height = len(valid)
+    triangles = []
+    for top in range(0, height, STRIP_PX):
+        columns = np.flatnonzero(valid[top : top + STRIP_PX].any(axis=0))
+        if not columns.size:
+            continue
+        left, right = int(columns[0]), int(columns[-1]) + 1
+        bottom = min(top + STRIP_PX, height)
+        triangles += [(left, top), (right, top), (left, bottom)]
+        triangles += [(left, bottom), (right, top), (right, bottom)]
+    return np.array(triangles, dtype=np.float32).reshape(-1, 2)
+
+
+def valid_pixels_array(
+    context: moderngl.Context, program: moderngl.Program, valid: NDArray[np.bool_]
+) -> moderngl.VertexArray:
+    """Vertex array that draws the valid pixels (height, width) by `capture/picture.vert`."""
+    corners = covering_triangles(valid)
+    if not corners.size:
+        corners = np.zeros((3, 2), dtype=np.float32)  # OpenGL has no empty buffer
+    height, width = valid.shape
+    uniform(program, "u_picture_size_px").value = (width, height)
+    return context.vertex_array(program, [(context.buffer(corners), "2f4", "in_corner_px")])

@@ -1,0 +1,271 @@
+"""OpenGL contexts without a display, through EGL.
+
+A released context is emptied and kept for the next that is opened: that is quicker, and moderngl
+loses some memory with each that it makes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import threading
+import warnings
+from collections import deque
+from typing import Any, NamedTuple
+
+import moderngl
+from moderngl import Context as Context  # for those who only hand it on
+
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.fences import Fences
+from omnisim.rendering.opengl.gl_functions import clip_depth_from_zero_to_one, delete_texture
+from omnisim.rendering.opengl.gl_state import set_constants
+
+REQUIRED_VERSION = 450
+INSTALL_HINT = (
+    "install OpenGL: sudo apt-get install libegl1 libgl1 libgl1-mesa-dri (software), "
+    "or your graphics card's driver"
+)
+_NO_DRIVER = "there is no OpenGL driver"
+_NO_SUCH_DEVICE = "there is no such device"
+_MAX_DEVICES = 64  # more than a machine has; ends a driver's endless list
+_LIBRARIES = ("libEGL.so.1", "libGL.so.1")
+_users: list[int] = []  # the process that uses OpenGL, if one does: a fork inherits the note
+_unclosed: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # with their threads
+_idle: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # emptied, with their threads
+_MAX_IDLE = 2  # each may keep some memory of its driver
+
+
+class _Opened(NamedTuple):
+    """Device and objects of a context.
+
+    Attributes:
+        device: as asked for.
+        handle: EGL's.
+        dropped_textures: to delete, not moderngl's.
+        lasting_target: moderngl binds the target that it used last again and again: this one is
+            never deleted.
+        fences: of passes, where the driver is llvmpipe.
+    """
+
+    device: int | None
+    handle: int | None
+    dropped_textures: list[int]
+    lasting_target: moderngl.Framebuffer
+    fences: Fences | None
+
+
+class GraphicsInfo(NamedTuple):
+    """OpenGL implementation, and its limits."""
+
+    vendor: str
+    renderer: str
+    version: str
+    max_texture_size_px: int
+    max_samples: int
+
+
+def open_context(device: int | None = None) -> moderngl.Context:
+    """Open an offscreen OpenGL context, or one that was released on this thread.
+
+    Args:
+        device: EGL's number of the device, as `omnisim info` lists them; None takes the default,
+            or else the first that works: software, on most machines, is the last.
+
+    Raises:
+        GraphicsError: no EGL, no driver, no such device, an OpenGL that is too old, or a process
+            that was forked from one with OpenGL.
+    """
+    check_process()
+    if device is not None and not (isinstance(device, int) and 0 <= device < _MAX_DEVICES):
+        raise GraphicsError(
+            f"device {device!r}: {_NO_SUCH_DEVICE}: expected a number as `omnisim info` lists them"
+        )
+    _check_libraries()
+    release_unclosed_contexts()
+    while (idle := _take_idle(device)) is not None:
+        idle.__enter__()  # type: ignore[no-untyped-call]  # current, as a new one is
+        if _current_handle() == idle.extra.handle:
+            return idle
+        # another library has ended EGL's display, and with it all of its contexts
+    try:
+        return _open(device)
+    except GraphicsError as reason:
+        if device is None:
+            for number, found in list_devices():
+                if isinstance(found, GraphicsInfo):
+                    return _open(number)
+        raise reason from None
+
+
+def check_process() -> None:
+    """Refuse OpenGL after a fork: the driver's threads are not in the child, which waits for them.
+
+    Raises:
+        GraphicsError: this process was forked from one that had opened OpenGL.
+    """
+    if _users and _users[0] != os.getpid():
+        raise GraphicsError(
+            "this process was forked from one that uses OpenGL: use multiprocessing's start method "
+            "'spawn'"
+        )
+
+
+def release_context(context: moderngl.Context) -> None:
+    """Release a context of this thread and all in it; after a fork it stays its parent's."""
+    if _users != [os.getpid()]:
+        return
+    with context:
+        collect_garbage(context)
+        context.finish()  # the driver keeps what commands under way use
+        is_sound = context.error == "GL_NO_ERROR"
+    if is_sound and len(_idle) < _MAX_IDLE:
+        _idle.append((threading.current_thread(), context))
+    else:
+        context.release()
+
+
+def collect_garbage(context: moderngl.Context) -> None:
+    """Free what is no longer used of a context, which is current."""
+    context.extra.lasting_target.use()
+    context.gc()
+    while context.extra.dropped_textures:
+        delete_texture(context.extra.dropped_textures.pop())
+
+
+def _take_idle(device: int | None) -> moderngl.Context | None:
+    """Take an idle context of a device and this thread; those of threads that ended go."""
+    found = None
+    for _ in range(len(_idle)):
+        thread, context = _idle.popleft()
+        if not thread.is_alive():
+            context.release()
+        elif (
+            found is None
+            and thread is threading.current_thread()
+            and context.extra.device == device
+        ):
+            found = context
+        else:
+            _idle.append((thread, context))
+    return found
+
+
+def _is_here(thread: threading.Thread) -> bool:
+    return thread is threading.current_thread()
+
+
+def release_unclosed_context(context: moderngl.Context, thread: threading.Thread) -> None:
+    """Release a context that its last user dropped without closing it, and warn.
+
+    Garbage is collected on any thread: where the context's own is another one and still runs, the
+    context is released by that thread's next call of `release_unclosed_contexts`.
+    """
+    _unclosed.append((thread, context))
+    release_unclosed_contexts()
+    warnings.warn(
+        "unclosed stage or renderer: close it, or use it in a `with` block",
+        ResourceWarning,
+        stacklevel=3,  # where the last reference was dropped
+    )
+
+
+def release_unclosed_contexts() -> None:
+    """Release the dropped contexts of this thread, and those of threads that have ended."""
+    for _ in range(len(_unclosed)):
+        try:
+            thread, context = _unclosed.popleft()
+        except IndexError:  # another thread took it
+            return
+        if _is_here(thread):
+            release_context(context)
+        elif not thread.is_alive():
+            context.release()
+        else:
+            _unclosed.append((thread, context))
+
+
+def _current_handle() -> int | None:
+    """EGL's handle of this thread's current context, or None: there is none."""
+    get: Any = ctypes.CDLL(_LIBRARIES[0]).eglGetCurrentContext
+    get.restype = ctypes.c_void_p
+    handle: int | None = get()
+    return handle
+
+
+def _check_libraries() -> None:
+    for library in _LIBRARIES:
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            raise GraphicsError(f"{library} is not there: {INSTALL_HINT}") from None
+
+
+def _open(device: int | None) -> moderngl.Context:
+    _users[:] = [os.getpid()]
+    settings: dict[str, object] = {"libegl": _LIBRARIES[0], "libgl": _LIBRARIES[1]}
+    if device is not None:
+        settings["device_index"] = device
+    try:
+        context = moderngl.create_context(
+            standalone=True,
+            require=REQUIRED_VERSION,
+            backend="egl",  # type: ignore[arg-type]  # moderngl's stub takes dicts only
+            **settings,  # type: ignore[arg-type]  # likewise
+        )
+    except Exception as reason:  # glcontext raises nothing more specific
+        raise GraphicsError(_reason(str(reason), device)) from None
+    clip_depth_from_zero_to_one()
+    set_constants()
+    lasting_target = context.framebuffer([context.renderbuffer((1, 1))])
+    lasting_target.use()
+    fences = Fences() if "llvmpipe" in context.info["GL_RENDERER"] else None
+    context.extra = _Opened(device, _current_handle(), [], lasting_target, fences)
+    context.gc_mode = "context_gc"  # `collect_garbage` frees unreferenced objects
+    return context
+
+
+def graphics_info(context: moderngl.Context) -> GraphicsInfo:
+    """Names and limits of an open context."""
+    info = context.info
+    return GraphicsInfo(
+        info["GL_VENDOR"],
+        info["GL_RENDERER"],
+        info["GL_VERSION"],
+        int(info["GL_MAX_TEXTURE_SIZE"]),
+        int(context.max_samples),
+    )
+
+
+def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
+    """List EGL's devices by number, with their OpenGL or the reason why it cannot be used.
+
+    Raises:
+        GraphicsError: EGL or OpenGL itself is not installed, or as `open_context`.
+    """
+    check_process()
+    _check_libraries()
+    devices: list[tuple[int, GraphicsInfo | GraphicsError]] = []
+    for number in range(_MAX_DEVICES):
+        try:
+            context = _open(number)
+        except GraphicsError as reason:
+            if _NO_SUCH_DEVICE in str(reason) or _NO_DRIVER in str(reason):
+                break
+            devices.append((number, reason))
+        else:
+            devices.append((number, graphics_info(context)))
+            context.release()
+    return devices
+
+
+def _reason(message: str, device: int | None) -> str:
+    """Explain glcontext's message, which has "found N devices" and EGL's error numbers."""
+    if "found 0 devices" in message:
+        return f"{_NO_DRIVER}: {INSTALL_HINT}"
+    if "requested device index" in message:
+        return f"device {device}: {_NO_SUCH_DEVICE} ({message}): see `omnisim info`"
+    wanted = f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
+    if "version" in message.lower() or "eglCreateContext" in message:
+        return f"{wanted} or newer is needed and not there ({message}): {INSTALL_HINT}"
+    return f"OpenGL could not be opened ({message}): {INSTALL_HINT}"

@@ -1,0 +1,147 @@
+"""Clusters and their groups on the GPU, as shaders/culling/views.glsl has them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
+from omnisim.rendering.opengl.shader_files import build_compute_shader
+
+# Bounds, in a texture: entries of four words, see shaders/culling/bounds.glsl.
+_GROUP = np.dtype(
+    [
+        ("aabb_min", "<f4", 3),
+        ("first_cluster", "<u4"),
+        ("aabb_max", "<f4", 3),
+        ("object", "<u4"),
+    ]
+)
+_CLUSTER = np.dtype(
+    [
+        ("aabb_min", "<f4", 3),
+        ("width", "<f4"),
+        ("aabb_max", "<f4", 3),
+        ("unused", "<u4"),
+        ("cone_axis", "<f4", 3),
+        ("cone_sine", "<f4"),
+    ]
+)
+_ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries
+# Texture units that no program that draws has: in between, all that it reads stays bound.
+DEPTH_UNIT, BOUNDS_UNIT = 16, 17
+
+
+class CullingShaders(NamedTuple):
+    """Compute shaders.
+
+    Attributes:
+        instances: matrices.
+        groups: candidates of the first pass.
+        cull: in one pass, or the first and a later one.
+        commands: of what is left.
+        hi_z: depth between two passes: fine and coarse levels.
+    """
+
+    instances: moderngl.ComputeShader
+    groups: moderngl.ComputeShader
+    cull: tuple[moderngl.ComputeShader, ...]
+    commands: moderngl.ComputeShader
+    hi_z: tuple[moderngl.ComputeShader, moderngl.ComputeShader]
+
+
+class ClusterBuffers:
+    """Buffers of clusters that all cameras share.
+
+    Args:
+        context: where.
+        hierarchy: the clusters and groups.
+        double_sided: (clusters,) back faces are seen, too.
+        objects: (groups,) object that they are of.
+        buckets: (groups,) in order.
+
+    Attributes:
+        index_ranges: buffer, first index of each cluster, and number of its indices.
+        bounds: texture of the groups and then of the clusters.
+        clusters_of_group: (groups,) their number in each group.
+        groups_of_bucket: (buckets,) likewise.
+        cluster_count, group_count: of all.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        hierarchy: ClusterHierarchy,
+        double_sided: NDArray[np.bool_],
+        objects: NDArray[np.intp],
+        buckets: NDArray[np.intp],
+    ):
+        self._context = context
+        clusters, groups = hierarchy.clusters, hierarchy.groups
+        self.cluster_count, self.group_count = len(clusters.first), len(groups.first)
+        self._first = groups.first
+        group = np.repeat(np.arange(self.group_count), groups.children)
+        self._bits = np.uint32(1) << (np.arange(self.cluster_count) - groups.first[group]).astype(
+            np.uint32
+        )
+        index_ranges = np.stack((3 * clusters.first, 3 * clusters.triangles), axis=1)
+        self.index_ranges = context.buffer(index_ranges.astype("<u4"))
+        of_groups = np.zeros(self.group_count, dtype=_GROUP)
+        of_groups["first_cluster"], of_groups["object"] = groups.first, objects
+        of_clusters = np.zeros(self.cluster_count, dtype=_CLUSTER)
+        for name in ("aabb_min", "aabb_max"):
+            of_groups[name], of_clusters[name] = getattr(groups, name), getattr(clusters, name)
+        of_clusters["width"], of_clusters["cone_axis"] = clusters.widths, clusters.cone_axes
+        of_clusters["cone_sine"] = np.where(double_sided, np.float32(2.0), clusters.cone_sines)
+        self.bounds = _table(
+            context, np.concatenate((of_groups.view(_ENTRY), of_clusters.view(_ENTRY)))
+        )
+        self.clusters_of_group, self.groups_of_bucket = groups.children, np.bincount(buckets)
+        self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
+
+    def masks_of_groups(self, clusters: NDArray[np.bool_]) -> NDArray[np.uint32]:
+        """Bits (groups,) of the chosen clusters (clusters,) of each group."""
+        bits = np.where(clusters, self._bits, np.uint32(0))
+        masks: NDArray[np.uint32] = np.bitwise_or.reduceat(bits, self._first).astype("<u4")
+        return masks
+
+    @cached_property
+    def shaders(self) -> CullingShaders:
+        """Compiled shaders."""
+        context = self._context
+        return CullingShaders(
+            build_compute_shader(context, "culling/instances.comp"),
+            self._with_bounds("groups.comp"),
+            tuple(self._with_bounds("cull.comp", f"PASS {number}") for number in range(3)),
+            self._with_bounds("commands.comp"),
+            self._hi_z(),
+        )
+
+    @cached_property
+    def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        """Shaders of the depth of cameras that have a layer each."""
+        return self._hi_z("LAYERED")
+
+    def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:
+        shader = build_compute_shader(self._context, f"culling/{name}", defines)
+        shader["u_bounds"] = BOUNDS_UNIT
+        return shader
+
+    def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
+        fine["u_atlas_depth"] = DEPTH_UNIT
+        return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))
+
+
+def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Texture:
+    """Texture of entries, row by row."""
+    rows = max(1, -(-len(entries) // _ROW))
+    padded = np.zeros(rows * _ROW, dtype=_ENTRY)
+    padded[: len(entries)] = entries
+    texture = context.texture((_ROW, rows), 4, padded, dtype="u4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture

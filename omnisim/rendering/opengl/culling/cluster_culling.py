@@ -1,0 +1,210 @@
+"""Culling of clusters on the GPU, for all views at once: frusta, normal cones, size, occlusion.
+
+The outcome is a list of draw commands for each batch of buckets, near clusters first, and
+how many there are. Nothing of it comes back to the CPU. Where there can be too many for a buffer,
+clusters are drawn slice by slice: the memory is bounded, whatever the scene.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import chain
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, ClusterBuffers
+from omnisim.rendering.opengl.culling.cluster_views import Views
+from omnisim.rendering.opengl.culling.command_slices import BANDS, command_slices
+from omnisim.rendering.opengl.gl_functions import COMMAND_BYTES, StorageBindings
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.memory import gpu_allocation
+
+# Where an edge lies, a GPU rounds to a sixteenth of a texel at worst.
+EDGE_PX = 0.125
+_INSTANCE_BYTES = 144
+_LIST_BYTES, _CANDIDATE_BYTES = 16, 12  # in shaders/culling/views.glsl
+_MAX_PASSES = 3
+MAX_COMMAND_BYTES = 128 * 2**20  # of a slice, on a GPU that allows as many
+_GROUP_SIZE = 64  # local_size_x of the shaders
+_CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
+# Triangles from which on it pays to draw in two passes, and in three.
+MIN_TRIANGLES_OF_PASSES = (50_000, 200_000)
+# Clusters whose triangles look wider occlude others: they are drawn in the passes before the last.
+OCCLUDERS_RAD = ((), (0.05,), (0.025, 0.007))
+SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
+    [
+        ("counts", "<u4", 4),
+        ("atlas_px", "<f4", 2),
+        ("depths_m", "<f4", 2),
+        ("depth", "<f4", 2),
+        ("ranges", "<u4"),
+        ("both_sides", "<u4"),
+        ("radius_px", "<f4"),
+        ("clusters", "<u4"),
+        ("pass_index", "<u4"),
+        ("occluder_rad", "<f4"),
+        ("first_range", "<u4"),
+        ("unused", "<u4", 3),
+    ]
+)
+
+
+class ClusterCuller:
+    """Culls clusters for the views of cameras, and makes draw commands of those that are left.
+
+    Args:
+        context: where.
+        buffers: the clusters.
+        groups_of_batch: (batches,) numbers of groups that one draw call shows, in order.
+        views: of all cameras.
+        depth: of the atlas, with a layer for each camera if there may be several, to test for
+            occlusion between passes; None: there is one pass.
+        passes: how many there are where depth can be read.
+        atlas_px: size of the atlas.
+        depths_m: of the near and the far plane.
+        samples: of a texel.
+        both_sides: all clusters are seen from behind, too.
+
+    Attributes:
+        views: as given.
+        passes: how many there are.
+        slices: ranges of commands of each. Each pass has them anew: those of the one before were
+            drawn before their depth is there.
+        ranges: how many all slices have.
+        commands: buffer of those of one slice; base instances are entries of `instances`.
+        counts: buffer of the number of commands of each range, pass by pass, band by band.
+        instances: buffer of an object in a view each: `vertex_format.INSTANCE`.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        buffers: ClusterBuffers,
+        groups_of_batch: NDArray[np.integer],
+        views: Views,
+        depth: moderngl.Texture | moderngl.TextureArray | None,
+        passes: int,
+        atlas_px: tuple[int, int],
+        depths_m: tuple[float, float],
+        samples: int = 1,
+        both_sides: bool = False,
+    ):
+        self._context, self._buffers, self.views = context, buffers, views
+        self._state = GlState()
+        self.passes, self._depth = (1 if depth is None else passes), depth
+        limit = min(MAX_COMMAND_BYTES, int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]))
+        self.slices, table, most_commands = command_slices(
+            buffers.clusters_of_group, groups_of_batch, views.count, limit // COMMAND_BYTES
+        )
+        self.ranges = len(table)
+        words = buffers.group_count * views.count
+        self._cells = [math.ceil(side / _CELL_PX) for side in atlas_px]
+        with gpu_allocation(
+            f"draw commands of {views.count} views of {buffers.cluster_count} clusters",
+            "make the scene smaller, or the cameras fewer",
+        ):
+            self.commands = context.buffer(reserve=COMMAND_BYTES * most_commands)
+            self.counts = context.buffer(reserve=4 * _MAX_PASSES * BANDS * self.ranges)
+            self.instances = context.buffer(reserve=_INSTANCE_BYTES * views.count * views.objects)
+            words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
+            visible = np.zeros(buffers.cluster_count * words_of_cluster, dtype=np.uint32)
+            visible_tiles = context.buffer(visible)
+            groups_visible = np.zeros(views.cameras * buffers.group_count, dtype=np.uint32)
+            visible_of_group = context.buffer(groups_visible)
+            bins = context.buffer(reserve=4 * views.cameras * buffers.cluster_count)
+            halves = min(self.passes, 2)  # each pass reads one, and writes the other
+            self._lists = context.buffer(
+                reserve=(_MAX_PASSES + 1) * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
+            )
+            cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
+            hi_z = context.buffer(reserve=4 * (views.cameras * cells if depth else 1))
+        near_m, far_m = depths_m
+        slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
+        settings = np.zeros((self.passes, len(self.slices)), dtype=SETTINGS)
+        settings["counts"] = views.cameras, views.tiles, buffers.group_count, views.objects
+        settings["atlas_px"], settings["depths_m"] = atlas_px, (near_m, min(far_m, 3e38))
+        settings["depth"] = slope, near_m * (1.0 - slope)
+        settings["ranges"], settings["both_sides"] = self.ranges, both_sides
+        settings["clusters"] = buffers.cluster_count
+        settings["radius_px"] = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
+        settings["pass_index"] = np.arange(self.passes)[:, None]
+        settings["occluder_rad"].T[:, :-1] = OCCLUDERS_RAD[self.passes - 1]
+        settings["first_range"] = [ranges[0].number for ranges in self.slices]
+        self._settings = [[context.buffer(one.tobytes()) for one in row] for row in settings]
+        self._written_cameras = views.cameras
+        self._shown = context.buffer(buffers.all_shown)
+        self._bound = StorageBindings([
+            views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
+            self._lists, buffers.index_ranges, visible_tiles, self.commands, self.counts,
+            context.buffer(table), self._shown, hi_z, bins, visible_of_group,
+        ])  # fmt: skip
+        self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
+        self._shaders = buffers.shaders
+        is_layered = isinstance(depth, moderngl.TextureArray)
+        self._layered_hi_z = buffers.layered_hi_z if is_layered else None
+
+    @property
+    def memory_bytes(self) -> int:
+        """Memory of the buffers, for all cameras."""
+        return self._bound.size
+
+    def show(self, shown: NDArray[np.bool_]) -> None:
+        """Show some clusters (clusters,), and no others."""
+        self._shown.write(self._buffers.masks_of_groups(shown))
+
+    def bind(self, pass_index: int = 0, slice_index: int = 0) -> None:
+        """Bind the buffers of shaders/culling/views.glsl."""
+        if self.views.cameras != self._written_cameras:
+            self._written_cameras = self.views.cameras
+            for settings in chain.from_iterable(self._settings):
+                settings.write(np.uint32(self.views.cameras))
+        self._settings[pass_index][slice_index].bind_to_uniform_block(0)
+        if pass_index == 0 and slice_index == 0:  # nothing that draws takes their place
+            self._bound.bind()
+            self._state.bind_texture(BOUNDS_UNIT, self._buffers.bounds.glo)
+            if self._depth is not None:
+                self._state.bind_texture(DEPTH_UNIT, self._depth.glo)
+
+    def run(self, pass_index: int) -> None:
+        """Make the commands of one pass, those of its first slice, by the poses that were written.
+
+        The depth of the pass before is there.
+        """
+        context, shaders, views = self._context, self._shaders, self.views
+        barrier = context.SHADER_STORAGE_BARRIER_BIT
+        self.bind(pass_index)
+        if pass_index == 0:
+            context.memory_barrier(barrier)  # what is written now, the last frame's draws may read
+            entries = max(views.count * views.objects, _MAX_PASSES * BANDS * self.ranges)
+            shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
+            context.memory_barrier(barrier)
+            shaders.groups.run(self._groups, views.count)
+        elif self._depth is not None:
+            columns, rows = self._cells
+            fine, coarse = self._layered_hi_z or shaders.hi_z
+            fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 in one of the last
+            context.memory_barrier(barrier)
+            coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
+        context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
+        cull = shaders.cull[0 if self.passes == 1 else 1 + min(pass_index, 1)]
+        cull.run_indirect(self._lists, pass_index * _LIST_BYTES)
+        context.memory_barrier(barrier)
+        self._make_commands(0)
+
+    def next_slice(self, pass_index: int, slice_index: int) -> None:
+        """Make the commands of another slice, when those of the one before are drawn."""
+        context = self._context
+        self.bind(pass_index, slice_index)
+        context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT | context.COMMAND_BARRIER_BIT)
+        self._make_commands(slice_index)
+
+    def _make_commands(self, slice_index: int) -> None:
+        context = self._context
+        self._shaders.commands.run(len(self.slices[slice_index]), self.views.cameras)
+        context.memory_barrier(
+            context.SHADER_STORAGE_BARRIER_BIT
+            | context.COMMAND_BARRIER_BIT
+            | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
+        )

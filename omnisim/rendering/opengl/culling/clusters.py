@@ -1,0 +1,160 @@
+"""Clusters of triangles, and a hierarchy of cluster groups: what culling tests, node by node."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.culling.spatial_clustering import spatial_clusters
+
+# Triangles of a cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
+# has to be tested, and most of those of a large scene are not seen.
+MAX_TRIANGLES, MIN_TRIANGLES, TRIANGLE_SPLIT_FACTOR = 64, 4, 8.0
+LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
+# Each instance has its own copy in clusters: one that would take more triangles than this is drawn
+# on its own, as are instances that are too far away.
+MAX_SCENE_TRIANGLES = 8_000_000
+# Likewise, children of a cluster group: none is tested where the group is culled. Those that are
+# visible are the bits of a word.
+MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0
+WIDTHS = 17  # classes of the widths of clusters
+
+
+class Clusters(NamedTuple):
+    """Clusters of consecutive triangles.
+
+    Attributes:
+        first: (n,) first triangle.
+        triangles: (n,) how many.
+        aabb_min, aabb_max: (n, 3) corners of their bounding boxes.
+        cone_axes: (n, 3) unit, mean normal.
+        cone_sines: (n,) sine of the largest angle between the axis and a normal; above 1 where that
+            is a right angle or more.
+        widths: (n,) side of a square as large as their mean triangle; less where they are many: a
+            wall of two occludes more than a bush of twenty.
+    """
+
+    first: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    aabb_min: NDArray[np.float32]
+    aabb_max: NDArray[np.float32]
+    cone_axes: NDArray[np.float32]
+    cone_sines: NDArray[np.float32]
+    widths: NDArray[np.float32]
+
+
+class ClusterGroups(NamedTuple):
+    """Groups of consecutive clusters.
+
+    Attributes:
+        first: (n,) first cluster.
+        children: (n,) how many.
+        aabb_min, aabb_max: (n, 3) corners of their bounding boxes.
+    """
+
+    first: NDArray[np.int64]
+    children: NDArray[np.int64]
+    aabb_min: NDArray[np.float32]
+    aabb_max: NDArray[np.float32]
+
+
+class ClusterHierarchy(NamedTuple):
+    """Clusters of triangles, and the groups above them.
+
+    Attributes:
+        order: (n,) of the triangles, by cluster.
+        clusters: by group.
+        groups: of clusters.
+    """
+
+    order: NDArray[np.intp]
+    clusters: Clusters
+    groups: ClusterGroups
+
+
+def build_clusters(
+    corners: NDArray[np.float32], keys: NDArray[np.integer], group_keys: NDArray[np.integer]
+) -> ClusterHierarchy:
+    """Cluster triangles, and group the clusters.
+
+    Args:
+        corners: (n, 3, 3), a triangle's three in a row.
+        keys: (n,) from 0, equal within a cluster.
+        group_keys: (n,) from 0, equal within a group and wherever `keys` are; groups are in their
+            order.
+    """
+    min_triangles = MIN_TRIANGLES if len(corners) < LARGE_SCENE else MIN_TRIANGLES_IN_LARGE
+    order, first = spatial_clusters(
+        _bounds(corners), keys, min_triangles, MAX_TRIANGLES, TRIANGLE_SPLIT_FACTOR
+    )
+    clusters = bound_clusters(corners[order], first, min_triangles)
+    bounds = np.concatenate((-clusters.aabb_min.T, clusters.aabb_max.T))
+    # clusters of about the same width are drawn in the same pass
+    widths = np.clip(np.frexp(clusters.widths)[1] // 2 + 8, 0, WIDTHS - 1)
+    children, first_child = spatial_clusters(
+        bounds, group_keys[order[first]] * WIDTHS + widths,
+        MIN_CHILDREN, MAX_CHILDREN, GROUP_SPLIT_FACTOR,
+    )  # fmt: skip
+    order = order[ranges(first[children], clusters.triangles[children])]
+    counts = clusters.triangles[children]
+    clusters = Clusters(
+        _firsts(counts), counts, clusters.aabb_min[children], clusters.aabb_max[children],
+        clusters.cone_axes[children], clusters.cone_sines[children], clusters.widths[children],
+    )  # fmt: skip
+    groups = ClusterGroups(
+        first_child, np.diff(first_child, append=len(children)),
+        np.minimum.reduceat(clusters.aabb_min, first_child),
+        np.maximum.reduceat(clusters.aabb_max, first_child),
+    )  # fmt: skip
+    return ClusterHierarchy(order, clusters, groups)
+
+
+def _firsts(count: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.cumsum(count) - count
+
+
+def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Ranges of `count` consecutive numbers from each of `first` on, concatenated."""
+    numbers = np.repeat(first - _firsts(count), count)
+    numbers += np.arange(len(numbers))
+    return numbers
+
+
+def bound_clusters(
+    corners: NDArray[np.float32], first: NDArray[np.intp], min_triangles: int = MIN_TRIANGLES
+) -> Clusters:
+    """Clusters of consecutive triangles, with their bounding boxes and normal cones.
+
+    Args:
+        corners: (n, 3, 3), a triangle's three in a row.
+        first: (m,) first triangle of each cluster.
+        min_triangles: widths count from so many on as those of many.
+    """
+    count = np.diff(first, append=len(corners))
+    bounds = np.maximum.reduceat(_bounds(corners), first, axis=1)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.sqrt(np.einsum("nc,nc->n", normals, normals))
+    normals /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    axes = np.add.reduceat(normals, first)
+    axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-30)
+    cosines = np.einsum("nc,nc->n", normals, np.repeat(axes, count, axis=0))
+    cosines[lengths == 0.0] = 1.0  # a triangle without an area is not drawn
+    cosines = np.minimum.reduceat(cosines, first)
+    sines = np.where(cosines > 0.0, np.sqrt(np.maximum(1.0 - cosines**2, 0.0)), 2.0)
+    widths = np.sqrt(np.add.reduceat(0.5 * lengths, first) / count)
+    widths *= np.minimum(min_triangles / count, 1.0) ** 0.25
+    return Clusters(
+        first, count, -bounds[:3].T, bounds[3:].T.copy(), axes,
+        sines.astype(np.float32), widths.astype(np.float32),
+    )  # fmt: skip
+
+
+def _bounds(corners: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Least corners of the boxes around triangles times −1, then the largest: (6, n)."""
+    one, two, three = np.moveaxis(corners, 1, 0)
+    bounds = np.empty((6, len(corners)), dtype=np.float32)
+    np.negative(np.minimum(np.minimum(one, two), three).T, out=bounds[:3])
+    bounds[3:] = np.maximum(np.maximum(one, two), three).T
+    return bounds

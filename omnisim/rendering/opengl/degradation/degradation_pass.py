@@ -1,0 +1,202 @@
+"""Chain of full-screen passes between the linear picture and its encoding.
+
+It knows no degradation by name: each one's code is `shaders/degradation/<stem>.frag`, and its
+numbers are in a `Step`. Everything is float32, because a photon in ten thousand counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.degradation.step import Step, UniformValue
+from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+
+METER_BLOCK_PX = 16  # pixels to a side of the block that one fragment of the light meter adds up
+
+
+class DegradationPass:
+    """Degrades sub-frames of linear light to the linear picture of a real camera.
+
+    The order is: `add` each sub-frame, `mean_luminance` for auto-exposure, `finish`, and then
+    `read` and `encode`.
+
+    Args:
+        context: of OpenGL.
+        size: width and height of the picture.
+        optics: steps before the shutter, in the light's order.
+        sensor: steps after it.
+        encoding: from linear to the values of the file.
+
+    Raises:
+        GraphicsError: a shader that does not compile, or a picture that does not fit.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        size: tuple[int, int],
+        optics: Sequence[Step],
+        sensor: Sequence[Step],
+        encoding: Step | None = None,
+    ):
+        self._context, self._size = context, size
+        self._optics = [_FullScreenPass(context, step) for step in optics]
+        self._sensor = [_FullScreenPass(context, step) for step in sensor]
+        self._encoding = _FullScreenPass(context, encoding or Step("srgb"))
+        self._spare = [_Target(context, size) for _ in range(2)]
+        self._current = self._spare[0].texture
+        self._is_first = True
+
+    def add(self, linear: moderngl.Texture, row_weights: NDArray[np.float32] | None = None) -> None:
+        """Take a sub-frame.
+
+        Args:
+            linear: RGB and validity.
+            row_weights: (height,) share of each row's exposure; None: it is the whole frame.
+        """
+        self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._current = linear
+        for step in self._optics:
+            self._run(step)
+        if row_weights is not None:
+            self._current = self._shutter.add(self._current, row_weights, self._is_first)
+            self._is_first = False
+
+    def mean_luminance(self) -> float:
+        """Mean luminance (Rec. 709) of the valid pixels of all sub-frames; 0 if there are none."""
+        return self._meter.mean_luminance(self._current)
+
+    def finish(self, uniforms: Mapping[str, UniformValue]) -> None:
+        """Run the steps after the shutter, with the values of this frame's uniforms, by name."""
+        for step in self._sensor:
+            self._run(step, uniforms)
+        self._is_first = True
+
+    def read(self) -> NDArray[np.float32]:
+        """Read the finished picture (height, width, 4), linear."""
+        width, height = self._size
+        data = self._current.read()
+        dtype = {"f2": np.float16, "f4": np.float32}[self._current.dtype]
+        return np.frombuffer(data, dtype=dtype).reshape(height, width, 4).astype(np.float32)
+
+    def encode(self, target: moderngl.Framebuffer) -> None:
+        """Draw the finished picture as the values of the file."""
+        self._encoding.draw(target, self._current)
+
+    @cached_property
+    def _shutter(self) -> _Shutter:
+        return _Shutter(self._context, self._size)
+
+    @cached_property
+    def _meter(self) -> _LightMeter:
+        return _LightMeter(self._context, self._size)
+
+    def _run(
+        self, step: _FullScreenPass, uniforms: Mapping[str, UniformValue] | None = None
+    ) -> None:
+        after = self._spare[0]
+        step.draw(after.framebuffer, self._current, uniforms)
+        self._current = after.texture
+        self._spare.reverse()
+
+
+class _Target:
+    """Float32 picture to write to and to read from."""
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
+        with gpu_allocation(
+            f"a degraded picture of {size[0]} × {size[1]} px", "make the picture smaller"
+        ):
+            self.texture = context.texture(size, 4, dtype="f4")
+            self.framebuffer = context.framebuffer([self.texture])
+
+
+class _FullScreenPass:
+    """Program of a step, ready to be drawn into any target."""
+
+    def __init__(self, context: moderngl.Context, step: Step):
+        self._program = build_program(
+            context, "common/full_screen.vert", f"degradation/{step.shader}.frag"
+        )
+        for name, value in step.uniforms.items():
+            self._program[name] = value
+        self._textures = []
+        for unit, (name, values) in enumerate(step.textures.items(), start=1):
+            height, width, channels = values.shape
+            data = np.ascontiguousarray(values, dtype="<f4")
+            self._textures.append(context.texture((width, height), channels, data, dtype="f4"))
+            self._program[name] = unit
+        self._vertex_array = context.vertex_array(self._program, [])
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        picture: moderngl.Texture,
+        uniforms: Mapping[str, UniformValue] | None = None,
+        textures: Mapping[str, moderngl.Texture] | None = None,
+    ) -> None:
+        """Draw into a target.
+
+        Args:
+            target: of the picture's size.
+            picture: read as `u_picture`.
+            uniforms: values of this frame; those that the shader does not have are left out.
+            textures: more of them, by the names of their samplers.
+        """
+        for name, value in (uniforms or {}).items():
+            if name in self._program:
+                self._program[name] = value
+        use_target(target)
+        picture.use(0)
+        for unit, texture in enumerate(self._textures, start=1):
+            texture.use(unit)
+        for unit, (name, texture) in enumerate((textures or {}).items(), 1 + len(self._textures)):
+            self._program[name] = unit
+            texture.use(unit)
+        self._vertex_array.render(moderngl.TRIANGLES, vertices=3)
+
+
+class _Shutter:
+    """Sum of sub-frames, row by row."""
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
+        self._sums = [_Target(context, size) for _ in range(2)]
+        self._row_weights = context.texture((1, size[1]), 1, dtype="f4")
+        self._accumulate = _FullScreenPass(context, Step("accumulate"))
+
+    def add(
+        self, picture: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
+    ) -> moderngl.Texture:
+        """Add a sub-frame to those since the first one of its frame, and return the sum."""
+        self._row_weights.write(np.ascontiguousarray(row_weights, dtype="<f4"))
+        before, after = self._sums
+        if is_first:
+            use_target(before.framebuffer)
+            before.framebuffer.clear()
+        textures = {"u_sum": before.texture, "u_row_weights": self._row_weights}
+        self._accumulate.draw(after.framebuffer, picture, textures=textures)
+        self._sums.reverse()
+        return after.texture
+
+
+class _LightMeter:
+    """Mean luminance of a picture, by sums over blocks."""
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
+        width, height = size
+        self._sum_blocks = _FullScreenPass(context, Step("meter", {"u_block_px": METER_BLOCK_PX}))
+        self._blocks = _Target(context, (-(-width // METER_BLOCK_PX), -(-height // METER_BLOCK_PX)))
+
+    def mean_luminance(self, picture: moderngl.Texture) -> float:
+        """Mean luminance (Rec. 709) of the valid pixels; 0 if there are none."""
+        self._sum_blocks.draw(self._blocks.framebuffer, picture)
+        data = self._blocks.framebuffer.read(components=4, dtype="f4")
+        total, count = np.frombuffer(data, dtype="<f4").reshape(-1, 4).sum(axis=0, dtype=float)[:2]
+        return float(total / count) if count > 0.0 else 0.0

@@ -1,0 +1,155 @@
+"""Draws blended items back to front, sorted by the GPU, in all views with one call.
+
+One program shows all of their materials, as the order is that of distance alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
+from omnisim.rendering.opengl.geometry.clustered_geometry import (
+    ClusteredGeometry,
+    item_light_coordinates,
+    object_triangles,
+)
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
+from omnisim.rendering.opengl.gl_functions import COMMAND_BYTES, IndirectDraws, StorageBindings
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.shader_files import build_compute_shader
+
+# What one program and a sort that compares each with each can do.
+MAX_ARRAYS, MAX_TRIANGLES_OF_ITEM, MAX_ITEMS = 4, 1024, 1024
+# A material's kind in shaders/scene/material.glsl: number of its texture array, and flags.
+_NO_ARRAY, _UNLIT, _DOUBLE_SIDED = 7, 8, 16
+_COMMANDS_BINDING = 7
+_ITEM = np.dtype(  # as in shaders/culling/blended.comp
+    [
+        ("centre", "<f4", 3),
+        ("radius", "<f4"),
+        ("first_triangle", "<u4"),
+        ("triangles", "<u4"),
+        ("object", "<u4"),
+        ("unused", "<u4"),
+    ]
+)
+
+
+def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
+    """Texture arrays of items."""
+    arrays = {id(item.texture_layer.array): item.texture_layer.array for item in items}
+    return [array for array in arrays.values() if array is not None]
+
+
+def fits(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> bool:
+    """Tell whether items are rigid, few, small and near enough to be sorted and drawn at once."""
+    return (
+        geometry is not None
+        and 0 < len(items) <= MAX_ITEMS
+        and all(item.texture_layer.reflectance is None for item in items)
+        and all(item.mesh.deformation is None for item in items)
+        and all(item.is_near(geometry.anchor_m) for item in items)
+        and len(arrays_of(items)) <= MAX_ARRAYS
+        and all(0 < item.triangles <= MAX_TRIANGLES_OF_ITEM for item in items)
+    )
+
+
+class BlendedDrawer:
+    """Sorts and draws blended items of a scene.
+
+    Args:
+        context: where.
+        geometry: the scene's clusters: its objects are the items'.
+        culler: of the clusters; its matrices are the items'.
+        items: that `fits`.
+        program: of `CLUSTER_VERTEX`, for as many texture arrays as the items have.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        geometry: ClusteredGeometry,
+        culler: ClusterCuller,
+        items: Sequence[DrawItem],
+        program: moderngl.Program,
+    ):
+        self._context, self._culler, self._program = context, culler, program
+        self._arrays = arrays_of(items)
+        vertices, triangles = object_triangles(items, geometry.anchor_m)
+        counts = np.array([len(item.mesh.positions) for item in items])
+        kinds = [self._kind(item) for item in items]
+        vertices["in_material"][:, 1] = np.repeat(np.array(kinds, dtype=np.float32), counts)
+        views, total = culler.views, len(triangles)
+        centres = np.zeros((total, 4), dtype=np.float32)
+        centres[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
+        self._items = len(items)
+        self._commands = context.buffer(reserve=COMMAND_BYTES * views.count * len(items))
+        self._written = views.count * len(items)
+        self._count = context.buffer(np.array([self._written], dtype="<u4"))
+        self._indices = indices = context.buffer(reserve=12 * total * views.cameras)
+        self._vertices = cluster_vertex_array(
+            context,
+            program,
+            context.buffer(vertices),
+            indices,
+            culler.instances,
+            item_light_coordinates(context, items),
+        )
+        self._shader = build_compute_shader(context, "culling/blended.comp")
+        self._shader["u_items"], self._shader["u_triangles"] = len(items), total
+        bound = [
+            self._commands, context.buffer(_packed(items, geometry.anchor_m)),
+            context.buffer(centres), context.buffer(triangles.astype("<u4")), indices,
+        ]  # fmt: skip
+        self._bound = StorageBindings(bound, _COMMANDS_BINDING)
+        self._draws, self._state = IndirectDraws(), GlState()
+
+    @property
+    def memory_bytes(self) -> int:
+        """Memory of what is sorted, for all cameras."""
+        return self._commands.size + self._indices.size
+
+    def draw(self) -> None:
+        """Sort and draw, by the culler's last run, whose buffers are bound.
+
+        Blending is set, and the state of `GlState.drawing`.
+        """
+        context, draws, views = self._context, self._draws, self._culler.views
+        commands = views.count * self._items
+        if commands != self._written:
+            self._written = commands
+            self._count.write(np.uint32(commands))
+        self._bound.bind()
+        self._shader.run(self._items, views.cameras)
+        context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)
+        self._state.set_culling(False)
+        for unit, array in enumerate(self._arrays):
+            self._state.bind_texture(unit, array.array.glo)
+        draws.bind(self._commands.glo, self._count.glo, self._vertices.glo)
+        draws.use_program(self._program.glo)
+        draws.drawing(0, 0, commands)()
+
+    def _kind(self, item: DrawItem) -> int:
+        array = item.texture_layer.array
+        number = _NO_ARRAY if array is None else self._arrays.index(array)
+        return number + _UNLIT * item.material.unlit + _DOUBLE_SIDED * item.material.double_sided
+
+
+def _packed(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray[np.void]:
+    """Items (n,) of the shader."""
+    packed = np.zeros(len(items), dtype=_ITEM)
+    packed["triangles"] = [item.triangles for item in items]
+    packed["first_triangle"] = np.cumsum(packed["triangles"]) - packed["triangles"]
+    for one, item in zip(packed, items, strict=True):
+        is_static = item.object_index is None
+        one["centre"] = item.centre_m - (anchor_m if is_static else 0.0)
+        one["object"] = 0 if item.object_index is None else 1 + item.object_index
+        # the matrices are floats
+        one["radius"] = item.radius_m * (1.0 + 1e-5) + 1e-5 * np.abs(one["centre"]).sum()
+    return packed

@@ -1,0 +1,188 @@
+"""Draws the visible clusters of all views: one call for each batch of buckets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import groupby, product
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
+from omnisim.rendering.opengl.culling.command_slices import BANDS, CommandRange
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
+from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
+from omnisim.rendering.opengl.gl_functions import IndirectDraws
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.materials.material_units import map_units
+
+
+class BucketProgram(NamedTuple):
+    """Program that draws a bucket.
+
+    Attributes:
+        program: of `CLUSTER_VERTEX`.
+        sampler: of its textures; None: their own.
+        first_command: uniform that is told which command is the first; None: it does not matter.
+    """
+
+    program: moderngl.Program
+    sampler: moderngl.Sampler | None = None
+    first_command: moderngl.Uniform | None = None
+
+
+class DrawState(NamedTuple):
+    """State of a draw call.
+
+    Attributes:
+        shader: program of all of its buckets.
+        shows_back: back faces are drawn, too.
+        textures: names of those that the program reads, by unit.
+    """
+
+    shader: BucketProgram
+    shows_back: bool
+    textures: tuple[tuple[int, int], ...]
+
+
+class DrawBatches:
+    """Batches of a geometry's buckets: those that follow each other and have one state.
+
+    Args:
+        geometry: the clusters.
+        find_program: of a bucket.
+        both_sides: draw back faces, too.
+
+    Attributes:
+        states: of the batches.
+        groups: (batches,) their numbers of cluster groups.
+    """
+
+    def __init__(
+        self,
+        geometry: ClusteredGeometry,
+        find_program: Callable[[Bucket], BucketProgram],
+        both_sides: bool,
+    ):
+        states = [_state(one, find_program(one), both_sides) for one in geometry.buckets]
+        runs = [(state, len(list(run))) for state, run in groupby(states)]
+        self.states = [state for state, _ in runs]
+        ends = np.cumsum([length for _, length in runs])
+        groups = np.concatenate(([0], np.cumsum(geometry.buffers.groups_of_bucket)[ends - 1]))
+        self.groups: NDArray[np.intp] = np.diff(groups)
+
+
+def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool) -> DrawState:
+    arrays = [(0, "u_textures", bucket.array)]
+    arrays += [(*one, array) for one, array in zip(map_units(), bucket.maps or (), strict=False)]
+    return DrawState(
+        shader,
+        bucket.double_sided or both_sides,
+        tuple(
+            (unit, array.array.glo)
+            for unit, name, array in arrays
+            if array is not None and name in shader.program
+        ),
+    )
+
+
+class ClusterDrawer:
+    """Draws what a culler left, by the programs of one pass.
+
+    Args:
+        context: where.
+        geometry: the clusters.
+        culler: of their views, by these batches.
+        batches: their states.
+
+    Attributes:
+        culler: as given.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        geometry: ClusteredGeometry,
+        culler: ClusterCuller,
+        batches: DrawBatches,
+    ):
+        self.culler, self._states = culler, batches.states
+        self._draws = IndirectDraws()
+        self._array = cluster_vertex_array(
+            context,
+            batches.states[0].shader.program,
+            geometry.vertices,
+            geometry.indices,
+            culler.instances,
+            geometry.light_coordinates,
+        )
+        # the same in each frame
+        self._calls: list[list[list[Callable[[], object]]]] = []
+        set_state = _StateCalls()
+        for pass_index in range(culler.passes):
+            self._calls.append(
+                [self._calls_of(pass_index, ranges, set_state) for ranges in culler.slices]
+            )
+
+    def draw(self, pass_index: int) -> None:
+        """Draw the commands of a pass, with the state of `GlState.drawing`.
+
+        Those before it were drawn in the same frame, and nothing else since then.
+        """
+        if pass_index == 0:
+            self._draws.bind(self.culler.commands.glo, self.culler.counts.glo, self._array.glo)
+        for number, calls in enumerate(self._calls[pass_index]):
+            if number:
+                self.culler.next_slice(pass_index, number)
+            for call in calls:
+                call()
+
+    def _calls_of(
+        self, pass_index: int, ranges: Sequence[CommandRange], set_state: _StateCalls
+    ) -> list[Callable[[], object]]:
+        """Calls that draw a slice, band by band."""
+        calls: list[Callable[[], object]] = []
+        set_state.forget_program()  # that of culling is in use
+        for band, commands in product(range(BANDS), ranges):
+            state, first = self._states[commands.batch], commands.first + band * commands.most
+            calls += set_state.to(state)
+            if state.shader.first_command is not None:
+                calls.append(partial(setattr, state.shader.first_command, "value", first))
+            count = (BANDS * pass_index + band) * self.culler.ranges + commands.number
+            calls.append(self._draws.drawing(first, count, commands.most))
+        return calls
+
+
+class _StateCalls:
+    """Calls that set the state of one draw after the other, but for what stays."""
+
+    def __init__(self) -> None:
+        self._gl, self._draws = GlState(), IndirectDraws()
+        self._program: moderngl.Program | None = None
+        self._sampler: moderngl.Sampler | None = None
+        self._shows_back = False
+        self._textures: dict[int, int] = {}
+
+    def forget_program(self) -> None:
+        """Set the next program anew."""
+        self._program = None
+
+    def to(self, state: DrawState) -> Iterator[Callable[[], object]]:
+        """Calls from the state before to another."""
+        shader = state.shader
+        if shader.program is not self._program:
+            self._program = shader.program
+            yield partial(self._draws.use_program, shader.program.glo)
+        if state.shows_back is not self._shows_back:
+            self._shows_back = state.shows_back
+            yield partial(self._gl.set_culling, not state.shows_back)
+        for unit, texture in state.textures:
+            if self._textures.get(unit) != texture:
+                self._textures[unit] = texture
+                yield partial(self._gl.bind_texture, unit, texture)
+        if shader.sampler is not None and shader.sampler is not self._sampler:
+            self._sampler = shader.sampler
+            yield partial(shader.sampler.use, 0)

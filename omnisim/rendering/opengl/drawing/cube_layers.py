@@ -1,0 +1,111 @@
+"""Atlases of many cameras, drawn in one submission: each into a layer of a texture array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of
+from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
+from omnisim.rendering.opengl.drawing.surface_program import (
+    SurfacePrograms,
+    SurfaceVariant,
+    variant_of_blended,
+    variant_of_bucket,
+)
+from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.layer_targets import layered_target
+
+EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
+_POSITIONS = 15  # binding, as in `scene/lighting.glsl`
+
+
+class CubeLayers:
+    """Culls and draws the clusters of many cameras together, and the blended items.
+
+    Viewport and matrices of a layer are those of a single atlas, and so are its bytes.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        programs: lit by the scene's lights.
+        plan: the tiles of each camera.
+        cameras: the virtual cameras.
+        blended: items that `blended_drawer.fits`, or none.
+        atlases: a layer for each camera.
+
+    Attributes:
+        atlases: as given.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        programs: SurfacePrograms,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        blended: Sequence[DrawItem],
+        atlases: moderngl.TextureArray,
+    ):
+        self.atlases, self._background = atlases, cameras.background
+        self._is_unlit = cameras.unlit
+        self._buffers, self._state = buffers, GlState()
+        self._target, self._depth = layered_target(buffers.context, atlases)
+
+        def layered(variant: SurfaceVariant) -> moderngl.Program:
+            return programs[variant._replace(layered=True)].program
+
+        def find_program(bucket: Bucket) -> BucketProgram:
+            return BucketProgram(layered(variant_of_bucket(bucket, cameras.unlit)))
+
+        nothing, count = np.empty(0, dtype=np.intp), atlases.layers
+        self._tiles = TileRenderer(
+            buffers, plan, cameras, nothing, find_program, self._depth, most_cameras=count
+        )
+        self._blended: BlendedDrawer | None = None
+        geometry, culler = buffers.clustered_geometry, self._tiles.culler
+        if blended and geometry is not None and culler is not None:
+            variant = variant_of_blended(len(arrays_of(blended)), cameras.unlit, blended)
+            program = layered(variant)
+            self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
+        self._surface_programs, positions = programs, len(programs.positions_m)
+        self._positions = buffers.context.buffer(reserve=16 * max(1, count * positions))
+        sky = programs.sky_seen(cameras.unlit)
+        self._sky = None if sky is None else SkyPass(buffers.context, sky, plan, count)
+
+    def draw(
+        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
+    ) -> None:
+        """Draw all from poses of the cameras' rigs and of the dynamic objects, which have the same
+        shadow maps.
+        """
+        rigs = np.array([rig for rig, _ in poses])
+        objects = np.array([objects for _, objects in poses])
+        positions_m = self._surface_programs.positions_m
+        shadows = None if self._is_unlit else self._surface_programs.shadows
+        if len(positions_m):
+            positions = np.zeros((len(poses), len(positions_m), 4), dtype=np.float32)
+            positions[..., :3] = positions_m - rigs[:, None, :3, 3]
+            self._positions.write(positions)
+        if shadows is not None:
+            self._buffers.deform(poses[0][1])  # what the camera does not see casts shadows
+            shadows.prepare(poses[0][0][:3, 3], poses[0][1])
+        self._tiles.begin(self._target, [(*self._background, 1.0)])
+        self._surface_programs.bind_tables()
+        self._positions.bind_to_storage_buffer(_POSITIONS)
+        with self._state.drawing():
+            self._tiles.draw_clusters(rigs, objects)
+            if self._sky is not None:
+                self._sky.draw(self._target, rigs)
+            if self._blended is not None:
+                self._positions.bind_to_storage_buffer(_POSITIONS)  # which may be the sky's binding
+                with self._state.blending():
+                    self._blended.draw()

@@ -1,0 +1,43 @@
+"""Uniforms of items that are drawn one by one, which programs of all passes have."""
+
+from __future__ import annotations
+
+import struct
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.materials.texture_array import bind_maps
+from omnisim.rendering.opengl.uniforms import find_uniform
+
+
+class ItemUniforms:
+    """Matrix and material of one item; those that a program does not use are left alone.
+
+    Args:
+        program: of single items, or of clusters, which has none of them.
+    """
+
+    def __init__(self, program: moderngl.Program):
+        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
+        self._base_color = find_uniform(program, "u_base_color")
+        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
+        self._record = find_uniform(program, "u_record")
+
+    def set_clip_from_mesh(self, clip_from_mesh: NDArray[np.float32]) -> None:
+        """Set the matrix (4, 4), columns first."""
+        if self._clip_from_mesh is not None:
+            self._clip_from_mesh.write(clip_from_mesh)
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Set the numbers of an item's material, and bind its maps."""
+        material, reflectance = item.material, item.texture_layer.reflectance
+        if self._base_color is not None:
+            self._base_color.write(struct.pack("4f", *material.base_color))
+        if self._alpha_cutoff is not None:
+            self._alpha_cutoff.value = material.hit_cutoff
+        if self._record is not None and reflectance is not None:
+            self._record.value = reflectance.record
+            bind_maps(reflectance.maps)

@@ -1,0 +1,126 @@
+"""Range pass: a laser scanner's ranges; every triangle is intersected with the scan plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import ObjectPart
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
+from omnisim.rendering.opengl.shader_files import build_compute_shader
+from omnisim.rendering.opengl.uniforms import columns_first, uniform
+from omnisim.scene.model import AlphaMode
+
+_GROUP_SIZE = 64  # triangles; local_size_x in range.comp
+_MAX_GROUPS = 65535  # in one direction, which every GPU allows
+_BEAMS, _RANGES = 2, 3  # bindings in range.comp
+_NO_HIT = np.float32(np.inf)
+
+
+class RangePass:
+    """Casts the beams of a scanner into a scene; everything on the GPU is made once.
+
+    Opaque surfaces reflect on both sides. Through the holes of masked materials, and where blended
+    ones hide less than half of what is behind, a beam goes on.
+
+    Args:
+        buffers: the scene and its dynamic objects; other passes may draw from them, too.
+        angles_rad: (n,) of the beams in the scanner's frame, counter-clockwise from its x axis,
+            equally spaced, from −π at the lowest to π at the most.
+        max_range_m: surfaces farther away need not be found; may be infinite.
+        hidden: parts of dynamic objects that beams go through.
+
+    Raises:
+        GraphicsError: a scene that is too large for the GPU's shaders to read.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float = math.inf,
+        hidden: Collection[ObjectPart] = (),
+    ):
+        context = buffers.context
+        self._context, self._buffers, self._max_range_m = context, buffers, max_range_m
+        self._hidden = hidden
+        increment_rad = angles_rad[1] - angles_rad[0] if len(angles_rad) > 1 else 1.0
+        self._angles_rad = angles_rad[0], increment_rad
+        self._compiled_windows: tuple[str, ...] | None = None
+        self.refresh()
+        self._is_front_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
+        directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
+        self._beams = context.buffer(directions.astype("<f4"))
+        self._no_hits = np.full(len(angles_rad), _NO_HIT, dtype="<f4").tobytes()
+        self._ranges = context.buffer(self._no_hits)
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self._shown = self._buffers.shown(self._hidden)
+        buffers = self._buffers
+        buffers.check_readable("to scan them")
+        windows = window_defines(self._context, buffers.vertices, buffers.indices)
+        if windows != self._compiled_windows:
+            self._compiled_windows = windows
+            self._compile(windows)
+
+    def _compile(self, windows: tuple[str, ...]) -> None:
+        context = self._context
+        self._opaque = build_compute_shader(context, "scene/range.comp", windows)
+        self._masked = build_compute_shader(context, "scene/range.comp", ("HOLES", *windows))
+        self._masked["u_texture"] = 0
+        for program in (self._opaque, self._masked):
+            program["u_angle_min"], program["u_angle_increment"] = self._angles_rad
+
+    def cast(
+        self,
+        world_from_scanner: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> NDArray[np.float64]:
+        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        buffers = self._buffers
+        buffers.deform(world_from_objects)
+        transforms = buffers.instance_transforms(world_from_scanner[:3, 3], world_from_objects)
+        scanner_from_viewpoint = np.eye(4)
+        scanner_from_viewpoint[:3, :3] = world_from_scanner[:3, :3].T
+        matrices = columns_first(scanner_from_viewpoint @ transforms.viewpoint_from_mesh)
+        centres_m = transforms.centres_m @ scanner_from_viewpoint[:3, :3].T
+        hit = self._shown & self._may_hit(centres_m, transforms.radii_m)
+        self._ranges.write(self._no_hits)
+        self._beams.bind_to_storage_buffer(_BEAMS)
+        self._ranges.bind_to_storage_buffer(_RANGES)
+        bind_triangles(self._context, buffers.vertices, buffers.indices)
+        for index in np.flatnonzero(hit):
+            self._cast_item(buffers.draw_items[index], matrices[index])
+        self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
+        return np.frombuffer(self._ranges.read(), dtype="<f4").astype(np.float64)
+
+    def _may_hit(
+        self, centres_m: NDArray[np.float64], radii_m: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Mask of spheres (n,) that beams may hit, by centres (n, 3) in the scanner's frame."""
+        kept = np.abs(centres_m[:, 2]) <= radii_m
+        kept &= np.linalg.norm(centres_m, axis=1) - radii_m <= self._max_range_m
+        if self._is_front_only:
+            kept &= centres_m[:, 0] >= -radii_m
+        return kept
+
+    def _cast_item(self, item: DrawItem, scanner_from_mesh: NDArray[np.float32]) -> None:
+        material = item.material
+        program = self._opaque if material.alpha_mode is AlphaMode.OPAQUE else self._masked
+        if program is self._masked:
+            program["u_base_alpha"] = material.base_color[3]
+            program["u_alpha_cutoff"] = material.hit_cutoff
+            item.texture.use(0)
+        triangles = item.triangles
+        uniform(program, "u_scanner_from_mesh").write(scanner_from_mesh)
+        program["u_first"] = item.first
+        program["u_triangles"] = triangles
+        groups = -(-triangles // _GROUP_SIZE)
+        rows = 1 + groups // _MAX_GROUPS
+        program.run(-(-groups // rows), rows)

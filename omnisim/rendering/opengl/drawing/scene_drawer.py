@@ -1,0 +1,103 @@
+"""Draws items of a scene one by one, by the programs of one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Generic, Protocol, TypeVar
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.uniforms import columns_first
+
+
+class DrawProgram(Protocol):
+    """Program that draws triangles of the scene."""
+
+    @property
+    def program(self) -> moderngl.Program:
+        """Program of OpenGL."""
+
+    def set_matrices(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Set the matrices (4, 4) and (3, 3), columns first, of the next draw calls."""
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the material of an item for the next draw calls."""
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw some of a vertex array's indices; the first triangle has this ID."""
+
+
+P = TypeVar("P", bound=DrawProgram)
+
+
+class SceneDrawer(Generic[P]):
+    """Draws items, each by the program of its material.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        indices: index buffer of the items.
+        items: (n,) that may be drawn.
+        find_program: of an item.
+        id_of_item: ID of the first triangle of an item.
+        both_sides: draw back faces, too.
+
+    Attributes:
+        programs: all of them.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        indices: moderngl.Buffer,
+        items: NDArray[np.intp],
+        find_program: Callable[[DrawItem], P],
+        id_of_item: Mapping[int, int],
+        both_sides: bool = False,
+    ):
+        self._both_sides = both_sides
+        self._context, self._items = buffers.context, buffers.draw_items
+        self._state = GlState()
+        self._programs = {
+            index: find_program(buffers.draw_items[index]) for index in items.tolist()
+        }
+        self.programs = set(self._programs.values())
+        self._arrays = {
+            one: vertex_array(
+                buffers.context, one.program, buffers.vertices, indices, buffers.light_coordinates
+            )
+            for one in self.programs
+        }
+        self._id_of_item = id_of_item
+        self._transforms = np.empty((0, 4, 4), np.float32), np.empty((0, 3, 3), np.float32)
+
+    def begin(self, transforms: InstanceTransforms) -> None:
+        """Begin a frame."""
+        self._transforms = (
+            columns_first(transforms.viewpoint_from_mesh),
+            columns_first(transforms.normal_from_mesh),
+        )
+
+    def draw_item(self, index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+        """Draw an item by its matrix (4, 4), columns first."""
+        item, program = self._items[index], self._programs[index]
+        viewpoint_from_mesh, normal_from_mesh = self._transforms
+        if item.flips_winding:
+            self._context.front_face = "ccw"
+        self._state.set_culling(not (item.material.double_sided or self._both_sides))
+        program.set_matrices(clip_from_mesh, viewpoint_from_mesh[index], normal_from_mesh[index])
+        program.bind_material(item)
+        first_id = self._id_of_item.get(index, 0)
+        program.draw(self._arrays[program], item.first, item.count, first_id)
+        if item.flips_winding:
+            self._context.front_face = "cw"

@@ -1,0 +1,391 @@
+"""Surface programs: shaders that draw surfaces, in the variants that materials ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.drawing.shadow_source import ShadowSource
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
+from omnisim.rendering.opengl.geometry.light_baking import Shading
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.materials import baked_textures
+from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
+from omnisim.rendering.opengl.materials.material_units import (
+    bind_materials,
+    connect_material,
+    reflectance_defines,
+)
+from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler, write_fog
+from omnisim.scene.light.environment import Environment
+from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
+from omnisim.scene.surface_reflectance import environment_table
+
+_ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone that has every direction in it: a point light's
+_NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
+_ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
+
+
+class SurfaceVariant(NamedTuple):
+    """Compiled version of the surface shader.
+
+    Attributes:
+        lit, alpha_mode, textured: of the material.
+        shading: of the triangles.
+        clustered: of clusters, not of single items.
+        layered: cameras have layers.
+        blended_arrays: number of texture arrays of blended clusters.
+        maps: the material has such a map, in the order of `Material.maps`; None: it is matte.
+        second_coordinates: place some of the maps.
+        in_fog: it is seen through the scene's fog, if there is some.
+        light: on it, if it is lit.
+        both_sides: have light of their own in the lightmap.
+    """
+
+    lit: bool
+    alpha_mode: AlphaMode
+    textured: bool
+    shading: Shading = Shading.UNKNOWN
+    clustered: bool = False
+    layered: bool = False
+    blended_arrays: int | None = None
+    maps: tuple[bool, ...] | None = None
+    second_coordinates: bool = False
+    in_fog: bool = True
+    light: LightSource = LightSource.COMPUTED
+    both_sides: bool = False
+
+    @property
+    def computes_light(self) -> bool:
+        """Light is computed for each fragment."""
+        in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
+        return self.lit and self.shading is not Shading.BAKED and not in_lightmap
+
+    def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
+        """Defines of the shaders."""
+        defines = []
+        is_placed = in_fog = lighting.fog is not None and self.in_fog
+        if self.computes_light:
+            directional, punctual = lighting.by_kind()
+            defines += [
+                "LIT",
+                f"DIRECTIONAL_LIGHTS {len(directional)}",
+                f"PUNCTUAL_LIGHTS {len(punctual)}",
+                f"EACH_DIRECTIONAL(f) {_calls(len(directional))}",
+                f"EACH_PUNCTUAL(f) {_calls(len(punctual))}",
+            ]
+            agree = self.shading is Shading.NORMALS_AGREE
+            if agree:
+                defines.append("NORMALS_AGREE")
+            is_placed = is_placed or bool(punctual) or not agree or self.maps is not None
+            is_placed = is_placed or shadows is not None or self.light.is_baked
+            if lighting.environment is not None:
+                defines.append("ENVIRONMENT")
+            if shadows is not None:
+                defines += shadows.defines
+            if self.light.is_baked:
+                defines.append("BAKED_LIGHT")
+            defines += reflectance_defines(self.maps, self.second_coordinates)
+        elif self.lit and not self.light.is_baked:
+            defines.append("BAKED")
+        if self.lit:
+            defines += self.light.defines
+        if self.both_sides:
+            defines.append("BOTH_SIDES")
+        if is_placed:
+            defines.append("POSITION")
+        if in_fog:
+            defines.append("FOG")
+        if self.textured:
+            defines.append("TEXTURED")
+        if self.alpha_mode is not AlphaMode.OPAQUE:
+            defines.append(f"ALPHA_{self.alpha_mode.name}")
+        if self.clustered:
+            defines.append("CLUSTERED")
+        if self.layered:
+            defines.append("LAYERED")
+        if self.blended_arrays is not None:
+            defines.append(f"BLENDED_ARRAYS {self.blended_arrays}")
+        return tuple(defines)
+
+
+def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
+    """Variant that draws an item; `unlit`: plain base colours."""
+    material, found = item.material, item.texture_layer.reflectance
+    textured = material.texture is not None
+    if unlit or material.unlit:
+        return SurfaceVariant(False, material.alpha_mode, textured, in_fog=not unlit)
+    variant = SurfaceVariant(True, material.alpha_mode, textured)._replace(
+        light=item.light, both_sides=material.double_sided and item.light.is_mapped
+    )
+    return variant if found is None else _reflective(variant, found.maps, found.second_coordinates)
+
+
+def _reflective(
+    variant: SurfaceVariant, maps: Sequence[TextureArray | None], second_coordinates: bool
+) -> SurfaceVariant:
+    has_maps = tuple(one is not None for one in maps)
+    return variant._replace(maps=has_maps, second_coordinates=second_coordinates)
+
+
+def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
+    """Variant that draws the clusters of a bucket; `unlit`: plain base colours."""
+    textured = bucket.array is not None
+    if unlit or bucket.unlit:
+        return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
+    variant = SurfaceVariant(
+        True,
+        bucket.alpha_mode,
+        textured,
+        bucket.shading,
+        clustered=True,
+        light=bucket.light,
+        both_sides=bucket.double_sided and bucket.light.is_mapped,
+    )
+    if bucket.maps is None:
+        return variant
+    return _reflective(variant, bucket.maps, bucket.second_coordinates)
+
+
+def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> SurfaceVariant:
+    """Variant that draws all blended items, of so many texture arrays."""
+    sources = {item.light for item in items}
+    light = sources.pop() if len(sources) == 1 else LightSource.LIGHTMAP_OR_PROBES
+    return SurfaceVariant(
+        not unlit,
+        AlphaMode.BLEND,
+        arrays > 0,
+        clustered=True,
+        blended_arrays=arrays,
+        in_fog=not unlit,
+        light=LightSource.COMPUTED if unlit else light,
+        both_sides=light.is_mapped and not unlit,
+    )
+
+
+class SurfaceProgram:
+    """One compiled variant with its uniforms.
+
+    Args:
+        context: where.
+        variant: to compile.
+        lighting: of the scene.
+        shadows: of its lights; None: there are none.
+
+    Attributes:
+        program: as compiled.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        variant: SurfaceVariant,
+        lighting: Lighting,
+        shadows: ShadowSource | None = None,
+    ):
+        files = "scene/surface.vert", "scene/surface.frag"
+        self.program = program = build_program(context, *files, variant.defines(lighting, shadows))
+        self._shadows = shadows
+        self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
+        self._probes_viewpoint = find_uniform(program, "u_probes_viewpoint")
+        self._light_rectangles = find_uniform(program, "u_light_rectangles")
+        self._baked = lighting.baked
+        if lighting.baked is not None:
+            baked_textures.connect(program, lighting.baked)
+        if shadows is not None:
+            shadows.connect(program)
+        self._is_textured = variant.textured
+        # those of single items
+        self._item = ItemUniforms(program)
+        # ambient light alone needs neither, and the compiler leaves them out
+        self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
+        self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
+        self._light_positions = find_uniform(program, "u_punctual_position")
+        self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
+        if variant.textured:
+            arrays = variant.blended_arrays or 1
+            units = 0 if arrays == 1 else tuple(range(arrays))
+            program["u_textures" if variant.clustered else "u_texture"] = units
+        self.needs_item_details = variant.second_coordinates and not variant.clustered
+        if variant.maps is not None:
+            connect_material(program, variant.clustered)
+            for name, unit in _ENVIRONMENT_UNITS.items():
+                set_sampler(program, name, unit)
+        if lighting.fog is not None and variant.in_fog:
+            write_fog(program, lighting.fog)
+        if variant.computes_light:
+            _write_lights(program, lighting)
+            if lighting.environment is not None:
+                _write_environment(program, lighting.environment)
+
+    def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
+        """Count positions of lights and shadow maps from the effective viewpoint (3,), world."""
+        if self._light_positions is not None:
+            positions_m = self._light_positions_m - viewpoint_m
+            self._light_positions.write(positions_m.astype(np.float32))
+        if self._shadow_viewpoint is not None and self._shadows is not None:
+            offset_m = viewpoint_m - self._shadows.anchor_m
+            self._shadow_viewpoint.write(offset_m.astype(np.float32))
+        if self._probes_viewpoint is not None and self._baked is not None:
+            offset_m = viewpoint_m - self._baked.probes.origin_m
+            self._probes_viewpoint.write(offset_m.astype(np.float32))
+
+    def set_matrices(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Set the matrices (4, 4) and (3, 3), columns first, of the next draw call."""
+        self._item.set_clip_from_mesh(clip_from_mesh)
+        if self._viewpoint_from_mesh is not None:
+            self._viewpoint_from_mesh.write(viewpoint_from_mesh)
+        if self._normal_from_mesh is not None:
+            self._normal_from_mesh.write(normal_from_mesh)
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the material of an item for the next draw call."""
+        self._item.bind_material(item)
+        if self._is_textured:
+            item.texture.use(0)
+        if self._light_rectangles is not None and item.light_rectangles:
+            sides = item.light_rectangles[: self._light_rectangles.array_length]
+            self._light_rectangles.write(np.array(sides, dtype=np.float32))
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw some of a vertex array's indices; colours need no IDs."""
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
+
+
+class SurfacePrograms:
+    """Variants of the surface shader that were asked for, each compiled once.
+
+    All cameras that draw from the same buffers share them: per-camera uniforms are set in every
+    frame.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        lighting: of the scene.
+        shadows: of its lights; None: there are none.
+
+    Attributes:
+        shadows: as given.
+
+    Raises:
+        GraphicsError: more lights than one would want in a shader.
+    """
+
+    def __init__(
+        self, buffers: SceneBuffers, lighting: Lighting, shadows: ShadowSource | None = None
+    ):
+        if len(lighting.lights) > MAX_LIGHTS:
+            raise GraphicsError(
+                f"lights: expected at most {MAX_LIGHTS}, got {len(lighting.lights)}"
+            )
+        self._context, self._buffers, self._lighting = buffers.context, buffers, lighting
+        self.shadows = shadows
+        self._programs: dict[tuple[SurfaceVariant, tuple[str, ...]], SurfaceProgram] = {}
+
+    @property
+    def positions_m(self) -> NDArray[np.float64]:
+        """Positions (n, 3) that count from the viewpoint, world: those of the punctual lights, the
+        origin of their shadow maps, where they have some, and the first probe of baked light."""
+        positions_m = [light.position_m for light in self._lighting.by_kind()[1]]
+        if self.shadows is not None:
+            positions_m.append(self.shadows.anchor_m)
+        if self._lighting.baked is not None:
+            positions_m.append(self._lighting.baked.probes.origin_m)
+        return np.array(positions_m, dtype=np.float64).reshape(-1, 3)
+
+    def bind_tables(self) -> None:
+        """Bind baked light, and what materials that are not matte look up, if there are any."""
+        if self._baked_textures is not None:
+            self._baked_textures.bind()
+        if self._buffers.materials.texture is None:
+            return
+        needed = any(one.needs_item_details for one in self._programs.values())
+        bind_materials(self._buffers, needed)
+        self._environment_table.use(_ENVIRONMENT_UNITS["u_environment_table"])
+        if self._filtered_sky is not None:
+            self._filtered_sky.use(_ENVIRONMENT_UNITS["u_filtered_sky"])
+
+    def sky_seen(self, unlit: bool) -> moderngl.Texture | None:
+        """Texture of the environment map; None: there is none, or fog hides it."""
+        return None if self._lighting.fog is not None and not unlit else self._sky
+
+    @cached_property
+    def _sky(self) -> moderngl.Texture | None:
+        environment = self._lighting.environment
+        return None if environment is None else sky_texture(self._context, environment)
+
+    @cached_property
+    def _filtered_sky(self) -> moderngl.Texture | None:
+        environment = self._lighting.environment
+        return None if environment is None else filtered_texture(self._context, environment)
+
+    @cached_property
+    def _baked_textures(self) -> baked_textures.BakedTextures | None:
+        baked = self._lighting.baked
+        return None if baked is None else baked_textures.BakedTextures(self._context, baked)
+
+    @cached_property
+    def _environment_table(self) -> moderngl.Texture:
+        table = environment_table()
+        size = (table.shape[1], table.shape[0])
+        texture = self._context.texture(size, 3, np.ascontiguousarray(table), dtype="f4")
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = False
+        return texture
+
+    def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
+        # other shadow maps, of an edited scene, need other programs
+        key = variant, () if self.shadows is None else self.shadows.defines
+        if key not in self._programs:
+            self._programs[key] = SurfaceProgram(
+                self._context, variant, self._lighting, self.shadows
+            )
+        return self._programs[key]
+
+
+def _calls(count: int) -> str:
+    """Uses of a macro f for the numbers of lights."""
+    return " ".join(f"f({number})" for number in range(count))
+
+
+def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
+    """Write the uniforms of all lights, but for positions, which count from the viewpoint."""
+
+    def write(name: str, values: ArrayLike) -> None:
+        found = find_uniform(program, name)  # none of what baked light takes the place of
+        if found is not None:
+            found.write(np.asarray(values, dtype=np.float32))
+
+    directional, punctual = lighting.by_kind()
+    write("u_ambient", lighting.ambient)
+    for name, lights in (("directional", directional), ("punctual", punctual)):
+        if lights:
+            colors = [np.array(one.color) * one.intensity for one in lights]
+            write(f"u_{name}_color", np.array(colors) * lighting.exposure)
+            write(f"u_{name}_direction", [one.direction for one in lights])
+    if punctual:
+        cones = [
+            one.cone_cosines if one.kind is LightKind.SPOT else _ALL_DIRECTIONS for one in punctual
+        ]
+        ranges_m = [min(one.range_m, _NO_RANGE_M) for one in punctual]
+        write("u_punctual_limits", np.column_stack((ranges_m, cones)))
+
+
+def _write_environment(program: moderngl.Program, environment: Environment) -> None:
+    irradiance = find_uniform(program, "u_irradiance")
+    if irradiance is not None:
+        irradiance.write(environment.irradiance.astype(np.float32))

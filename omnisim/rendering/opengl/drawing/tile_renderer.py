@@ -1,0 +1,222 @@
+"""The draw loop over the tiles of an atlas, for colours and for triangle IDs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import ObjectPart
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.atlas.tile_views import TileView, TileViews, clips_from_rig
+from omnisim.rendering.opengl.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
+from omnisim.rendering.opengl.culling.cluster_views import Views
+from omnisim.rendering.opengl.drawing.cluster_drawer import (
+    BucketProgram,
+    ClusterDrawer,
+    DrawBatches,
+)
+from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
+from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
+from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.uniforms import columns_first
+
+
+@dataclass(frozen=True)
+class VirtualCameras:
+    """Settings of the virtual cameras.
+
+    Attributes:
+        near_m, far_m: depth range; far_m may be infinite.
+        samples: of a texel of the picture.
+        unlit: show plain base colours.
+        background: linear RGB where nothing is hit.
+        hidden: parts of dynamic objects that are not drawn.
+        both_sides: show all surfaces from behind, too.
+    """
+
+    near_m: float
+    far_m: float
+    samples: int = 1
+    unlit: bool = False
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    hidden: frozenset[ObjectPart] = frozenset()
+    both_sides: bool = False
+
+
+class TileRenderer:
+    """Draws a scene into the tiles of an atlas, by any programs.
+
+    Faces, depth, clipping and culling are the same for all passes; clearing, blending and programs
+    are their own.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        plan: the tiles.
+        cameras: their depth range and sides count.
+        items: (n,) draw items to draw one by one, front to back.
+        find_program: of a bucket of clusters.
+        depth: of the atlas; None where shaders cannot read it.
+        samples: of a texel.
+        most_cameras: that are drawn together, each into a layer of the target and its depth.
+
+    Attributes:
+        views: of the tiles.
+        culler: of the clusters; None where there are none.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        items: NDArray[np.intp],
+        find_program: Callable[[Bucket], BucketProgram],
+        depth: moderngl.Texture | moderngl.TextureArray | None,
+        samples: int = 1,
+        most_cameras: int = 1,
+    ):
+        self._buffers, self._items = buffers, items
+        self._state = GlState()
+        self.views = TileViews(plan, cameras.near_m, cameras.far_m)
+        self.culler: ClusterCuller | None = None
+        geometry = buffers.clustered_geometry
+        if geometry is None:
+            return
+        context, depths_m = buffers.context, (cameras.near_m, cameras.far_m)
+        batches = DrawBatches(geometry, find_program, cameras.both_sides)
+        self._cluster_views = Views(
+            context,
+            clips_from_rig(plan, *depths_m),
+            plan.rectangles_px,
+            geometry.anchor_m,
+            geometry.objects,
+            most_cameras,
+        )
+        self.culler = ClusterCuller(
+            context,
+            geometry.buffers,
+            batches.groups,
+            self._cluster_views,
+            depth,
+            1 + sum(len(geometry.triangles) >= least for least in MIN_TRIANGLES_OF_PASSES),
+            (plan.width_px, plan.height_px),
+            depths_m,
+            samples,
+            cameras.both_sides,
+        )
+        # hidden static items have no triangles
+        shown = buffers.shown(cameras.hidden)
+        shown |= np.array([item.object_index is None for item in buffers.draw_items])
+        self.culler.show(geometry.shown_clusters(shown))
+        self._clusters = ClusterDrawer(context, geometry, self.culler, batches)
+
+    @property
+    def culling_bytes(self) -> int:
+        """Memory of culling, draw commands included."""
+        return 0 if self.culler is None else self.culler.memory_bytes
+
+    @property
+    def has_items(self) -> bool:
+        """There are items to draw one by one."""
+        return bool(self._items.size)
+
+    def begin(
+        self,
+        target: moderngl.Framebuffer,
+        colors: Sequence[tuple[float, float, float, float] | None],
+    ) -> None:
+        """Use a target and clear its depth and colours, of which None are integers.
+
+        All else is drawn with the state of `GlState.drawing`.
+        """
+        self._state.use(target, has_depth=True)
+        self._state.clear(colors, CLEAR_DEPTH)
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw the clusters of all tiles, and then the items.
+
+        Args:
+            target: cleared by `begin`.
+            world_from_rig: (4, 4).
+            world_from_objects: (4, 4) each, of the dynamic objects.
+            drawer: draws one item.
+        """
+        self.draw_clusters(world_from_rig, world_from_objects)
+        self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)
+
+    def draw_one_by_one(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw the items of all tiles, after the clusters."""
+        if not self._items.size:
+            return
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        drawer.begin(transforms)
+        order = self._buffers.front_to_back(self._items, transforms)
+        self.draw_items(target, self.views.at(world_from_rig), transforms, order, drawer)
+
+    def draw_clusters(
+        self,
+        worlds_from_rigs: NDArray[np.float64],
+        worlds_from_objects: NDArray[np.float64] | Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the clusters of all tiles, of one camera or of several, see `Views.write`."""
+        if self.culler is not None:
+            self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
+            for pass_index in range(self.culler.passes):
+                self.culler.run(pass_index)
+                self._clusters.draw(pass_index)
+
+    def draw_items(
+        self,
+        target: moderngl.Framebuffer,
+        views: Sequence[TileView],
+        transforms: InstanceTransforms,
+        order: NDArray[np.intp],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw the items of `order` (n,), in that order, in the tiles that may show them."""
+        with self._state.unclipped(), self._state.within_rectangles(target) as aim:
+            for view in views:
+                aim(view.tile.left_px, view.tile.top_px, *view.tile.size_px)
+                self._draw_in_tile(view, transforms, order, drawer)
+
+    def _draw_in_tile(
+        self,
+        view: TileView,
+        transforms: InstanceTransforms,
+        order: NDArray[np.intp],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        if order.size:
+            order = order[self.cull_items(view, transforms, order)]
+            clips = columns_first(view.clip_from_viewpoint @ transforms.viewpoint_from_mesh[order])
+            for index, clip_from_mesh in zip(order.tolist(), clips, strict=True):
+                drawer.draw_item(index, clip_from_mesh)
+
+    def cull_items(
+        self, view: TileView, transforms: InstanceTransforms, items: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Mask of items (n,) whose bounding spheres are not outside of a tile's frustum."""
+        inside_m = (
+            transforms.centres_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
+        )
+        kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
+        return kept

@@ -1,0 +1,1 @@
+"""Geometry on the GPU: vertices, indices, instances, tables of triangles."""

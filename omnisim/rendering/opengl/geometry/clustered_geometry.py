@@ -1,0 +1,319 @@
+"""Clustered geometry: opaque and masked instances as clusters, each of one object and one bucket.
+
+The scene's draw items have matrices, materials and calls of their own. Here each vertex has its
+material, so that one draw call shows all clusters of a bucket: of one program and texture array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.culling.cluster_buffers import ClusterBuffers
+from omnisim.rendering.opengl.culling.clusters import (
+    MAX_SCENE_TRIANGLES,
+    ClusterHierarchy,
+    Clusters,
+    build_clusters,
+)
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
+from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
+from omnisim.rendering.opengl.geometry.vertex_records import (
+    CLUSTER_VERTEX,
+    fill_vertices,
+    light_coordinates,
+)
+from omnisim.rendering.opengl.materials.material_table import vertex_details
+from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.scene.model import AlphaMode, Lighting
+
+# Of white: a third of a step of 255 in the dark, where these are finest, a hundredth at white.
+_SAME_LIGHT = 1e-4
+
+
+class Bucket(NamedTuple):
+    """Kind of clusters that one draw call shows.
+
+    Attributes:
+        unlit, alpha_mode, double_sided: of their materials.
+        cutoff: alpha of visible surfaces has a limit.
+        shading: of their triangles.
+        array: of their textures; None: they have none.
+        maps: arrays of their maps, see `Reflectance`; None: they are matte.
+        second_coordinates: place some of their maps.
+        light: on them.
+    """
+
+    unlit: bool
+    alpha_mode: AlphaMode
+    double_sided: bool
+    cutoff: bool
+    shading: Shading
+    array: TextureArray | None
+    maps: tuple[TextureArray | None, ...] | None = None
+    second_coordinates: bool = False
+    light: LightSource = LightSource.COMPUTED
+
+
+@dataclass(frozen=True, eq=False)
+class ClusteredGeometry:
+    """Instances of opaque and masked materials, see `build_clustered_geometry`.
+
+    Attributes:
+        buckets: of the clusters, in the order of the hierarchy.
+        anchor_m: (3,) float64, origin of the positions of object 0, which is static, world.
+        objects: number of objects: the static one and the dynamic ones.
+        hierarchy: clusters of one bucket and one object each; its order is of the triangles of all
+            contained draw items.
+        contains: (items,), mask of the scene's draw items.
+        vertices: buffer of `CLUSTER_VERTEX`, each in the frame of its object.
+        bucket_of_cluster: (clusters,).
+        item_of_triangle: (m,) draw item of each, cluster by cluster.
+        triangles: (m, 3), likewise; those of hidden items have no area.
+        indices: buffer of the triangles.
+        buffers: of clusters and groups, for culling.
+        details: of the vertices, see `vertex_details`; None: all materials are matte.
+        light_coordinates: of the vertices in the lightmap; None: no light is baked.
+    """
+
+    buckets: tuple[Bucket, ...]
+    anchor_m: NDArray[np.float64]
+    objects: int
+    hierarchy: ClusterHierarchy
+    contains: NDArray[np.bool_]
+    vertices: moderngl.Buffer
+    bucket_of_cluster: NDArray[np.intp]
+    item_of_triangle: NDArray[np.int32]
+    triangles: NDArray[np.uint32]
+    indices: moderngl.Buffer
+    buffers: ClusterBuffers
+    details: moderngl.Texture | None
+    light_coordinates: moderngl.Buffer | None
+
+    def show(self, shown: NDArray[np.bool_]) -> None:
+        """Show some of the draw items (items,), and no others."""
+        is_shown = shown[self.item_of_triangle]
+        self.indices.write(np.where(is_shown[:, None], self.triangles, np.uint32(0)))
+
+    @property
+    def clusters(self) -> Clusters:
+        """Clusters of the hierarchy."""
+        return self.hierarchy.clusters
+
+    def shown_clusters(self, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Mask (clusters,) of those of shown draw items (items,); static items are shown."""
+        return shown[self.item_of_triangle[self.clusters.first]]
+
+
+def build_clustered_geometry(
+    context: moderngl.Context, items: Sequence[DrawItem], lighting: Lighting, dynamic_objects: int
+) -> ClusteredGeometry | None:
+    """Build the clustered geometry of a scene; None where there is none.
+
+    Args:
+        context: where.
+        items: all draw items.
+        lighting: of the scene.
+        dynamic_objects: how many there are.
+    """
+    anchor_m = _anchor(items)
+    contains = _contained(items, anchor_m)
+    items = [item for item, is_contained in zip(items, contains, strict=True) if is_contained]
+    if not items:
+        return None
+    item_of_triangle = np.repeat(np.arange(len(items)), [item.triangles for item in items])
+    vertices, triangles = object_triangles(items, anchor_m)
+    corners = vertices["in_position"][triangles]
+    is_static = np.array([item.object_index is None for item in items])
+    is_bakeable = is_static & (lighting.baked is None)
+    shading, normals = shadings(vertices, triangles, lighting, is_bakeable[item_of_triangle])
+    # both sides are seen, or no light: what is known of a front is of no use
+    ignores = [item.material.double_sided or item.material.unlit for item in items]
+    shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
+    # light that depends on the view cannot be baked
+    reflective = np.array([item.texture_layer.reflectance is not None for item in items])
+    shading[reflective[item_of_triangle] & (shading == Shading.BAKED.value)] = Shading.UNKNOWN.value
+    # the lightmap has all light of matte surfaces, whatever their normals are
+    in_lightmap = np.array([item.light is LightSource.LIGHTMAP for item in items])
+    shading[(in_lightmap & ~reflective)[item_of_triangle]] = Shading.UNKNOWN.value
+    baked = shading == Shading.BAKED.value
+    lights = bake_directional_light(normals[baked], lighting)
+    vertices, triangles[baked] = _bake(vertices, triangles, baked, lights)
+    buckets, bucket = _buckets(items, len(Shading) * item_of_triangle + shading)
+    object_of_item = (
+        np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
+    )
+    # parts of dynamic objects can be hidden one by one
+    # and what casts no shadow is not drawn into shadow maps
+    casts = np.array([item.material.casts_shadow for item in items])
+    part = np.where(is_static & casts, 0, 1 + np.arange(len(items)))
+    objects = 1 + dynamic_objects
+    group_key = bucket * objects + object_of_item[item_of_triangle]
+    hierarchy = build_clusters(
+        corners, group_key * (1 + len(items)) + part[item_of_triangle], group_key
+    )
+    first = hierarchy.clusters.first[hierarchy.groups.first]
+    group_key = group_key[hierarchy.order[first]]
+    ordered = triangles[hierarchy.order].astype("<u4")
+    bucket_of_group, object_of_group = group_key // objects, group_key % objects
+    double_sided = np.array([one.double_sided for one in buckets])[bucket_of_group]
+    return ClusteredGeometry(
+        buckets=buckets,
+        anchor_m=anchor_m,
+        objects=objects,
+        hierarchy=hierarchy,
+        contains=contains,
+        vertices=context.buffer(vertices),
+        bucket_of_cluster=np.repeat(bucket_of_group, hierarchy.groups.children),
+        item_of_triangle=np.flatnonzero(contains)[item_of_triangle[hierarchy.order]].astype(
+            np.int32
+        ),
+        triangles=ordered,
+        indices=context.buffer(ordered),
+        buffers=ClusterBuffers(
+            context,
+            hierarchy,
+            np.repeat(double_sided, hierarchy.groups.children),
+            object_of_group,
+            bucket_of_group,
+        ),
+        details=_details(context, items) if reflective.any() else None,
+        light_coordinates=item_light_coordinates(context, items),
+    )
+
+
+def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.Texture:
+    reflectances = [item.texture_layer.reflectance for item in items]
+    return vertex_details(
+        context,
+        [
+            (item.mesh, 0 if found is None else found.record)
+            for item, found in zip(items, reflectances, strict=True)
+        ],
+    )
+
+
+def _buckets(
+    items: Sequence[DrawItem], kinds: NDArray[np.intp]
+) -> tuple[tuple[Bucket, ...], NDArray[np.intp]]:
+    """Buckets of triangles (n,), by item times the number of shadings plus shading, and of each."""
+    of_kind: dict[int, Bucket] = {}
+    for kind in np.flatnonzero(np.bincount(kinds)).tolist():
+        item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
+        material, found = item.material, item.texture_layer.reflectance
+        maps, second = (None, False) if found is None else (found.maps, found.second_coordinates)
+        of_kind[kind] = Bucket(
+            material.unlit, material.alpha_mode, material.double_sided,
+            material.hit_cutoff > 0.0, shading, item.texture_layer.array, maps, second, item.light,
+        )  # fmt: skip
+    buckets = sorted(set(of_kind.values()), key=_state_order)
+    numbers = np.zeros(len(Shading) * len(items), dtype=np.intp)
+    for kind, bucket in of_kind.items():
+        numbers[kind] = buckets.index(bucket)
+    return tuple(buckets), numbers[kinds]
+
+
+def _state_order(bucket: Bucket) -> tuple[object, ...]:
+    """Order of few changes of state: by program, and then by texture."""
+    arrays = [0 if one is None else one.array.glo for one in (bucket.array, *(bucket.maps or ()))]
+    return (
+        bucket.alpha_mode.value != AlphaMode.OPAQUE.value, bucket.double_sided, bucket.unlit,
+        bucket.shading.value, bucket.maps is not None, bucket.light.value, arrays,
+        bucket.second_coordinates,
+    )  # fmt: skip
+
+
+def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
+    """Middle (3,) of the static items, world."""
+    static = [item.centre_m for item in items if item.object_index is None]
+    if not static:
+        return np.zeros(3)
+    middle: NDArray[np.float64] = 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))
+    return middle
+
+
+def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    contained = np.zeros(len(items), dtype=np.bool_)
+    triangles = 0
+    for index, item in enumerate(items):
+        # a mesh without triangles has no cluster
+        fits = item.triangles and triangles + item.triangles <= MAX_SCENE_TRIANGLES
+        is_rigid = item.mesh.deformation is None
+        if is_rigid and not item.is_blended and fits and item.is_near(anchor_m):
+            triangles += item.triangles
+            contained[index] = True
+    return contained
+
+
+def object_triangles(
+    items: Sequence[DrawItem], anchor_m: NDArray[np.float64]
+) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
+    """Vertices (n,) of `CLUSTER_VERTEX` and triangles (m, 3) of items, all wound the same way.
+
+    They are in the frames of the items' objects, the static one's at the anchor (3,).
+    """
+    vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
+    triangles = []
+    base = 0
+    for item in items:
+        mesh, matrix = item.mesh, item.object_from_mesh
+        part = vertices[base : base + len(mesh.positions)]
+        fill_vertices(part, mesh)
+        origin_m = anchor_m if item.object_index is None else np.zeros(3)
+        part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - origin_m)
+        # vertex colours are half floats, as in the other buffer
+        colors = part["in_color"].astype(np.float16).astype(np.float32)
+        part["in_color"] = colors * np.array(item.material.base_color, dtype=np.float32)
+        part["in_material"] = item.texture_layer.layer, item.material.hit_cutoff
+        if mesh.normals is not None:
+            part["in_normal"] = mesh.normals @ item.normal_from_mesh.T
+        own = mesh.triangles[:, (0, 2, 1)] if item.flips_winding else mesh.triangles
+        triangles.append(own + np.uint32(base))
+        base += len(part)
+    return vertices, np.concatenate(triangles)
+
+
+def item_light_coordinates(
+    context: moderngl.Context, items: Sequence[DrawItem]
+) -> moderngl.Buffer | None:
+    """Places of the vertices of `object_triangles` in the lightmap; None: no light is baked."""
+    if not any(item.light.is_baked for item in items):
+        return None
+    bases = np.cumsum([0, *(len(item.mesh.positions) for item in items)]).tolist()
+    parts = [
+        (base, item.mesh, item.light_rectangles) for base, item in zip(bases, items, strict=False)
+    ]
+    return context.buffer(light_coordinates(parts, bases[-1]))
+
+
+def _bake(
+    vertices: NDArray[np.void],
+    triangles: NDArray[np.uint32],
+    baked: NDArray[np.bool_],
+    lights: NDArray[np.float32],
+) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
+    """Bake lights (k, 3) into the vertices of the triangles that `baked` (m,) marks.
+
+    Returns:
+        The vertices, and copies of those that have two lights, or light and a normal; and the
+        baked triangles (k, 3).
+    """
+    own = triangles[baked].ravel()
+    lights = np.repeat(lights, 3, axis=0)
+    light_at_vertex = np.zeros((len(vertices), 3), dtype=np.float32)
+    light_at_vertex[own] = lights  # one of all that share the vertex
+    light_at_vertex[triangles[~baked].ravel()] = np.inf  # it has to keep its normal
+    fits = (np.abs(np.take(light_at_vertex, own, axis=0) - lights) < _SAME_LIGHT).all(axis=1)
+    fitting = own[fits]
+    vertices["in_normal"][fitting] = np.take(light_at_vertex, fitting, axis=0)
+    if fits.all():
+        return vertices, own.reshape(-1, 3)
+    copies = vertices[own[~fits]]
+    copies["in_normal"] = lights[~fits]
+    own[~fits] = np.arange(len(vertices), len(vertices) + len(copies))
+    return np.concatenate((vertices, copies)), own.reshape(-1, 3)

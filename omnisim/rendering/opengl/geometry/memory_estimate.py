@@ -1,0 +1,29 @@
+"""Estimate of the GPU memory that a scene takes, before it is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omnisim.rendering.opengl.culling.clusters import MAX_SCENE_TRIANGLES
+from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, VERTEX
+from omnisim.scene.model import Scene
+from omnisim.scene.summary import memory_bytes
+
+_TRIANGLE_BYTES = 12  # in an index buffer
+_MIPMAPPED = 4.0 / 3.0
+
+
+def gpu_bytes(scene: Scene) -> int:
+    """Bytes of a scene's vertices, triangles and textures on the GPU.
+
+    Each instance has a copy of its mesh for the clusters, up to `MAX_SCENE_TRIANGLES`. What cameras
+    take besides: their pictures, and draw commands of at most 128 MiB each.
+    """
+    vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
+    triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)
+    kept = VERTEX.itemsize * vertices.sum() + _TRIANGLE_BYTES * triangles.sum()
+    used = np.array([one.mesh for one in scene.instances], dtype=np.intp)
+    clustered = used[np.cumsum(triangles[used]) <= MAX_SCENE_TRIANGLES]
+    kept += CLUSTER_VERTEX.itemsize * vertices[clustered].sum()
+    kept += _TRIANGLE_BYTES * triangles[clustered].sum()
+    return int(kept + _MIPMAPPED * memory_bytes(scene)[1])

@@ -1,0 +1,166 @@
+"""Deformation of meshes on the GPU: skins and morph targets, into the scene's own buffers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
+from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_compute_shader
+from omnisim.scene.motion.deformation import Deformation
+
+_GROUP_SIZE = 64  # local_size_x of the shaders
+_MAX_GROUPS = 65535  # which every GPU allows
+_MAX_JOINTS = 8  # of a vertex
+_BOUND = np.dtype(  # as in shaders/scene/deform.comp
+    [
+        ("position", "<f4", 3),
+        ("vertex", "<u4"),
+        ("normal", "<f4", 3),
+        ("first_offset", "<u4"),
+        ("joints", "<u4", _MAX_JOINTS),
+        ("shares", "<f4", _MAX_JOINTS),
+        ("first_weight", "<u4"),
+        ("targets", "<u4"),
+        ("step", "<u4"),
+        ("unused", "<u4"),
+    ]
+)
+_OFFSET = np.dtype([("position", "<f4", 4), ("normal", "<f4", 4)])
+
+
+class MeshDeformer:
+    """Deforms meshes of the scene by the world's time; a frame uploads joints and weights alone.
+
+    Args:
+        context: where.
+        ranges: of the scene's meshes.
+
+    Raises:
+        GraphicsError: more than fits on the GPU.
+    """
+
+    def __init__(self, context: moderngl.Context, ranges: Sequence[IndexRange]):
+        self._context = context
+        placed = {one.base: one.mesh.deformation for one in ranges}
+        self._deformations = [one for one in placed.values() if one is not None]
+        bases = [base for base, one in placed.items() if one is not None]
+        bounds, offsets = _tables(self._deformations, bases)
+        corners = np.concatenate([_corners(one) for one in ranges if one.mesh.deformation])
+        self._count, self._corner_count = len(bounds), len(corners)
+        most = max(self._count, self._corner_count)
+        _check_size(context, most, max(bounds.nbytes, offsets.nbytes))
+        matrices, weights = self._state(0.0)
+        with gpu_allocation("meshes that deform", "make the scene smaller"):
+            self._bound = [
+                context.buffer(bounds),
+                context.buffer(offsets) if len(offsets) else context.buffer(reserve=32),
+                context.buffer(matrices),
+                context.buffer(weights),
+            ]
+            self._corners = context.buffer(corners)
+        self._deform = build_compute_shader(context, "scene/deform.comp")
+        self._copy = build_compute_shader(context, "scene/deform_corners.comp")
+        self._deform["u_count"], self._copy["u_count"] = self._count, self._corner_count
+        self._time_s: float | None = None
+        self._copied: tuple[TriangleTable, float] | None = None
+
+    def run(self, time_s: float, vertices: moderngl.Buffer, table: TriangleTable | None) -> None:
+        """Write vertices as they are at a time, and their triangles into a table, if one is given.
+
+        What is there already is not written again.
+        """
+        context = self._context
+        vertices.bind_to_storage_buffer(0)
+        if time_s != self._time_s:
+            matrices, weights = self._state(time_s)
+            self._bound[2].write(matrices)
+            self._bound[3].write(weights)
+            for binding, buffer in enumerate(self._bound, start=1):
+                buffer.bind_to_storage_buffer(binding)
+            # the draws before may still read the vertices
+            context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT)
+            self._deform.run(-(-self._count // _GROUP_SIZE))
+            context.memory_barrier(
+                context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
+                | context.SHADER_STORAGE_BARRIER_BIT
+                | context.BUFFER_UPDATE_BARRIER_BIT  # a larger buffer gets a copy
+            )
+            self._time_s = time_s
+        if table is None or self._copied == (table, time_s):
+            return
+        self._corners.bind_to_storage_buffer(1)
+        table.corners.bind_to_image(0, read=True, write=True)
+        context.memory_barrier(context.SHADER_IMAGE_ACCESS_BARRIER_BIT)  # likewise the table
+        self._copy.run(-(-self._corner_count // _GROUP_SIZE))
+        context.memory_barrier(
+            context.TEXTURE_FETCH_BARRIER_BIT
+            | context.SHADER_IMAGE_ACCESS_BARRIER_BIT
+            | context.TEXTURE_UPDATE_BARRIER_BIT  # an edit writes corners behind these
+        )
+        self._copied = table, time_s
+
+    def _state(self, time_s: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Rows (joints, 3, 4) of all transforms, and weights (n,) of all targets."""
+        matrices = [one.matrices_at(time_s)[:, :3] for one in self._deformations]
+        weights = [np.zeros(1), *(one.weights_at(time_s) for one in self._deformations)]
+        return (
+            np.concatenate(matrices).astype(np.float32), np.concatenate(weights).astype(np.float32)
+        )  # fmt: skip
+
+
+def _check_size(context: moderngl.Context, corners: int, largest_bytes: int) -> None:
+    """Refuse meshes that shaders cannot deform."""
+    if corners > _GROUP_SIZE * _MAX_GROUPS:
+        raise GraphicsError(
+            f"meshes that deform have {corners // 3} triangles: expected at most "
+            f"{_GROUP_SIZE * _MAX_GROUPS // 3}"
+        )
+    limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+    if largest_bytes > limit:
+        raise GraphicsError(
+            f"meshes that deform take {largest_bytes} bytes: this GPU allows {limit}"
+        )
+
+
+def _tables(
+    deformations: Sequence[Deformation], bases: Sequence[int]
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Vertices and the offsets of their morph targets."""
+    bounds, offsets = [], [np.zeros(0, dtype=_OFFSET)]
+    first_joint, first_weight, first_offset = 0, 1, 0
+    for one, base in zip(deformations, bases, strict=True):
+        count, width = one.joints.shape
+        part = np.zeros(count, dtype=_BOUND)
+        part["position"], part["vertex"] = one.positions, base + np.arange(count)
+        if one.normals is not None:
+            part["normal"] = one.normals
+        part["joints"][:, :width] = one.joints + np.uint32(first_joint)
+        part["shares"][:, :width] = one.shares
+        first_joint += len(one.skeleton.nodes)
+        if one.targets is not None:
+            targets = np.zeros(one.targets.positions.shape[:2], dtype=_OFFSET)
+            targets["position"][..., :3] = one.targets.positions
+            if one.targets.normals is not None:
+                targets["normal"][..., :3] = one.targets.normals
+            part["first_offset"] = first_offset + np.arange(count)
+            part["first_weight"], part["targets"] = first_weight, len(targets)
+            part["step"] = count
+            first_weight += len(targets)
+            first_offset += targets.size
+            offsets.append(targets.ravel())
+        bounds.append(part)
+    return np.concatenate(bounds), np.concatenate(offsets)
+
+
+def _corners(one: IndexRange) -> NDArray[np.uint32]:
+    """Entries (n, 2) of a range in the table of triangles, and their vertices."""
+    vertices = one.mesh.triangles.ravel() + np.uint32(one.base)
+    entries = one.first + np.arange(len(vertices))
+    return np.stack((entries, vertices), axis=1).astype("<u4")

@@ -1,0 +1,399 @@
+"""Buffers of a scene and its dynamic objects on the GPU, and the items to draw from them.
+
+A dynamic object is a scene in a frame of its own, which has another pose in the world in each
+frame. Its geometry stays where it is; only matrices change. Meshes that deform are written anew,
+by the GPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from functools import cached_property
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.bounds import bounds_of
+from omnisim.core.errors import GraphicsError
+from omnisim.core.world import ObjectPart, time_of
+from omnisim.rendering.opengl.geometry.clustered_geometry import (
+    ClusteredGeometry,
+    build_clustered_geometry,
+)
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms, LightSource
+from omnisim.rendering.opengl.geometry.geometry_store import GeometryStore, geometry_key
+from omnisim.rendering.opengl.geometry.mesh_deformer import MeshDeformer
+from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
+from omnisim.rendering.opengl.geometry.triangle_windows import MOST_WINDOWS, window_bytes
+from omnisim.rendering.opengl.materials.material_table import MaterialTable, placed_details
+from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
+from omnisim.scene.model import Instance, Scene
+from omnisim.scene.parts import LightRectangle
+
+# Extensions of OpenGL 4.5, parts of 4.6.
+_CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
+
+
+class SceneBuffers:
+    """Uploads a scene and its dynamic objects once; the passes of all sensors draw from it.
+
+    Args:
+        context: where.
+        scene: the static part of the world.
+        dynamic_objects: those in it; their lights, backgrounds and starts count for nothing.
+        uses_clusters: draw opaque and masked instances by clusters of their triangles. Without,
+            every instance is drawn whole, one after the other: slower, but little can go wrong, the
+            reference for what is faster.
+
+    Attributes:
+        context: as given.
+        vertices, indices: the two buffers.
+        draw_items: opaque and masked instances, then blended ones; within each by material.
+        radii_m: (n,) of their bounding spheres, at 0 s.
+        deforming: indices of items whose meshes deform.
+
+    Raises:
+        GraphicsError: a texture past the limits of the GPU.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        dynamic_objects: Sequence[Scene] = (),
+        *,
+        uses_clusters: bool = True,
+    ):
+        self.context, self._uses_clusters = context, uses_clusters
+        self._dynamic_objects = tuple(dynamic_objects)
+        self._textures = MaterialTextures(context, scene.lighting.is_matte)
+        self._build(scene)
+
+    def _build(self, scene: Scene) -> None:
+        """Upload everything."""
+        self._lighting = scene.lighting
+        parts = (scene, *self._dynamic_objects)
+        self._textures.keep(())
+        self._textures.share(
+            [
+                (part.materials[part.meshes[one.mesh].material], part.meshes[one.mesh])
+                for part in parts
+                for one in part.instances
+            ],
+        )
+        self._store = GeometryStore(self.context, parts)
+        items = [
+            item
+            for number, part in enumerate(parts)
+            for item in make_draw_items(
+                part,
+                part.instances,
+                number - 1 if number else None,
+                self._store.offsets[number],
+                self._textures,
+                scene.lighting.baked is not None,
+            )
+        ]
+        materials = [material for part in parts for material in part.materials]
+        rank = {id(material): rank for rank, material in enumerate(materials)}
+        items.sort(key=lambda item: (item.is_blended, rank[id(item.material)]))
+        self._set_items(items)
+        self._item_details: tuple[int, moderngl.Texture | None] | None = None
+        self._light_coordinates: tuple[int, moderngl.Buffer] | None = None
+        self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
+        for name in ("triangles", "clustered_geometry"):
+            self.__dict__.pop(name, None)
+
+    def _set_items(self, items: Sequence[DrawItem]) -> None:
+        self.draw_items = tuple(items)
+        self.radii_m = np.array([item.radius_m for item in items])
+        self._rest_transforms = (
+            np.array([item.object_from_mesh for item in items]).reshape(-1, 4, 4),
+            np.array([item.normal_from_mesh for item in items]).reshape(-1, 3, 3),
+            np.array([item.centre_m for item in items]).reshape(-1, 3),
+        )
+        object_indices = [-1 if one.object_index is None else one.object_index for one in items]
+        self._object_of_item = np.array(object_indices, dtype=np.intp)
+        self._dynamic = np.flatnonzero(self._object_of_item >= 0)
+        self.deforming = np.flatnonzero([item.mesh.deformation is not None for item in items])
+        self._deformer: MeshDeformer | None = None
+        self._deformed_spheres: tuple[float, NDArray[np.float64], NDArray[np.float64]] | None = None
+
+    @property
+    def materials(self) -> MaterialTable:
+        """Numbers of the materials that are not matte."""
+        return self._textures.table
+
+    @property
+    def item_details(self) -> moderngl.Texture | None:
+        """Details of the vertices, see `placed_details`; None: no item has second coordinates."""
+        ranges = self._store.ranges
+        if self._item_details is None or self._item_details[0] != len(ranges):
+            placed = [
+                (one.mesh, 0, one.base)
+                for one in ranges
+                if one.mesh.second_texture_coordinates is not None
+            ]
+            found = placed_details(self.context, placed) if placed else None
+            self._item_details = len(ranges), found
+        return self._item_details[1]
+
+    @property
+    def light_coordinates(self) -> moderngl.Buffer | None:
+        """Light coordinates of the vertices; None: the scene has no baked light."""
+        if self._lighting.baked is None:
+            return None
+        if self._light_coordinates is None or self._light_coordinates[0] != len(self._store.ranges):
+            self._light_coordinates = len(self._store.ranges), self._store.light_coordinates()
+        return self._light_coordinates[1]
+
+    @property
+    def vertices(self) -> moderngl.Buffer:
+        """Vertices of all meshes."""
+        return self._store.vertices
+
+    @property
+    def indices(self) -> moderngl.Buffer:
+        """Indices of all draw items."""
+        return self._store.indices
+
+    def update(self, scene: Scene) -> None:
+        """Draw another scene, of the same lights; passes have to `refresh` before the next frame.
+
+        Items of instances that stay keep their numbers, and their place in the clustered geometry.
+        Others are drawn one by one, in place of items that are not drawn any more. Where much was
+        appended everything is uploaded anew: so rarely that it costs no more than the appending.
+        """
+        static = self._static_mask
+        added, drawn = _changed(scene, self.draw_items, static)
+        offsets = []
+        for instance in added:
+            mesh = scene.meshes[instance.mesh]
+            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_blended))
+        if self._store.is_overgrown:
+            self._build(scene)
+            return
+        is_baked = self._lighting.baked is not None
+        new = make_draw_items(scene, added, None, offsets, self._textures, is_baked)
+        # from here on nothing fails
+        free = np.flatnonzero(~drawn & ~static).tolist()
+        for index in set(free) - self._free:
+            self._store.release(self.draw_items[index])
+        items = list(self.draw_items)
+        numbers = [*free, *range(len(items), len(items) + max(0, len(new) - len(free)))]
+        for index, item in zip(numbers, new, strict=False):
+            items[index : index + 1] = [item]
+        self._set_items(items)
+        self._free = set(numbers[len(new) :])
+        self._is_drawn = np.append(drawn, np.ones(len(items) - len(drawn), dtype=np.bool_))
+        self._is_drawn[numbers[: len(new)]] = True
+        if self.clustered_geometry is not None:
+            self.clustered_geometry.show(self._is_drawn)
+        self._textures.keep([item.texture_layer for item in items])
+        table = self.__dict__.get("triangles")
+        if table is not None and not table.append(self._store.ranges, self.indices):
+            del self.triangles
+
+    def instance_transforms(
+        self,
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> InstanceTransforms:
+        """Transforms of the items into the frame of a viewpoint (3,), world.
+
+        Args:
+            viewpoint_m: (3,), world.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+        """
+        world_from_mesh, normal_from_mesh, centres_m = (one.copy() for one in self._rest_transforms)
+        radii_m = self.radii_m
+        if self.deforming.size:
+            radii_m = radii_m.copy()
+            found = self._spheres_at(time_of(world_from_objects))
+            centres_m[self.deforming], radii_m[self.deforming] = found
+        if self._dynamic.size:
+            dynamic = self._dynamic
+            world_from_object = np.stack(world_from_objects)[self._object_of_item[dynamic]]
+            rotation = world_from_object[:, :3, :3]
+            world_from_mesh[dynamic] = world_from_object @ world_from_mesh[dynamic]
+            # a rotation is its own matrix of cofactors
+            normal_from_mesh[dynamic] = rotation @ normal_from_mesh[dynamic]
+            centres_m[dynamic] = (rotation @ centres_m[dynamic, :, None])[..., 0]
+            centres_m[dynamic] += world_from_object[:, :3, 3]
+        world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
+        return InstanceTransforms(
+            world_from_mesh, normal_from_mesh, centres_m - viewpoint_m, radii_m
+        )
+
+    def _spheres_at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centres (n, 3) and radii (n,) of the items that deform, in their objects' frames."""
+        found = self._deformed_spheres
+        if found is None or found[0] != time_s:
+            spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
+            centres_m = np.array([one.centre for one in spheres])
+            radii_m = np.array([one.radius for one in spheres])
+            self._deformed_spheres = found = time_s, centres_m, radii_m
+        return found[1], found[2]
+
+    def deform(
+        self, world_from_objects: Sequence[NDArray[np.float64]], *, triangles: bool = False
+    ) -> None:
+        """Write the meshes that deform as they are at the poses' time, before they are drawn.
+
+        Args:
+            world_from_objects: (4, 4) each, poses of the dynamic objects, with their time.
+            triangles: write the table of triangles, too.
+        """
+        if not self.deforming.size:
+            return
+        if self._deformer is None:
+            self._deformer = MeshDeformer(self.context, self._store.ranges)
+        table = self.triangles if triangles else None
+        self._deformer.run(time_of(world_from_objects), self.vertices, table)
+
+    def front_to_back(
+        self, items: NDArray[np.intp], transforms: InstanceTransforms
+    ) -> NDArray[np.intp]:
+        """Sort items (n,), near ones first and those that surround them last: little overdraw."""
+        far_m = np.linalg.norm(transforms.centres_m[items], axis=1) + transforms.radii_m[items]
+        return items[np.argsort(far_m, kind="stable")]
+
+    def shown(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
+        """Mask (n,) of the items without these parts of dynamic objects."""
+        parts = [(item.object_index, item.name) for item in self.draw_items]
+        return self._is_drawn & np.array([part not in hidden for part in parts], dtype=np.bool_)
+
+    def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
+        """Mask (n,) of the shown items that are not part of the clustered geometry."""
+        return self.shown(hidden) & ~self._static_mask
+
+    @property
+    def _static_mask(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the items with a place in the clustered geometry."""
+        mask = np.zeros(len(self.draw_items), dtype=np.bool_)
+        if self.clustered_geometry is not None:
+            mask[: len(self.clustered_geometry.contains)] = self.clustered_geometry.contains
+        return mask
+
+    @cached_property
+    def triangles(self) -> TriangleTable:
+        """Corners of all triangles, for lookups of single ones."""
+        return TriangleTable(self.context, self._store.ranges, self.indices)
+
+    @cached_property
+    def clustered_geometry(self) -> ClusteredGeometry | None:
+        """Clusters of opaque and masked instances; None where there are none, or on an OpenGL
+        without the calls that draw them."""  # fmt: skip
+        if not self._uses_clusters or not self.context.extensions >= _CALLS_OF_CLUSTERS:
+            return None
+        return build_clustered_geometry(
+            self.context, self.draw_items, self._lighting, len(self._dynamic_objects)
+        )
+
+    def check_readable(self, purpose: str) -> None:
+        """Refuse a scene whose triangles shaders cannot read.
+
+        Raises:
+            GraphicsError: naming the size, the limit, and the purpose.
+        """
+        limit = MOST_WINDOWS * window_bytes(self.context)
+        largest = max(self.vertices.size, self.indices.size)
+        if largest > limit:
+            raise GraphicsError(
+                f"the scene's triangles take {largest} bytes: {purpose} this GPU allows {limit}"
+            )
+
+    def sort_triangles(
+        self, item: DrawItem, viewpoint_from_mesh: NDArray[np.float64], time_s: float = 0.0
+    ) -> None:
+        """Sort the triangles of a blended item in the index buffer, back to front.
+
+        Args:
+            item: which.
+            viewpoint_from_mesh: (4, 4).
+            time_s: at which a mesh that deforms is sorted.
+        """
+        mesh = item.mesh
+        positions = mesh.deformation.positions_at(time_s) if mesh.deformation else mesh.positions
+        centres = positions[mesh.triangles].mean(axis=1, dtype=np.float64)
+        centres = centres @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
+        order = np.argsort(-np.sum(centres**2, axis=1), kind="stable")
+        self.indices.write(
+            (mesh.triangles[order] + np.uint32(item.base)).astype("<u4"), offset=4 * item.first
+        )
+
+
+def _changed(
+    scene: Scene, items: Sequence[DrawItem], static: NDArray[np.bool_]
+) -> tuple[list[Instance], NDArray[np.bool_]]:
+    """Instances of a scene that no item draws, and the mask (n,) of the items that draw others."""
+    unmatched: dict[tuple[object, ...], list[Instance]] = {}
+    for instance in scene.instances:
+        mesh = scene.meshes[instance.mesh]
+        key = (instance.name, *geometry_key(mesh), id(scene.materials[mesh.material]))
+        unmatched.setdefault((*key, id(instance.world_from_mesh)), []).append(instance)
+    drawn = np.ones(len(items), dtype=np.bool_)
+    # in the clustered geometry first: nothing is quicker to draw
+    for index in np.argsort(~static, kind="stable").tolist():
+        item = items[index]
+        if item.object_index is None:
+            key = (item.name, *geometry_key(item.mesh), id(item.material))
+            same = unmatched.get((*key, id(item.object_from_mesh)))
+            drawn[index] = bool(same)
+            if same:
+                same.pop()
+    return [instance for same in unmatched.values() for instance in same], drawn
+
+
+def make_draw_items(
+    part: Scene,
+    instances: Sequence[Instance],
+    object_index: int | None,
+    offsets: Sequence[tuple[int, int]],
+    textures: MaterialTextures,
+    is_baked: bool = False,
+) -> list[DrawItem]:
+    """Draw items of some of a scene's instances, whose meshes have offsets in the two buffers."""
+    if not instances:
+        return []
+    # all at once: one by one these take longer than the whole upload
+    linear = np.array([instance.world_from_mesh[:3, :3] for instance in instances])
+    flips_winding = np.linalg.det(linear) < 0.0
+    cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
+    cofactors[flips_winding] *= -1.0
+    scales = np.linalg.norm(linear, 2, axis=(1, 2))
+    items = []
+    for number, instance in enumerate(instances):
+        mesh = part.meshes[instance.mesh]
+        material = part.materials[mesh.material]
+        low, high = bounds_of(mesh.positions)
+        centre = 0.5 * (low + high)
+        radius = np.linalg.norm(mesh.positions - centre, axis=1).max()
+        object_from_mesh = instance.world_from_mesh
+        light = LightSource.PROBES if is_baked else LightSource.COMPUTED
+        rectangles: tuple[LightRectangle, ...] = ()
+        has_places = mesh.light_coordinates is not None and object_index is None
+        if is_baked and has_places and instance.light_rectangle is not None:
+            light, front = LightSource.LIGHTMAP, instance.light_rectangle
+            rectangles = front, instance.light_back_rectangle or front
+        items.append(
+            DrawItem(
+                name=instance.name,
+                object_index=object_index,
+                mesh=mesh,
+                first=offsets[number][0],
+                count=mesh.triangles.size,
+                base=offsets[number][1],
+                material=material,
+                texture_layer=textures.find(material, mesh),
+                object_from_mesh=object_from_mesh,
+                normal_from_mesh=cofactors[number],
+                flips_winding=bool(flips_winding[number]),
+                centre_m=object_from_mesh[:3, :3] @ centre + object_from_mesh[:3, 3],
+                radius_m=float(radius) * float(scales[number]),
+                light=light,
+                light_rectangles=rectangles,
+            )
+        )
+    return items

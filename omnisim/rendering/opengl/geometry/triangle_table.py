@@ -1,0 +1,119 @@
+"""The scene's triangles as textures: the quickest way for shaders to look up single ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOUR, neighbours
+from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
+from omnisim.rendering.opengl.memory import gpu_allocation
+
+ROW_BITS = 12  # of entries in a row of a texture, as in shaders/ground_truth/tables.glsl
+_ENTRIES_AT_ONCE = 1 << 18  # so that memory in between stays small
+_CORNER = np.dtype([("position", "<f4", 3), ("neighbour", "<u4")])
+
+
+class TriangleTable:
+    """Corners of all triangles, in the order of the index buffer.
+
+    Args:
+        context: where.
+        ranges: of the scene's meshes.
+        indices: the scene's index buffer.
+
+    Attributes:
+        corners: texture of four integers an entry: of each corner the position, in the frame of
+            its mesh, as bits of floats, and the triangle beyond the opposite edge, counted in its
+            mesh (`omnisim.rendering.opengl.geometry.adjacency`). Blended items have no neighbours.
+        indices: buffer of the vertices of the corners. The scene's own, unless blended items sort
+            that anew in every frame.
+
+    Raises:
+        GraphicsError: more triangles than fit on the GPU.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, ranges: Sequence[IndexRange], indices: moderngl.Buffer
+    ):
+        count = indices.size // 4
+        self.corners = table_texture(context, count, "the scene's triangles")
+        self._is_sorted = any(one.is_blended for one in ranges)
+        self.indices = context.buffer(reserve=4 * count) if self._is_sorted else indices
+        self._written, self._row, self._rest = 0, 0, np.empty(0, dtype=_CORNER)
+        self._write(ranges)
+
+    def append(self, ranges: Sequence[IndexRange], indices: moderngl.Buffer) -> bool:
+        """Append the ranges that are new, if there is room; otherwise a new table is needed."""
+        more = ranges[self._written :]
+        if not more:
+            return True
+        is_sorted = self._is_sorted or any(one.is_blended for one in more)
+        if is_sorted or indices is not self.indices:
+            return False
+        self._write(more)
+        return True
+
+    def _write(self, ranges: Sequence[IndexRange]) -> None:
+        neighbours_of_mesh: dict[int, NDArray[np.uint32]] = {}
+        # whole rows are written at once: the rest of the ranges before waits
+        waiting, row = [self._rest], self._row
+        for mesh, first, base, is_blended in ranges:
+            if self._is_sorted:
+                own = (mesh.triangles.ravel() + np.uint32(base)).astype("<u4")
+                self.indices.write(own, offset=4 * first)
+            corners = np.empty(mesh.triangles.size, dtype=_CORNER)
+            corners["position"] = mesh.positions[mesh.triangles.ravel()]
+            corners["neighbour"] = NO_NEIGHBOUR
+            if not is_blended:
+                if id(mesh) not in neighbours_of_mesh:
+                    neighbours_of_mesh[id(mesh)] = neighbours(mesh.positions, mesh.triangles)
+                corners["neighbour"] = neighbours_of_mesh[id(mesh)].ravel()
+            waiting.append(corners)
+            if sum(map(len, waiting)) >= _ENTRIES_AT_ONCE:
+                row, rest = _write_rows(self.corners, np.concatenate(waiting), row)
+                waiting = [rest]
+        self._row, self._rest = write_table(self.corners, np.concatenate(waiting), row)
+        self._written += len(ranges)
+
+
+def table_texture(context: moderngl.Context, entries: int, content: str) -> moderngl.Texture:
+    """Texture of so many entries of four integers, row by row.
+
+    Raises:
+        GraphicsError: it does not fit on the GPU; names its content.
+    """
+    rows = max(1, -(-entries >> ROW_BITS))
+    size = (1 << ROW_BITS if rows > 1 else max(entries, 1), rows)
+    with gpu_allocation(f"a table of {16 * entries} bytes for {content}", "make the scene smaller"):
+        texture = context.texture(size, 4, dtype="u4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+def write_table(
+    texture: moderngl.Texture, values: NDArray[np.void], first_row: int = 0
+) -> tuple[int, NDArray[np.void]]:
+    """Write the entries of a table, from a row on; return the row that is not full, and those in
+    it."""  # fmt: skip
+    row, rest = _write_rows(texture, values, first_row)
+    if len(rest):
+        entries = np.zeros((texture.width, 4), dtype="<u4")
+        entries[: len(rest)] = rest.view("<u4").reshape(-1, 4)
+        texture.write(entries, viewport=(0, row, texture.width, 1))
+    return row, rest
+
+
+def _write_rows(
+    texture: moderngl.Texture, values: NDArray[np.void], first_row: int
+) -> tuple[int, NDArray[np.void]]:
+    """Write as many entries as fill rows; return the row that follows, and the rest."""
+    flat = np.ascontiguousarray(values).view(_CORNER).ravel()
+    rows = len(flat) // texture.width
+    if rows:
+        written = flat[: rows * texture.width]
+        texture.write(written, viewport=(0, first_row, texture.width, rows))
+    return first_row + rows, flat[rows * texture.width :]

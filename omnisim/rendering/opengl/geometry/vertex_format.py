@@ -1,0 +1,96 @@
+"""Vertex arrays that feed programs with the records of the scene's buffers."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, INSTANCE, VERTEX
+
+# Of attributes of clusters, as in shaders/scene/vertex.glsl.
+_FIRST_LOCATION, _LIGHT_COORDINATE_LOCATION, _FIRST_INSTANCE_LOCATION = 0, 5, 6
+_ATTRIBUTE = "in_"
+# Attribute of baked triangles, stored in the place of another one.
+_LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
+# Attribute of a buffer of its own, which only scenes with baked light have.
+_LIGHT_COORDINATE = "in_light_coordinate"
+
+
+def vertex_array(
+    context: moderngl.Context,
+    program: moderngl.Program,
+    vertices: moderngl.Buffer,
+    indices: moderngl.Buffer,
+    light_coordinates: moderngl.Buffer | None = None,
+) -> moderngl.VertexArray:
+    """Vertex array that feeds a program; attributes it does not use are skipped."""
+    content = [(vertices, *_layout(program, VERTEX)), *_light(program, light_coordinates)]
+    return context.vertex_array(program, content, indices, index_element_size=4)
+
+
+def cluster_vertex_array(
+    context: moderngl.Context,
+    program: moderngl.Program,
+    vertices: moderngl.Buffer,
+    indices: moderngl.Buffer,
+    instances: moderngl.Buffer,
+    light_coordinates: moderngl.Buffer | None = None,
+) -> moderngl.VertexArray:
+    """Vertex array of `CLUSTER_VERTEX`, whose base instance is an entry of `INSTANCE`.
+
+    It feeds all programs of clusters, as their attributes have the same locations: a change of
+    program is none of vertex arrays. Moderngl asks for one of them.
+    """
+    array = context.vertex_array(program, [], indices, index_element_size=4)
+    _bind_attributes(array, vertices, CLUSTER_VERTEX, _FIRST_LOCATION)
+    if light_coordinates is not None:
+        array.bind(_LIGHT_COORDINATE_LOCATION, "f", light_coordinates, "4f4", 0, 16)
+    _bind_attributes(array, instances, INSTANCE, _FIRST_INSTANCE_LOCATION, divisor=1)
+    return array
+
+
+def _bind_attributes(
+    array: moderngl.VertexArray,
+    buffer: moderngl.Buffer,
+    record: np.dtype[np.void],
+    location: int,
+    divisor: int = 0,
+) -> None:
+    """Bind the fields of a record to locations that follow each other, one for each row."""
+    for name, (field, offset, *_) in (record.fields or {}).items():
+        rows, columns = field.shape if len(field.shape) == 2 else (1, *field.shape)
+        for row in range(rows if name.startswith(_ATTRIBUTE) else 0):
+            at = offset + row * columns * field.base.itemsize
+            form = f"{columns}f{field.base.itemsize}"
+            array.bind(location, "f", buffer, form, at, record.itemsize, divisor)
+            location += 1
+
+
+def _light(
+    program: moderngl.Program, light_coordinates: moderngl.Buffer | None
+) -> list[tuple[moderngl.Buffer, str, str]]:
+    if light_coordinates is None or _LIGHT_COORDINATE not in program:
+        return []
+    attribute = program[_LIGHT_COORDINATE]
+    is_one_side = isinstance(attribute, moderngl.Attribute) and attribute.dimension == 2
+    return [(light_coordinates, "2f4 8x" if is_one_side else "4f4", _LIGHT_COORDINATE)]
+
+
+def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
+    """Format of a buffer, and the names of the attributes that a program uses."""
+    layout, names = [], []
+    for name in vertex.names or ():
+        field = vertex[name]
+        attribute = _LIGHT if name == _IN_PLACE_OF and _LIGHT in program else name
+        if attribute in program:
+            layout.append(_format(field))
+            names.append(attribute)
+        else:
+            layout.append(f"{field.itemsize}x")
+    return [" ".join(layout), *names]
+
+
+def _format(field: np.dtype[np.generic]) -> str:
+    """moderngl's format of an attribute."""
+    count = int(np.prod(field.shape))
+    return f"{count}f{field.base.itemsize}"

@@ -1,0 +1,174 @@
+"""State of OpenGL that passes of each frame set themselves.
+
+Moderngl sets all state of a target whenever it is used, cleared or read. Here only what differs is.
+Between passes nothing is blended, culled, tested for depth, clipped or cut off: a pass that changes
+this state changes it back, also when it is interrupted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.fences import end_pass
+from omnisim.rendering.opengl.gl_functions import gl_function
+
+_FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
+_RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
+_CULL_FACE, _DEPTH_TEST, _BLEND, _SCISSOR_TEST = 0x0B44, 0x0B71, 0x0BE2, 0x0C11
+_CLIP_DISTANCES = range(0x3000, 0x3004)  # at the edges of tiles, in shaders/scene/vertex.glsl
+_GREATER, _EQUAL, _CLOCKWISE, _BACK = 0x0204, 0x0202, 0x0900, 0x0405
+_SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
+_ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
+
+
+def set_constants() -> None:
+    """Set what all passes of a context agree on: reversed depth, sides of triangles, blending.
+
+    Y of the clip space runs down the picture: triangles are wound the other way round.
+    """
+    gl_function("glDepthFunc", _ENUM)(_GREATER)
+    gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
+    gl_function("glCullFace", _ENUM)(_BACK)
+    blend = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
+    blend(_SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE)
+
+
+class GlState:
+    """Functions that set state of the current context; each is looked up once.
+
+    Attributes:
+        bind_texture: unit and name.
+        set_culling: of back faces.
+    """
+
+    def __init__(self) -> None:
+        self._bind = gl_function("glBindFramebuffer", _ENUM, _ENUM)
+        self._viewport = gl_function("glViewport", _INT, _INT, _INT, _INT)
+        self._scissor = gl_function("glScissor", _INT, _INT, _INT, _INT)
+        self._clear_floats = gl_function("glClearBufferfv", _ENUM, _INT, _POINTER)
+        self._clear_integers = gl_function("glClearBufferuiv", _ENUM, _INT, _POINTER)
+        self._read = gl_function(
+            "glReadPixels", _INT, _INT, _INT, _INT, _ENUM, _ENUM, _POINTER
+        )  # fmt: skip
+        self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
+        self._set_depth_mask = gl_function("glDepthMask", _BOOLEAN)
+        self._set_depth_function = gl_function("glDepthFunc", _ENUM)
+        enable, disable = gl_function("glEnable", _ENUM), gl_function("glDisable", _ENUM)
+        self.set_culling = _toggle(enable, disable, _CULL_FACE)
+        self._set_depth_test = _toggle(enable, disable, _DEPTH_TEST)
+        self._set_blending = _toggle(enable, disable, _BLEND)
+        self._set_scissor_test = _toggle(enable, disable, _SCISSOR_TEST)
+        self._set_each_clip_distance = [_toggle(enable, disable, one) for one in _CLIP_DISTANCES]
+
+    def use(self, target: moderngl.Framebuffer, has_depth: bool = False) -> None:
+        """Draw into all of a target; `has_depth`: depth is written, too.
+
+        Any target of moderngl's without depth switches that off.
+        """
+        if has_depth:
+            self._set_depth_mask(True)
+        end_pass(target.ctx)
+        self._bind(_FRAMEBUFFER, target.glo)
+        self._viewport(0, 0, *target.size)
+
+    def clear(
+        self, colors: Sequence[tuple[float, float, float, float] | None], depth: float
+    ) -> None:
+        """Clear the target in use: its colours, of which None are integers, and depth."""
+        for number, color in enumerate(colors):
+            if color is None:
+                self._clear_integers(_COLOR, number, (ctypes.c_uint * 4)())
+            else:
+                self._clear_floats(_COLOR, number, (ctypes.c_float * 4)(*color))
+        self._clear_floats(_DEPTH, 0, (ctypes.c_float * 1)(depth))
+
+    @contextmanager
+    def drawing(self) -> Iterator[None]:
+        """Test and write depth, cull back faces, and clip at the edges of tiles."""
+        try:
+            self._set_depth_test(True)
+            self.set_culling(True)
+            self._set_clip_distances(True)
+            yield
+        finally:
+            self._set_depth_test(False)
+            self.set_culling(False)
+            self._set_clip_distances(False)
+
+    @contextmanager
+    def blending(self) -> Iterator[None]:
+        """Blend what is drawn, without depth of its own."""
+        try:
+            self._set_depth_mask(False)
+            self._set_blending(True)
+            yield
+        finally:
+            self._set_blending(False)
+
+    @contextmanager
+    def where_clear(self) -> Iterator[None]:
+        """Draw where depth is as it was cleared to, by programs that do not write clip distances.
+
+        Back faces are shown from here on.
+        """
+        try:
+            self.set_culling(False)
+            self._set_depth_mask(False)
+            self._set_depth_function(_EQUAL)
+            with self.unclipped():
+                yield
+        finally:
+            self._set_depth_function(_GREATER)
+            self._set_depth_mask(True)
+
+    @contextmanager
+    def within_rectangles(self, target: moderngl.Framebuffer) -> Iterator[Callable[..., None]]:
+        """Draw into rectangles of the target in use, and nothing beside them.
+
+        Yields:
+            Function that takes left, top, width and height of the next one.
+        """
+
+        def aim(*rectangle_px: int) -> None:
+            self._viewport(*rectangle_px)
+            self._scissor(*rectangle_px)
+
+        try:
+            self._set_scissor_test(True)
+            yield aim
+        finally:
+            self._set_scissor_test(False)
+            self._viewport(0, 0, *target.size)
+
+    @contextmanager
+    def unclipped(self) -> Iterator[None]:
+        """Draw by programs that do not write clip distances."""
+        try:
+            self._set_clip_distances(False)
+            yield
+        finally:
+            self._set_clip_distances(True)
+
+    def _set_clip_distances(self, is_enabled: bool) -> None:
+        for toggle in self._set_each_clip_distance:
+            toggle(is_enabled)
+
+    def read_rgba(self, target: moderngl.Framebuffer, out: NDArray[np.uint8]) -> None:
+        """Read 8 bits of RGBA (height, width, 4), contiguous, of a target's one attachment."""
+        self._bind(_FRAMEBUFFER, target.glo)
+        self._read(0, 0, *target.size, _RGBA, _UNSIGNED_BYTE, out.ctypes.data)
+
+
+def _toggle(
+    enable: Callable[..., None], disable: Callable[..., None], capability: int
+) -> Callable[[bool], None]:
+    """Function that enables or disables a capability."""
+    calls = partial(disable, capability), partial(enable, capability)
+    return lambda is_enabled: calls[is_enabled]()

@@ -1,0 +1,82 @@
+"""Occlusion of a picture's points from the next viewpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.gl_functions import clear_integers, flush
+from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import columns_first, uniform
+
+_POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
+
+
+class OcclusionPass:
+    """Casts a ray from the next viewpoint to each hit point; everything is made once.
+
+    Args:
+        hits: of the current viewpoint; its visible triangles are drawn anew, from the next one.
+
+    Raises:
+        GraphicsError: no memory for it.
+    """
+
+    def __init__(self, hits: RayHitPass):
+        self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
+        program = build_program(
+            context, "capture/picture.vert", "ground_truth/occlusion.frag", hits.defines
+        )
+        hits.prepare(program, np.eye(3))
+        uniform(program, "u_points").value = _POINTS_UNIT
+        uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
+        self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
+        self._vertex_array = valid_pixels_array(context, program, pixels.valid)
+        width, height = pixels.size_px
+        with gpu_allocation(f"flow of {width} × {height} px", "make the picture smaller"):
+            occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
+            self._target = context.framebuffer([occluded])
+        # once: nothing is ever drawn where there is no ray
+        use_target(self._target)
+        clear_integers(0)
+
+    def render(
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        next_from_current: NDArray[np.float64],
+    ) -> None:
+        """Start to draw; `read` waits for it.
+
+        Args:
+            world_from_rig: (4, 4) next pose.
+            world_from_objects: (4, 4) each, the dynamic objects' next poses.
+            next_from_current: (n, 3, 4) of each draw item, from the current viewpoint frame to
+                the next one.
+        """
+        visibility = self._hits.visibility
+        transforms = visibility.buffers.instance_transforms(
+            world_from_rig[:3, 3], world_from_objects
+        )
+        visibility.render(world_from_rig, world_from_objects)
+        self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
+        use_target(self._target)
+        self._hits.tables.update(transforms, next_from_current)
+        self._hits.bind()
+        self._hits.points.use(_POINTS_UNIT)
+        self._hits.primitives.use(_PRIMITIVES_UNIT)
+        self._vertex_array.render()
+        flush()
+
+    def read(self) -> NDArray[np.uint8]:
+        """Read the occlusion (height, width) of the points, as occlusion.frag has it."""
+        width, height = self._hits.pixels.size_px
+        occluded = np.empty((height, width), dtype=np.uint8)
+        self._target.read_into(occluded, components=1, dtype="u1")
+        return occluded

@@ -1,0 +1,67 @@
+"""Hits of rays with origins of their own, by the triangles that one viewpoint sees."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.hits import Hits
+from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.traced_pixels import TracedPixels
+from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
+from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.uniforms import uniform
+
+UNKNOWN_HIT = np.uint32(1 << 31)  # of a draw item's bits, as in hits.frag
+UNKNOWN_OCCLUSION = np.uint8(2)  # as in occlusion.frag
+_ORIGINS = 11  # texture unit
+
+
+class ParallaxHitPass(RayHitPass):
+    """Intersects rays with triangles that the viewpoint sees where they end.
+
+    Args:
+        visibility: visible triangles.
+        pixels: with the rays.
+        pyramid: of the depth of their atlas.
+
+    Attributes:
+        origins: texture (height, width) of the rays' origins, see `put_origins`.
+    """
+
+    defines = ("PARALLAX",)
+
+    def __init__(self, visibility: VisibilityPass, pixels: TracedPixels, pyramid: DepthPyramid):
+        super().__init__(visibility, pixels)
+        self._pyramid = pyramid
+        with gpu_allocation(self._what, "make the picture smaller"):
+            self.origins = pixels.context.texture(pixels.size_px, 4, dtype="f4")
+        self.origins.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+    def put_origins(self, origins_m: NDArray[np.floating]) -> None:
+        """Upload origins (height, width, 3) from the viewpoint.
+
+        Of hits in the optical frame; of their occlusion in the viewpoint frame.
+        """
+        texels = np.zeros((*origins_m.shape[:2], 4), dtype=np.float32)
+        texels[..., :3] = origins_m
+        self.origins.write(texels)
+
+    def bind(self) -> None:
+        """Bind rays, origins and depth, of the atlas as last drawn."""
+        super().bind()
+        self.origins.use(_ORIGINS)
+        self._pyramid.update(self.visibility.read_depth())
+
+    def prepare(self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]) -> None:
+        """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
+        super().prepare(program, rig_from_optical)
+        self._pyramid.bind_program(program)
+        uniform(program, "u_origins").value = _ORIGINS
+
+    def put(self, hits: Hits) -> None:
+        """Replace the points and primitives of the last hits, which occlusion starts from."""
+        self.put_points(hits)
+        self.primitives.write(np.stack((hits.draws_plus_one, hits.triangles), axis=-1))

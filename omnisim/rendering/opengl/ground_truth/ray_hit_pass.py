@@ -1,0 +1,212 @@
+"""Hits of a picture's rays: triangle, point, range and details of the surface; exact."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, PixelMap
+from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
+from omnisim.rendering.opengl.gl_functions import clear_integers
+from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
+from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import columns_first, uniform
+
+_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
+_POINTS, _PRIMITIVES = range(2)  # attachments; details follow
+# Of each detail, its define of the shader, and the components of its attachments.
+_DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
+_PARTS = {"normals": (3,), "albedos": (3,), "materials": (2, 3)}
+
+
+class _Variant(NamedTuple):
+    """Program for some of the channels, and where it draws them."""
+
+    target: moderngl.Framebuffer
+    viewpoint_from_optical: moderngl.Uniform
+    vertex_array: moderngl.VertexArray
+
+
+class RayHitPass:
+    """Intersects the rays of a picture with the visible triangles; everything is made once.
+
+    Args:
+        visibility: visible triangles.
+        pixels: with the rays.
+
+    Attributes:
+        visibility, pixels: as given.
+        points: texture of points and ranges, see `Hits`.
+        primitives: texture of 1 + draw item, and triangle in it.
+        tables: of the draw items.
+        defines: of its programs.
+
+    Raises:
+        GraphicsError: a picture or a scene that does not fit on the GPU.
+    """
+
+    defines: tuple[str, ...] = ()
+
+    def __init__(self, visibility: VisibilityPass, pixels: PixelMap):
+        self.visibility, self.pixels = visibility, pixels
+        visibility.buffers.check_readable("to look up what its pixels show")
+        width, height = pixels.size_px
+        self._what = f"ground truth of {width} × {height} px"
+        with gpu_allocation(self._what, "make the picture smaller"):
+            self._rays = pixels.rays
+            self.points = pixels.context.texture(pixels.size_px, 4, dtype="f4")
+            self.primitives = pixels.context.texture(pixels.size_px, 2, dtype="u4")
+        for texture in (self.points, self.primitives):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._variants: dict[HitDetails, _Variant] = {}
+        self.tables = HitTables(visibility)
+        self._compiled_windows = self._windows()
+
+    def _windows(self) -> tuple[str, ...]:
+        buffers = self.visibility.buffers
+        return window_defines(buffers.context, buffers.vertices, buffers.indices)
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self.visibility.buffers.check_readable("to look up what its pixels show")
+        if self._windows() != self._compiled_windows:
+            self._compiled_windows = self._windows()
+            self._variants = {}
+        self.visibility.refresh()
+        self.tables.refresh()
+
+    def render(
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+        details: HitDetails = NO_DETAILS,
+    ) -> Hits:
+        """Intersect all rays from a pose (4, 4), dynamic objects at theirs.
+
+        Details that textures change need a `visibility` with them.
+        """
+        visibility, buffers = self.visibility, self.visibility.buffers
+        transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        visibility.render(world_from_rig, world_from_objects, details)
+        if details not in self._variants:
+            self._variants[details] = self._variant(details)
+        variant = self._variants[details]
+        viewpoint_from_optical = world_from_rig[:3, :3] @ self.pixels.camera.rig_from_optical
+        variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
+        use_target(variant.target)
+        self.tables.update(transforms, transforms.normal_from_mesh)
+        self.bind()
+        bind_details(visibility.detail_atlases, details)
+        self.bind_geometry()
+        variant.vertex_array.render()
+        return read_hits(variant.target, self.pixels.size_px, 1, details)[0]
+
+    def put_points(self, hits: Hits) -> None:
+        """Replace the points of the last hits, which occlusion starts from."""
+        self.points.write(np.ascontiguousarray(hits.points_and_ranges_m))
+
+    def bind_geometry(self) -> None:
+        """Bind vertices and indices, which normals need."""
+        buffers = self.visibility.buffers
+        bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
+
+    def bind(self) -> None:
+        """Bind the rays."""
+        self._rays.use(RAYS_UNIT)
+
+    def prepare(self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]) -> None:
+        """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
+        self.tables.bind_program(program, rig_from_optical)
+        uniform(program, "u_rays").value = RAYS_UNIT
+
+    def _variant(self, details: HitDetails) -> _Variant:
+        context = self.pixels.context
+        program = self.build_program(details)
+        with gpu_allocation(self._what, "make the picture smaller"):
+            target = hits_target(
+                context, self.pixels.size_px, [self.points, self.primitives], details
+            )
+        array = valid_pixels_array(context, program, self.pixels.valid)
+        return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
+
+    def build_program(self, details: HitDetails, *defines: str) -> moderngl.Program:
+        """Program of the hits, its constant uniforms set."""
+        program = build_program(
+            self.pixels.context,
+            "capture/picture.vert",
+            "ground_truth/hits.frag",
+            (
+                *self.defines,
+                *self._compiled_windows,
+                *(_DEFINES[name] for name in details.components),
+                *defines,
+            ),
+        )
+        self.prepare(program, self.pixels.camera.rig_from_optical)
+        for name in atlas_formats(details):
+            uniform(program, name).value = _UNITS[name]
+        return program
+
+
+def bind_details(
+    atlases: Mapping[str, moderngl.Texture | moderngl.TextureArray], details: HitDetails
+) -> None:
+    """Bind the atlases that details are looked up in."""
+    for name in atlas_formats(details):
+        atlases[name].use(_UNITS[name])
+
+
+def hits_target(
+    context: moderngl.Context,
+    size: tuple[int, int],
+    points_and_primitives: Sequence[moderngl.Texture | moderngl.Renderbuffer],
+    details: HitDetails,
+) -> moderngl.Framebuffer:
+    """Target of the hits, without any: nothing is ever drawn where there is no ray."""
+    attachments = [context.renderbuffer(size, 4, dtype="f4")] if details.normals else []
+    attachments += [context.renderbuffer(size, 4, dtype="f2") for _ in atlas_formats(details)]
+    target = context.framebuffer([*points_and_primitives, *attachments])
+    use_target(target)
+    target.clear(0.0, 0.0, 0.0, np.inf)
+    clear_integers(_PRIMITIVES)
+    return target
+
+
+def read_hits(
+    target: moderngl.Framebuffer, size_px: tuple[int, int], count: int, details: HitDetails
+) -> list[Hits]:
+    """Read the hits of some pictures, of width and height, that are below each other."""
+    width, height = size_px
+    region = (0, 0, width, count * height)
+    points = np.empty((count, height, width, 4), dtype=np.float32)
+    primitives = np.empty((count, height, width, 2), dtype=np.uint32)
+    target.read_into(points, region, components=4, attachment=_POINTS, dtype="f4")
+    target.read_into(primitives, region, components=2, attachment=_PRIMITIVES, dtype="u4")
+    none = np.empty((count, 0, width, 3), dtype=np.float32)
+    found = dict.fromkeys(details._fields, none)
+    attachments = itertools.count(_PRIMITIVES + 1)
+    for name in details.components:
+        parts = []
+        for components in _PARTS[name]:
+            part = np.empty((count, height, width, components), dtype=np.float32)
+            target.read_into(part, region, components, attachment=next(attachments), dtype="f4")
+            parts.append(part)
+        found[name] = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
+    return [
+        Hits(
+            points[one], primitives[one, ..., 0], primitives[one, ..., 1],
+            **{name: values[one] for name, values in found.items()},
+        )
+        for one in range(count)
+    ]  # fmt: skip

@@ -1,0 +1,74 @@
+"""Triangle IDs (visibility buffer), and a table of the triangles that they stand for.
+
+A fragment knows only how many triangles of its draw call came before. So all triangles are counted
+one after the other, those of items that are drawn one by one and then those of clusters; the atlas
+holds these IDs, and a table has the draw item and the triangle of each.
+Source: Burns & Hunt, "The visibility buffer", 2013.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.geometry.clustered_geometry import ClusteredGeometry
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.geometry.triangle_table import ROW_BITS
+
+_ROW = 1 << ROW_BITS
+_ENTRY = np.dtype([("item_plus_one", "<u4"), ("triangle", "<u4")])
+
+
+class TriangleIds:
+    """Table of triangle IDs: first of items drawn one by one, then of clusters.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        one_by_one: (n,) draw items.
+
+    Attributes:
+        first_of_item: ID of the first triangle of each item that is drawn one by one.
+        first_of_clusters: ID of the first triangle of the clusters.
+        texture: two integers an ID: 1 + number of the draw item, and number of its triangle.
+    """
+
+    def __init__(self, buffers: SceneBuffers, one_by_one: NDArray[np.intp]):
+        self._context, self._buffers = buffers.context, buffers
+        self.refresh(one_by_one)
+
+    def refresh(self, one_by_one: NDArray[np.intp]) -> None:
+        """Give IDs to what the buffers have now, of which these items are drawn one by one."""
+        draw_items, geometry = self._buffers.draw_items, self._buffers.clustered_geometry
+        items = one_by_one.tolist()
+        counts = np.array([draw_items[item].triangles for item in items], dtype=np.int64)
+        self.first_of_item = dict(zip(items, (np.cumsum(counts) - counts).tolist(), strict=True))
+        entries = _entries(draw_items, items)
+        self.first_of_clusters = len(entries)
+        if geometry is not None:
+            entries = np.concatenate((entries, cluster_triangle_entries(geometry, draw_items)))
+        padded = np.zeros(max(1, -(-len(entries) // _ROW)) * _ROW, dtype=_ENTRY)
+        padded[: len(entries)] = entries
+        self.texture = self._context.texture((_ROW, len(padded) // _ROW), 2, padded, dtype="u4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+
+def cluster_triangle_entries(
+    geometry: ClusteredGeometry, draw_items: Sequence[DrawItem]
+) -> NDArray[np.void]:
+    """Table entries (n,) of the clusters' triangles, in their order."""
+    entries = _entries(draw_items, np.flatnonzero(geometry.contains).tolist())
+    ordered: NDArray[np.void] = entries[geometry.hierarchy.order]
+    return ordered
+
+
+def _entries(draw_items: Sequence[DrawItem], items: list[int]) -> NDArray[np.void]:
+    """Table entries (n,) of the triangles of some items."""
+    counts = [draw_items[item].triangles for item in items]
+    entries = np.empty(sum(counts), dtype=_ENTRY)
+    entries["item_plus_one"] = np.repeat(np.array(items, dtype=np.intp) + 1, counts)
+    entries["triangle"] = np.concatenate([np.empty(0, int), *map(np.arange, counts)])
+    return entries

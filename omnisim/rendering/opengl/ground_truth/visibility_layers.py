@@ -1,0 +1,69 @@
+"""Triangle IDs of many cameras, drawn in one submission: each into a layer of a texture array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from omnisim.ground_truth.hits import HitDetails
+from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.ground_truth.visibility_pass import CameraPoses, VisibilityPass
+from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats, clear_colors
+from omnisim.rendering.opengl.layer_targets import layered_target
+from omnisim.rendering.opengl.memory import gpu_allocation
+
+
+class VisibilityLayers:
+    """Culls and draws the clusters of many cameras together, then each one's items.
+
+    Args:
+        visibility: of one camera.
+        count: most cameras.
+        details: also draw these of them that textures change.
+
+    Attributes:
+        ids: layers of triangle IDs, see `VisibilityPass`.
+        details: layers of its atlases, by the names of their samplers.
+    """
+
+    def __init__(self, visibility: VisibilityPass, count: int, details: HitDetails):
+        self._visibility, self._wanted = visibility, details.of_texels
+        self._state = GlState()
+        context, plan = visibility.buffers.context, visibility.plan
+        size = (plan.width_px, plan.height_px, count)
+        visibility.drawers(self._wanted)  # of items: made before anything is drawn
+        with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
+            self.ids = context.texture_array(size, 1, dtype="u4")
+            self.details = {
+                name: context.texture_array(size, components, dtype=dtype)
+                for name, (components, dtype) in atlas_formats(details).items()
+            }
+            colors = [self.ids, *self.details.values()]
+            for texture in colors:
+                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self._target, depth = layered_target(context, *colors)
+            self._layers = (*colors, depth)
+            self._tiles = TileRenderer(
+                visibility.buffers, plan, visibility.cameras, np.empty(0, dtype=np.intp),
+                self._find_program, depth, most_cameras=count,
+            )  # fmt: skip
+
+    def _find_program(self, bucket: Bucket) -> BucketProgram:
+        return self._visibility.bucket_program(self._wanted, bucket, layered=True)
+
+    def draw(self, poses: Sequence[CameraPoses]) -> None:
+        """Draw all from poses of the cameras' rigs and of the dynamic objects."""
+        self._visibility.bind_materials(self._wanted)
+        self._tiles.begin(self._target, clear_colors(self._wanted))
+        with self._state.drawing():
+            self._tiles.draw_clusters(
+                np.array([rig for rig, _ in poses]),
+                np.array([objects for _, objects in poses]),
+            )
+            self._visibility.draw_items(poses, self._layers, self._wanted)
+        self._visibility.end()

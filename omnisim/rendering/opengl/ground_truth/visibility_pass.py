@@ -1,0 +1,243 @@
+"""Visibility pass: triangle IDs in place of colours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
+from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.ground_truth.triangle_ids import TriangleIds
+from omnisim.rendering.opengl.ground_truth.visibility_program import (
+    VisibilityProgram,
+    VisibilityVariant,
+    atlas_formats,
+    clear_colors,
+)
+from omnisim.rendering.opengl.layer_targets import (
+    COLORS,
+    DEPTH,
+    attach_layer,
+    attach_texture,
+    draw_into_all,
+)
+from omnisim.rendering.opengl.materials.material_units import bind_materials
+from omnisim.rendering.opengl.memory import gpu_allocation
+
+# Pose (4, 4) of a camera's rig, and those of the dynamic objects.
+CameraPoses = tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]
+
+
+class Drawers(NamedTuple):
+    """Drawers of single items and of tiles."""
+
+    drawer: SceneDrawer[VisibilityProgram]
+    tiles: TileRenderer
+
+
+class VisibilityPass:
+    """Draws the tiles into an atlas of integers; everything on the GPU is made once.
+
+    Sides, frusta and holes are those of the picture (`CubePass`), as is the draw loop. A blended
+    surface counts where its alpha reaches `BLENDED_CUTOFF`.
+
+    Args:
+        buffers: the scene and its dynamic objects; other passes may draw from them, too.
+        plan: the tiles.
+        cameras: their depth range and sides, and the hidden instances count.
+        details: also be able to draw these of them that textures change.
+
+    Attributes:
+        buffers, plan, cameras, near_m, far_m, both_sides: as given.
+        id_atlas: texture of integers: 1 + ID of the triangle; 0: nothing is seen.
+        triangle_ids: table of the IDs.
+        detail_atlases: textures of base colours, the square root of linear RGB, and of materials,
+            by the names of their samplers.
+
+    Raises:
+        GraphicsError: the atlas does not fit on the GPU.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        details: HitDetails = NO_DETAILS,
+    ):
+        context = buffers.context
+        self.buffers, self.plan, self._state = buffers, plan, GlState()
+        self.near_m, self.far_m = cameras.near_m, cameras.far_m
+        self.both_sides = cameras.both_sides
+        size = (plan.width_px, plan.height_px)
+        with gpu_allocation(
+            f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the picture smaller"
+        ):
+            self.id_atlas = context.texture(size, 1, dtype="u4")
+            self.detail_atlases = {
+                name: context.texture(size, components, dtype=dtype)
+                for name, (components, dtype) in atlas_formats(details).items()
+            }
+            self._depth = depth_texture(context, size)
+        for texture in (self.id_atlas, *self.detail_atlases.values()):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._targets: dict[HitDetails, moderngl.Framebuffer] = {}
+        self.cameras = cameras
+        self._compiled: dict[VisibilityVariant, VisibilityProgram] = {}
+        self.triangle_ids = TriangleIds(buffers, self._one_by_one())
+        self._draw_by_ids()
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        self.triangle_ids.refresh(self._one_by_one())
+        self._draw_by_ids()
+
+    def _draw_by_ids(self) -> None:
+        self._drawn: dict[HitDetails, Drawers] = {}
+        self.drawers(NO_DETAILS)
+
+    def drawers(self, details: HitDetails) -> Drawers:
+        """Drawers of IDs and details, made on first use."""
+        if details not in self._drawn:
+            items = self._one_by_one()
+            self._drawn[details] = Drawers(
+                self._make_drawer(details, items), self._make_tiles(details, items)
+            )
+        return self._drawn[details]
+
+    def _target(self, details: HitDetails) -> moderngl.Framebuffer:
+        """Target of IDs and details, made on first use."""
+        if details not in self._targets:
+            atlases = self._atlases(details)
+            self._targets[details] = self.buffers.context.framebuffer(atlases, self._depth)
+            draw_into_all(self._targets[details])
+        return self._targets[details]
+
+    def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:
+        return [self.id_atlas, *(self.detail_atlases[name] for name in atlas_formats(details))]
+
+    def _one_by_one(self) -> NDArray[np.intp]:
+        """Draw items that are not drawn by clusters."""
+        items, cameras = self.buffers.draw_items, self.cameras
+        shown = self.buffers.shown_one_by_one(cameras.hidden)
+        # a material may be so clear that no texel can show it: textures only take away
+        alphas = np.array([one.material.base_color[3] for one in items])
+        shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
+        return np.flatnonzero(shown)
+
+    def _make_drawer(
+        self, details: HitDetails, items: NDArray[np.intp]
+    ) -> SceneDrawer[VisibilityProgram]:
+        """Drawer of the IDs and details of items."""
+        return SceneDrawer(
+            self.buffers,
+            self.buffers.triangles.indices,
+            items,
+            lambda item: self._item_program(details, item),
+            self.triangle_ids.first_of_item,
+            self.cameras.both_sides,
+        )
+
+    def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:
+        variant = VisibilityVariant(item.material.hit_cutoff > 0.0, details)
+        found = item.texture_layer.reflectance
+        if found is not None:
+            variant = variant.with_maps(found.maps, found.second_coordinates)
+        return self._program(variant)
+
+    def read_depth(self) -> NDArray[np.float32]:
+        """Depth (height, width) of the atlas as last drawn."""
+        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
+        self._target(NO_DETAILS).read_into(depth, components=1, attachment=-1, dtype="f4")
+        return depth
+
+    def _make_tiles(self, details: HitDetails, items: NDArray[np.intp]) -> TileRenderer:
+        """Renderer of the clusters' IDs and details."""
+        find_program = partial(self.bucket_program, details)
+        return TileRenderer(self.buffers, self.plan, self.cameras, items, find_program, self._depth)
+
+    def draw_items(
+        self,
+        poses: Sequence[CameraPoses],
+        layers: Sequence[moderngl.TextureArray],
+        details: HitDetails,
+    ) -> None:
+        """Draw the items that are no clusters' into layers of IDs, details and depth.
+
+        With the state of `GlState.drawing`.
+        """
+        details = details.of_texels
+        target, (drawer, tiles) = self._target(details), self.drawers(details)
+        if not tiles.has_items:
+            return
+        self.bind_materials(details)
+        own = [*self._atlases(details), self._depth]
+        attachments = [*range(COLORS, COLORS + len(layers) - 1), DEPTH]
+        try:
+            for number, one in enumerate(poses):
+                for attachment, layer in zip(attachments, layers, strict=True):
+                    attach_layer(target.glo, layer.glo, number, attachment)
+                self._state.use(target)
+                tiles.draw_one_by_one(target, *one, drawer)
+        finally:
+            for attachment, texture in zip(attachments, own, strict=True):
+                attach_texture(target.glo, texture.glo, attachment)
+
+    @property
+    def culling_bytes(self) -> int:
+        """Memory of culling, draw commands included."""
+        return self.drawers(NO_DETAILS).tiles.culling_bytes
+
+    def bucket_program(
+        self, details: HitDetails, bucket: Bucket, layered: bool = False
+    ) -> BucketProgram:
+        """Program of a bucket's IDs and details."""
+        variant = VisibilityVariant(bucket.cutoff, details, bucket.array is not None, True, layered)
+        variant = variant.with_maps(bucket.maps, bucket.second_coordinates)
+        found = self._program(variant)
+        found.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
+        return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
+
+    def bind_materials(self, details: HitDetails) -> None:
+        """Bind the tables of materials, where these are drawn."""
+        if details.materials:
+            bind_materials(self.buffers, has_item_details=True)
+
+    def end(self) -> None:
+        """Leave the state that later passes expect."""
+        for program in self._compiled.values():
+            program.end()
+
+    def _program(self, variant: VisibilityVariant) -> VisibilityProgram:
+        if variant not in self._compiled:
+            self._compiled[variant] = VisibilityProgram(self.buffers.context, variant)
+        return self._compiled[variant]
+
+    def render(
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+        details: HitDetails = NO_DETAILS,
+    ) -> None:
+        """Draw all tiles from a pose (4, 4), dynamic objects at theirs."""
+        details = details.of_texels
+        target, (drawer, tiles) = self._target(details), self.drawers(details)
+        self.bind_materials(details)
+        self.buffers.deform(world_from_objects, triangles=True)
+        tiles.begin(target, clear_colors(details))
+        with self._state.drawing():
+            tiles.draw(target, world_from_rig, world_from_objects, drawer)
+        self.end()

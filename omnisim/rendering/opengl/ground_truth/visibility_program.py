@@ -1,0 +1,144 @@
+"""Visibility programs: shaders that draw triangle IDs, and colours and materials if asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.hits import HitDetails
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.materials.material_units import connect_material, reflectance_defines
+from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import find_uniform, uniform
+
+
+class VisibilityVariant(NamedTuple):
+    """Compiled version of the shader.
+
+    Attributes:
+        holes: rays pass where alpha is below a cutoff.
+        details: base colours and materials may be drawn, too.
+        textured: there may be a texture.
+        clustered: of clusters, not of single items.
+        layered: of several cameras, each into a layer of the target.
+        maps: the material has such a map, in the order of `Material.maps`; None: it is matte, or
+            materials are not drawn.
+        second_coordinates: place some of the maps.
+    """
+
+    holes: bool
+    details: HitDetails
+    textured: bool = True
+    clustered: bool = False
+    layered: bool = False
+    maps: tuple[bool, ...] | None = None
+    second_coordinates: bool = False
+
+    def with_maps(
+        self, maps: Sequence[TextureArray | None] | None, second_coordinates: bool
+    ) -> VisibilityVariant:
+        """Variant for a material with these maps, see `Reflectance`; None: it is matte."""
+        if maps is None or not self.details.materials:
+            return self
+        found = tuple(one is not None for one in maps)
+        return self._replace(maps=found, second_coordinates=second_coordinates)
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Defines of the shaders."""
+        colored = self.holes or self.details.albedos
+        defined = {
+            "ALPHA_MASK": self.holes,
+            "ALBEDO": self.details.albedos,
+            "MATERIALS": self.details.materials,
+            "COLORED": colored,
+            "TEXTURED": self.textured and colored,
+            "CLUSTERED": self.clustered,
+            "LAYERED": self.layered,
+        }
+        names = [name for name, is_defined in defined.items() if is_defined]
+        return (*names, *reflectance_defines(self.maps, self.second_coordinates))
+
+
+def atlas_formats(details: HitDetails) -> dict[str, tuple[int, str]]:
+    """Components and type of the atlases that details are drawn into, by their samplers' names."""
+    formats = {"u_albedos": (4, "f1")} if details.albedos else {}
+    if details.materials:
+        formats |= {"u_gloss": (2, "f2"), "u_emission": (4, "f2")}
+    return formats
+
+
+def clear_colors(details: HitDetails) -> list[tuple[float, float, float, float] | None]:
+    """Colours of all atlases where nothing is seen; None: those of integers, the IDs."""
+    return [None, *[(0.0, 0.0, 0.0, 0.0)] * len(atlas_formats(details))]
+
+
+class VisibilityProgram:
+    """One compiled variant with its uniforms.
+
+    Attributes:
+        program: as compiled.
+        first_plus_one: uniform, 1 + ID of the first triangle.
+        first_command: uniform of clusters, number of the first command.
+    """
+
+    def __init__(self, context: moderngl.Context, variant: VisibilityVariant):
+        folder = "ground_truth/visibility"
+        program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
+        self.program = program
+        self._item = ItemUniforms(program)
+        self.first_plus_one = uniform(program, "u_first_plus_one")
+        self.first_command = find_uniform(program, "u_first_command")
+        if variant.maps is not None:
+            connect_material(program, variant.clustered)
+        self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
+        if "TEXTURED" in variant.defines:
+            program["u_textures" if variant.clustered else "u_texture"] = 0
+            # Holes are those of the picture, and are filtered as there. Plain colours need no blend
+            # between two levels, which costs a quarter of the pass.
+            minify = moderngl.LINEAR_MIPMAP_NEAREST
+            if variant.holes:
+                minify = moderngl.LINEAR_MIPMAP_LINEAR
+            for repeats in ((False, False), (False, True), (True, False), (True, True)):
+                self._samplers[repeats] = context.sampler(
+                    *repeats, filter=(minify, moderngl.LINEAR)
+                )
+
+    def sampler(self, array: TextureArray | None) -> moderngl.Sampler | None:
+        """Sampler of a bucket's textures."""
+        if array is None or not self._samplers:
+            return None
+        return self._samplers[array.array.repeat_x, array.array.repeat_y]
+
+    def set_matrices(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Set the matrix (4, 4), columns first, of the next draw calls; IDs need no others."""
+        self._item.set_clip_from_mesh(clip_from_mesh)
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the material of an item for the next draw call."""
+        self._item.bind_material(item)
+        if self._samplers:
+            texture = item.texture
+            texture.use(0)
+            self._samplers[texture.repeat_x, texture.repeat_y].use(0)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw some of a vertex array's indices; the first triangle has this ID."""
+        self.first_plus_one.value = first_id + 1
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
+
+    def end(self) -> None:
+        """Leave the textures to their own filters."""
+        for sampler in self._samplers.values():
+            sampler.clear(0)

@@ -1,0 +1,125 @@
+"""Hits of many pictures of one camera: drawn, intersected and read together, slice by slice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import moderngl
+import numpy as np
+
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
+from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS
+from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
+    RayHitPass,
+    bind_details,
+    hits_target,
+    read_hits,
+)
+from omnisim.rendering.opengl.ground_truth.visibility_layers import VisibilityLayers
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.readback import ScenePoses
+
+# Triangle IDs, base colours and depth of a texel; points, primitives, normals and base colours. And
+# what materials take.
+_TEXEL_BYTES, _PIXEL_BYTES = 12, 48
+_MATERIAL_TEXEL_BYTES, _MATERIAL_PIXEL_BYTES = 12, 16
+
+
+class _Variant:
+    """Program for some of the channels, and the target of its pictures."""
+
+    def __init__(self, passes: RayHitPass, details: HitDetails, count: int):
+        context, (width, height) = passes.pixels.context, passes.pixels.size_px
+        self.details = details
+        self.layers = VisibilityLayers(passes.visibility, count, details)
+        self.program = passes.build_program(details, "BATCH")
+        self.array = valid_pixels_array(context, self.program, passes.pixels.valid)
+        uniform(self.program, "u_pictures").value = self.count = count
+        with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
+            size = (width, count * height)
+            held = [
+                context.renderbuffer(size, 4, dtype="f4"), context.renderbuffer(size, 2, dtype="u4")
+            ]  # fmt: skip
+            self.target = hits_target(context, size, held, details)
+
+
+class HitBatches:
+    """Intersects the rays of many pictures, each with the triangles that its camera sees.
+
+    Args:
+        passes: those of a single picture.
+    """
+
+    def __init__(self, passes: RayHitPass):
+        self._passes = passes
+        self._variant: _Variant | None = None
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self._variant = None
+
+    def slice_length(self, details: HitDetails = NO_DETAILS) -> int:
+        """Most pictures that are drawn together; 1: they are better drawn one by one."""
+        passes = self._passes
+        visibility, context = passes.visibility, passes.pixels.context
+        has_clusters = visibility.buffers.clustered_geometry is not None
+        deforms = visibility.buffers.deforming.size > 0
+        if deforms or not has_clusters or not context.extensions >= EXTENSIONS:
+            return 1
+        limits, (width, height) = context.info, passes.pixels.size_px
+        texels = visibility.plan.width_px * visibility.plan.height_px
+        picture_bytes = _TEXEL_BYTES * texels + _PIXEL_BYTES * width * height
+        if details.materials:
+            picture_bytes += _MATERIAL_TEXEL_BYTES * texels
+            picture_bytes += _MATERIAL_PIXEL_BYTES * width * height
+        picture_bytes += visibility.culling_bytes + passes.tables.picture_bytes
+        most_bytes = int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        return max(
+            1,
+            min(
+                MAX_SLICE_BYTES // picture_bytes,
+                most_bytes // max(1, visibility.culling_bytes),
+                int(limits["GL_MAX_TEXTURE_SIZE"]) // height,
+                int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
+            ),
+        )
+
+    def hits(self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS) -> Iterator[Hits]:
+        """Hits of each picture, in order; see `RayHitPass.render`."""
+        length = min(self.slice_length(details), len(poses))
+        if length <= 1:
+            yield from (self._passes.render(*one, details) for one in poses)
+            return
+        length = -(-len(poses) // -(-len(poses) // length))
+        for first in range(0, len(poses), length):
+            yield from self._draw(poses[first : first + length], length, details)
+
+    def _draw(self, poses: Sequence[ScenePoses], count: int, details: HitDetails) -> list[Hits]:
+        passes, variant = self._passes, self._reserve(count, details)
+        layers, buffers = variant.layers, passes.visibility.buffers
+        layers.draw(poses)
+        use_target(variant.target)
+        optical = passes.pixels.camera.rig_from_optical
+        passes.tables.update_batch(
+            layers.ids,
+            [buffers.instance_transforms(rig[:3, 3], objects) for rig, objects in poses],
+            np.array([rig[:3, :3] @ optical for rig, _ in poses]),
+        )
+        passes.bind()
+        bind_details(layers.details, details)
+        passes.bind_geometry()
+        uniform(variant.program, "u_draw_item_count").value = 1 + len(buffers.draw_items)
+        variant.array.render(moderngl.TRIANGLES, instances=len(poses))
+        return read_hits(variant.target, passes.pixels.size_px, len(poses), details)
+
+    def _reserve(self, count: int, details: HitDetails) -> _Variant:
+        """Program and layers for at least so many pictures, at most twice as many."""
+        found = self._variant
+        if found is None or not (found.details == details and count <= found.count <= 2 * count):
+            self._variant = None  # frees its memory first
+            self._variant = found = _Variant(self._passes, details, count)
+        return found

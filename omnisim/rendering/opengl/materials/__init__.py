@@ -1,0 +1,1 @@
+"""Materials on the GPU: tables and textures."""

@@ -1,0 +1,81 @@
+"""Textures of baked light: the lightmap, and the probes as blocks of four numbers along z."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler
+from omnisim.scene.light.baked_light import BakedLight, Probes
+
+_LIGHTMAP_UNIT, _PROBES_UNIT = 7, 8
+_BLOCK = 4  # as in shaders/scene/baked_light.glsl
+
+
+class BakedTextures:
+    """Textures of a scene's baked light.
+
+    Args:
+        context: where.
+        baked: the light.
+
+    Raises:
+        GraphicsError: it is larger than the GPU allows.
+    """
+
+    def __init__(self, context: moderngl.Context, baked: BakedLight):
+        self._lightmap = _lightmap(context, baked)
+        self._probes = _probes(context, baked.probes)
+
+    def bind(self) -> None:
+        """Bind them for programs that were connected."""
+        self._lightmap.use(_LIGHTMAP_UNIT)
+        self._probes.use(_PROBES_UNIT)
+
+
+def connect(program: moderngl.Program, baked: BakedLight) -> None:
+    """Connect a program that looks baked light up."""
+    set_sampler(program, "u_lightmap", _LIGHTMAP_UNIT)
+    set_sampler(program, "u_probes", _PROBES_UNIT)
+    scale = find_uniform(program, "u_probes_per_m")
+    if scale is not None:
+        scale.write((1.0 / baked.probes.spacing_m).astype(np.float32))
+
+
+def _lightmap(context: moderngl.Context, baked: BakedLight) -> moderngl.Texture:
+    height, width = baked.irradiance.shape[:2]
+    _check_size(context, "GL_MAX_TEXTURE_SIZE", (width, height), "texels")
+    # four numbers a texel, which are looked up quicker than three
+    texels = np.ones((height, width, 4), dtype=np.float16)
+    texels[..., :3] = baked.irradiance
+    with gpu_allocation(f"baked light of {width} × {height} texels", "bake it coarser"):
+        texture = context.texture((width, height), 4, texels, dtype="f2")
+    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = False
+    return texture
+
+
+def _probes(context: moderngl.Context, probes: Probes) -> moderngl.Texture3D:
+    columns, rows, layers, numbers = probes.texels.shape
+    blocks = probes.texels.reshape(columns, rows, layers, numbers // _BLOCK, _BLOCK)
+    ordered = np.ascontiguousarray(blocks.transpose(3, 2, 1, 0, 4))
+    size = (columns, rows, layers * len(ordered))
+    _check_size(context, "GL_MAX_3D_TEXTURE_SIZE", size, "numbers of probes")
+    with gpu_allocation(f"{probes.valid.size} probes of baked light", "bake it coarser"):
+        texture = context.texture3d(size, _BLOCK, ordered, dtype="f2")
+    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = texture.repeat_z = False
+    return texture
+
+
+def _check_size(
+    context: moderngl.Context, limit_name: str, size: tuple[int, ...], unit: str
+) -> None:
+    limit = int(context.info[limit_name])
+    if max(size) > limit:
+        found = " × ".join(map(str, size))
+        raise GraphicsError(
+            f"baked light of {found} {unit}: this GPU takes at most {limit}: bake it coarser"
+        )

@@ -1,0 +1,35 @@
+"""Textures of environment maps: the sky itself, and what glossy surfaces reflect of it."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.scene.light.environment import Environment
+
+_LARGEST = 65504.0  # of half floats
+
+
+def sky_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
+    """Texture of the map as it is seen, with mip levels."""
+    return _map(context, environment.pyramid)
+
+
+def filtered_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
+    """Texture of the filtered map, each mip level for a roughness."""
+    return _map(context, environment.filtered)
+
+
+def _map(context: moderngl.Context, levels: tuple[NDArray[np.float32], ...]) -> moderngl.Texture:
+    height, width = levels[0].shape[:2]
+    with gpu_allocation(f"an environment map of {width} × {height} texels", "make it smaller"):
+        texture = context.texture((width, height), 3, dtype="f2")
+        texture.build_mipmaps(0, len(levels) - 1)
+    for level, pixels in enumerate(levels):
+        half = np.minimum(pixels, _LARGEST).astype(np.float16)
+        texture.write(np.ascontiguousarray(half), level=level, alignment=1)
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    texture.repeat_x, texture.repeat_y = True, False
+    return texture

@@ -1,0 +1,122 @@
+"""Tables of reflectance for shaders: numbers of materials, and details of vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.scene.model import Material, Mesh
+from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance
+
+# As in shaders/scene/reflective_material.glsl.
+_TEXELS, _FIRST_MAP, _IN_ROW = 19, 5, 256
+_ROW_VERTICES = 4096
+
+
+class Reflectance(NamedTuple):
+    """Reflectance of a material that is not matte, on a mesh.
+
+    Attributes:
+        record: number of its numbers in the table.
+        maps: arrays of its maps, in the order of `Material.maps`; None: it has no such map.
+        second_coordinates: one of its maps is placed by the second texture coordinates.
+    """
+
+    record: int
+    maps: tuple[TextureArray | None, ...]
+    second_coordinates: bool
+
+
+class MaterialTable:
+    """Numbers of materials; grows as materials come.
+
+    Args:
+        context: where.
+    """
+
+    def __init__(self, context: moderngl.Context):
+        self._context = context
+        self._records: list[NDArray[np.float32]] = []
+        self._uploaded = 0
+        self._texture: moderngl.Texture | None = None
+
+    def append(self, material: Material, layers: Sequence[int | None]) -> int:
+        """Append a material whose maps are layers of arrays; return the number of its record."""
+        self._records.append(_record(material, layers))
+        return len(self._records) - 1
+
+    @property
+    def texture(self) -> moderngl.Texture | None:
+        """The table; None: it is empty."""
+        if self._uploaded != len(self._records):
+            rows = -(-len(self._records) // _IN_ROW)
+            values = np.zeros((rows * _IN_ROW, _TEXELS, 4), dtype=np.float32)
+            values[: len(self._records)] = self._records
+            size = (_IN_ROW * _TEXELS, rows)
+            self._texture = _table(self._context, size, values, "the scene's materials")
+            self._uploaded = len(self._records)
+        return self._texture
+
+
+def vertex_details(
+    context: moderngl.Context, meshes: Sequence[tuple[Mesh, int]]
+) -> moderngl.Texture:
+    """Second texture coordinates and record of the material of each vertex, mesh after mesh.
+
+    Args:
+        context: where.
+        meshes: each with the record of its material.
+    """
+    bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()
+    placed = [(mesh, record, base) for (mesh, record), base in zip(meshes, bases, strict=False)]
+    return placed_details(context, placed)
+
+
+def placed_details(
+    context: moderngl.Context, meshes: Sequence[tuple[Mesh, int, int]]
+) -> moderngl.Texture:
+    """Details as of `vertex_details`, each mesh also with its first vertex."""
+    count = max(base + len(mesh.positions) for mesh, _, base in meshes)
+    rows = max(1, -(-count // _ROW_VERTICES))
+    values = np.zeros((rows * _ROW_VERTICES, 4), dtype=np.float32)
+    for mesh, record, base in meshes:
+        part = values[base : base + len(mesh.positions)]
+        if mesh.second_texture_coordinates is not None:
+            part[:, :2] = mesh.second_texture_coordinates
+        part[:, 2] = record
+    return _table(context, (_ROW_VERTICES, rows), values, "details of vertices")
+
+
+def _table(
+    context: moderngl.Context, size: tuple[int, int], values: NDArray[np.float32], content: str
+) -> moderngl.Texture:
+    with gpu_allocation(f"{values.nbytes} bytes for {content}", "make the scene smaller"):
+        texture = context.texture(size, 4, values, dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+def _record(material: Material, layers: Sequence[int | None]) -> NDArray[np.float32]:
+    record = np.zeros((_TEXELS, 4), dtype=np.float32)
+    f0 = dielectric_f0(material.ior, material.specular, material.specular_color)
+    record[0] = *f0, material.specular
+    record[1] = (
+        material.metallic, material.roughness, material.normal_scale, material.occlusion_strength
+    )  # fmt: skip
+    record[2, :3] = material.emissive
+    record[3, :3] = (
+        material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale
+    )  # fmt: skip
+    record[4, :3] = tinted_reflectance(material.ior, material.specular_color)
+    for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):
+        if texture is not None and layer is not None:
+            across, down = texture.uv_transform
+            record[_FIRST_MAP + 2 * number] = *across, layer
+            record[_FIRST_MAP + 2 * number + 1] = *down, texture.uv_set
+    return record

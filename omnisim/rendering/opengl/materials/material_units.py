@@ -1,0 +1,58 @@
+"""Texture units and defines of programs that read materials: their table, details and maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.materials.texture_array import MAP_UNITS
+from omnisim.rendering.opengl.uniforms import set_sampler
+
+MAPS = (  # in the order of `Material.maps`
+    "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map",
+    "specular_map", "clearcoat_map", "clearcoat_normal_map",
+)  # fmt: skip
+_MAP_UNITS = {f"u_{name}": unit for unit, name in zip(MAP_UNITS, MAPS, strict=True)}
+_DETAILS_UNIT, _MATERIALS_UNIT, _ITEM_DETAILS_UNIT = 10, 11, 12
+
+
+def map_units() -> list[tuple[int, str]]:
+    """Texture units and samplers of the maps, in the order of `Material.maps`."""
+    return [(unit, name) for name, unit in _MAP_UNITS.items()]
+
+
+def reflectance_defines(
+    maps: Sequence[bool] | None, second_coordinates: bool = False
+) -> tuple[str, ...]:
+    """Defines of a material that has some of the maps; None: it is matte."""
+    if maps is None:
+        return ()
+    has_maps = [name for name, is_there in zip(MAPS, maps, strict=True) if is_there]
+    return (
+        "REFLECTANCE",
+        *(name.upper() for name in has_maps),
+        *(["TEXTURE_COORDINATES"] if has_maps else []),
+        *(["SECOND_COORDINATES"] if second_coordinates else []),
+    )
+
+
+def connect_material(program: moderngl.Program, clustered: bool) -> None:
+    """Set the texture units of a program's materials, of clusters or of single items."""
+    details = _DETAILS_UNIT if clustered else _ITEM_DETAILS_UNIT
+    units = {**_MAP_UNITS, "u_materials": _MATERIALS_UNIT, "u_vertex_details": details}
+    for name, unit in units.items():
+        set_sampler(program, name, unit)
+
+
+def bind_materials(buffers: SceneBuffers, has_item_details: bool) -> None:
+    """Bind the tables of materials, and of vertices, also those of single items."""
+    clusters, materials = buffers.clustered_geometry, buffers.materials.texture
+    if materials is None:
+        return
+    materials.use(_MATERIALS_UNIT)
+    if has_item_details and buffers.item_details is not None:
+        buffers.item_details.use(_ITEM_DETAILS_UNIT)
+    if clusters is not None and clusters.details is not None:
+        clusters.details.use(_DETAILS_UNIT)

@@ -1,0 +1,72 @@
+"""Texture arrays: textures of one size as layers, each of which is also a texture of its own."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl import gl_functions
+from omnisim.rendering.opengl.memory import gpu_allocation
+
+MAP_UNITS = 1, 2, 3, 4, 9, 14, 15  # in the order of `Material.maps`
+SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
+
+
+class TextureArray:
+    """Array of textures of one size, with mip levels, RGBA stored as sRGB or linear.
+
+    Args:
+        context: where.
+        layers: levels (height, width, 4) of each, from the full size down to one texel.
+        repeats: right and down; otherwise the edge goes on.
+        is_linear: values, not colours.
+
+    Attributes:
+        array: the whole.
+        layers: each as a texture, without a copy.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        layers: Sequence[Sequence[NDArray[np.uint8]]],
+        repeats: tuple[bool, bool],
+        is_linear: bool = False,
+    ):
+        stored = RGBA8 if is_linear else SRGB8_ALPHA8
+        height, width = layers[0][0].shape[:2]
+        levels = len(layers[0])
+        with gpu_allocation(
+            f"{len(layers)} textures of {width} × {height} texels", "make the scene smaller"
+        ):
+            self.array = context.texture_array((1, 1, 1), 4)
+            self.array.use()
+            size = (width, height, len(layers))
+            gl_functions.allocate_texture_array(stored, levels, size)
+        for layer, pixels in enumerate(layers):
+            for level, texels in enumerate(pixels):
+                texel_size = texels.shape[1], texels.shape[0]
+                gl_functions.upload_layer(level, layer, texel_size, texels.tobytes())
+        self.layers = []
+        for layer in range(len(layers)):
+            name = gl_functions.view_layer(self.array.glo, stored, levels, layer)
+            self.layers.append(context.external_texture(name, (width, height), 4, 0, "f1"))
+        textures: list[moderngl.Texture | moderngl.TextureArray] = [self.array, *self.layers]
+        for texture in textures:
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            texture.repeat_x, texture.repeat_y = repeats
+        # the layers are not moderngl's to free, and hold the memory of the array
+        names = [layer.glo for layer in self.layers]
+        dropped = weakref.finalize(self, context.extra.dropped_textures.extend, names)
+        dropped.atexit = False  # the end of the process frees it
+
+
+def bind_maps(maps: Sequence[TextureArray | None]) -> None:
+    """Bind the arrays of a material's maps, behind that of its base colour."""
+    for unit, one in zip(MAP_UNITS, maps, strict=True):
+        if one is not None:
+            gl_functions.bind_texture(unit, one.array.glo)

@@ -1,0 +1,65 @@
+"""Pipeline of a camera whose rays do not meet in one point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.capture.chromatic_pass import ChromaticPass
+from omnisim.rendering.opengl.capture.parallax_pass import ParallaxPass
+from omnisim.rendering.opengl.capture.parallax_rays import SampleRays
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.pipeline import Pipeline
+from omnisim.rendering.readback import ScenePoses
+
+# Linear RGB (n, 3) along rays (n,) at some poses.
+CastAt = Callable[[ScenePoses, SampleRays], NDArray[np.float32]]
+
+
+class ParallaxPipeline(Pipeline):
+    """Pipeline that draws from the viewpoint nearest to all rays.
+
+    Args:
+        cube: the virtual cameras.
+        samples: of the camera whose pixels are the samples: their size counts.
+        parallax: samples the atlas.
+        viewpoint_m: (3,) rig frame.
+        cast: gives undecided samples; None: they are as if what hides them were thin.
+        supersampling, linear_type: see `Pipeline`.
+
+    Attributes:
+        undecided_samples: of all pictures drawn since it was set to 0.
+    """
+
+    def __init__(
+        self,
+        cube: CubePass,
+        samples: PixelMap,
+        parallax: ParallaxPass | ChromaticPass,
+        viewpoint_m: NDArray[np.float64],
+        cast: CastAt | None,
+        supersampling: int,
+        linear_type: str,
+    ):
+        self._parallax, self._viewpoint_m, self._cast = parallax, viewpoint_m, cast
+        self.undecided_samples = 0
+        super().__init__(cube, samples, supersampling, "f2" if linear_type == "f2" else "f4")
+
+    def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
+        """Make none: the parallax pass is there."""
+
+    def draw(self, poses: ScenePoses, linear: bool) -> None:
+        """Draw the encoded picture, and the linear one where it is asked for."""
+        pose, cast = poses.world_from_rig.copy(), self._cast
+        pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
+        atlas = self._cube.render(pose, poses.world_from_objects)
+        self._parallax.draw(
+            atlas,
+            self._cube.read_depth(),
+            self._both_targets if linear else self.encoded_target,
+            None if cast is None else lambda rays: cast(poses, rays),
+        )
+        self.undecided_samples += self._parallax.undecided_samples

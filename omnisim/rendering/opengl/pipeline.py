@@ -1,0 +1,143 @@
+"""Pipeline from a scene to a picture: cube pass, picture pass, degradation, readback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.capture.picture_pass import picture_pass
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.fences import clear_target
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.readback import Exposed, Readback, ScenePoses, SubFrame
+
+
+class Pipeline:
+    """Pipeline of an ideal camera in one scene; everything on the GPU is made once.
+
+    Args:
+        cube: the virtual cameras.
+        samples: of the camera whose pixels are the samples.
+        supersampling: samples to a side of a pixel of the picture, averaged.
+        linear_type: of the linear picture: half floats, or float32.
+
+    Attributes:
+        context: of OpenGL.
+        size_px: width and height of the picture.
+        picture_pass: from the atlas to the picture.
+        linear: texture of the linear picture, where it was asked for: RGB and validity.
+        encoded_target: framebuffer of the encoded picture alone.
+
+    Raises:
+        GraphicsError: a picture larger than the GPU allows.
+    """
+
+    def __init__(
+        self,
+        cube: CubePass,
+        samples: PixelMap,
+        supersampling: int = 1,
+        linear_type: Literal["f2", "f4"] = "f2",
+    ):
+        context, (width, height) = samples.context, samples.size_px
+        check_picture_size(context, width, height)
+        self.context, self._cube, self._state = context, cube, GlState()
+        self.size_px = (width // supersampling, height // supersampling)
+        self._make_pass(samples, supersampling)
+        with gpu_allocation(
+            f"a capture of {width} × {height} px",
+            "make the picture or camera.supersampling smaller",
+        ):
+            self.linear = context.texture(self.size_px, 4, dtype=linear_type)
+            encoded = context.renderbuffer(self.size_px, 4)
+            self.encoded_target = context.framebuffer([encoded])
+            self._linear_target = context.framebuffer([self.linear])
+            self._both_targets = context.framebuffer([encoded, self.linear])
+        # once: nothing is ever drawn where nothing is valid
+        clear_target(self._both_targets)
+
+    def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
+        self.picture_pass = picture_pass(samples, self._cube.plan, supersampling)
+
+    def draw(self, poses: ScenePoses, linear: bool) -> None:
+        """Draw the encoded picture, and the linear one where it is asked for."""
+        atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
+        self.picture_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
+
+    def render(self, poses: ScenePoses, linear: bool = False) -> Readback:
+        """Render a picture, with linear colours where they are asked for."""
+        self.draw(poses, linear)
+        rgba = self.read_encoded()
+        if not linear:
+            return Readback(rgba, None)
+        width, height = self.size_px
+        floats = np.empty((height, width, 3), dtype=np.float32)
+        self._linear_target.read_into(floats, components=3, dtype="f4")
+        return Readback(rgba, floats)
+
+    def read_encoded(self) -> NDArray[np.uint8]:
+        """Read the encoded picture (height, width, 4)."""
+        width, height = self.size_px
+        rgba = np.empty((height, width, 4), dtype=np.uint8)
+        self._state.read_rgba(self.encoded_target, rgba)
+        return rgba
+
+
+class DegradedPipeline:
+    """Pipeline of a camera that is not ideal.
+
+    Args:
+        ideal: draws sub-frames; its linear picture is float32.
+        degradation: its passes.
+    """
+
+    def __init__(self, ideal: Pipeline, degradation: DegradationPass):
+        self._ideal, self._degradation = ideal, degradation
+
+    def render(
+        self,
+        sub_frames: Iterable[SubFrame],
+        expose: Callable[[float | None], Exposed],
+        metered: bool = False,
+        linear: bool = False,
+    ) -> Readback:
+        """Render a picture from sub-frames.
+
+        Args:
+            sub_frames: at least one.
+            expose: from the mean luminance to the exposure.
+            metered: whether `expose` is given the luminance.
+            linear: whether linear colours are asked for.
+        """
+        ideal, degradation = self._ideal, self._degradation
+        for sub_frame in sub_frames:
+            ideal.draw(sub_frame.poses, linear=True)
+            degradation.add(ideal.linear, sub_frame.row_weights)
+        exposed = expose(degradation.mean_luminance() if metered else None)
+        degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
+        degradation.encode(ideal.encoded_target)
+        rgba = ideal.read_encoded()
+        floats = np.ascontiguousarray(degradation.read()[..., :3]) if linear else None
+        return Readback(rgba, floats)
+
+
+def check_picture_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
+    """Refuse a picture larger than the GPU allows.
+
+    Raises:
+        GraphicsError: naming the size and the limit.
+    """
+    limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
+    if max(width_px, height_px) > limit:
+        raise GraphicsError(
+            f"a capture of {width_px} × {height_px} px: this GPU takes at most {limit}; "
+            "make the picture or camera.supersampling smaller"
+        )

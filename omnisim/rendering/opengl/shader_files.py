@@ -1,0 +1,114 @@
+"""Shader files: includes, defines, and compiler messages that point at the file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import moderngl
+
+from omnisim.core.errors import GraphicsError
+from omnisim.core.package_files import SHADERS
+
+_INCLUDE = re.compile(r"^\s*#include\s+(\S+)\s*$")
+# The second number of #line is meant for the file, but Mesa forgets it inside expressions. So
+# the file is written into the line number instead: line 12 of file 3 is line 300012.
+_LINES_PER_FILE = 100_000
+# Mesa and most drivers write "0:300012(3): error"; NVIDIA writes "0(300012) : error".
+_LOCATION = re.compile(r"\b\d+(?::(\d+)\(\d+\)|\((\d+)\))")
+
+
+def build_program(
+    context: moderngl.Context,
+    vertex: str,
+    fragment: str,
+    defines: Sequence[str] = (),
+    includes: Mapping[str, str] | None = None,
+) -> moderngl.Program:
+    """Compile and link two files of the shader folder.
+
+    Args:
+        context: where.
+        vertex, fragment: files, relative to the folder.
+        defines: names to #define in both.
+        includes: files that `#include NAME`, without quotes, stands for.
+
+    Raises:
+        GraphicsError: a file is missing or does not compile; names file and line.
+    """
+    with _file_names() as files:
+        sources = [_expand(name, files, defines, includes or {}) for name in (vertex, fragment)]
+        return context.program(vertex_shader=sources[0], fragment_shader=sources[1])
+
+
+def build_compute_shader(
+    context: moderngl.Context, compute: str, defines: Sequence[str] = ()
+) -> moderngl.ComputeShader:
+    """Compile one compute shader of the shader folder, with names to #define in it.
+
+    Raises:
+        GraphicsError: the file is missing or does not compile; names file and line.
+    """
+    with _file_names() as files:
+        return context.compute_shader(_expand(compute, files, defines, {}))
+
+
+def included_files(name: str) -> frozenset[str]:
+    """Names of a file of the shader folder and of all that it includes.
+
+    Raises:
+        GraphicsError: one of them is missing.
+    """
+    files: list[str] = []
+    _expand(name, files, (), {})
+    return frozenset(files)
+
+
+def _expand(
+    name: str, files: list[str], defines: Sequence[str], includes: Mapping[str, str]
+) -> str:
+    """Expand the includes of a file; `files` collects their names."""
+    files.append(name)
+    before_first = _LINES_PER_FILE * len(files)
+    expanded = []
+    for index, line in enumerate(_lines(SHADERS / name), start=1):
+        if line.startswith("#version"):
+            expanded.append(line)
+            expanded.extend(f"#define {define}" for define in defines)
+            expanded.append(f"#line {before_first + index + 1}")
+        elif include := _INCLUDE.match(line):
+            target = include[1]
+            target = target.strip('"') if target.startswith('"') else includes[target]
+            expanded.append(f"#line {_LINES_PER_FILE * (len(files) + 1) + 1}")
+            expanded.append(_expand(target, files, defines, includes))
+            expanded.append(f"#line {before_first + index + 1}")
+        else:
+            expanded.append(line)
+    return "\n".join(expanded) + "\n"
+
+
+@cache
+def _lines(path: Path) -> tuple[str, ...]:
+    """Lines of a file, which many programs include: it is read once."""
+    try:
+        return tuple(path.read_text(encoding="utf-8").splitlines())
+    except OSError:
+        raise GraphicsError(f"shader {path} is missing: install omnisim again") from None
+
+
+@contextmanager
+def _file_names() -> Iterator[list[str]]:
+    """Yield a list for names of files; a compiler's message then points at them."""
+    files: list[str] = []
+
+    def locate(match: re.Match[str]) -> str:
+        number, line = divmod(int(match[1] or match[2]), _LINES_PER_FILE)
+        return f"{files[number - 1]}:{line}" if 1 <= number <= len(files) else match[0]
+
+    try:
+        yield files
+    except moderngl.Error as reason:
+        raise GraphicsError(f"shader: {_LOCATION.sub(locate, str(reason)).strip()}") from None

@@ -1,0 +1,181 @@
+"""Draws the depth of what casts shadows into maps, static and dynamic parts apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.atlas.tile_views import frustum_planes
+from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
+from omnisim.rendering.opengl.culling.cluster_views import Views
+from omnisim.rendering.opengl.drawing.cluster_drawer import (
+    BucketProgram,
+    ClusterDrawer,
+    DrawBatches,
+)
+from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.shadows.caster_program import CasterProgram, CasterVariant
+from omnisim.rendering.opengl.uniforms import columns_first
+from omnisim.scene.model import LAMP_NEAR_M
+
+# Of a map that is left alone: all is nearer than the near plane.
+_NOWHERE = np.zeros((4, 4))
+_NOWHERE[3, 3] = -1.0
+
+
+class CasterDrawer:
+    """Draws casters into maps, by clusters where the scene has them.
+
+    Both sides of a surface cast shadows. Masked surfaces have holes; a blended one casts a shadow
+    where its alpha reaches `BLENDED_CUTOFF`, as rays hit it.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        rectangles_px: (maps, 4) left, top, width and height of each in the texture.
+        size_px: of the texture.
+
+    Attributes:
+        anchor_m: (3,) origin of the maps' matrices, world.
+        has_dynamic: something that moves casts shadows.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        anchor_m: NDArray[np.float64],
+        rectangles_px: NDArray[np.float64],
+        size_px: tuple[int, int],
+    ):
+        self._context, self._buffers, self.anchor_m = buffers.context, buffers, anchor_m
+        self._rectangles_px, self._state = rectangles_px, GlState()
+        self._programs: dict[CasterVariant, CasterProgram] = {}
+        self._rig = np.eye(4)
+        self._rig[:3, 3] = anchor_m
+        self._clusters: tuple[ClusterCuller, ClusterDrawer] | None = None
+        geometry = buffers.clustered_geometry
+        if geometry is not None:
+            self._clusters = self._cluster_drawer(geometry, size_px)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        buffers, items = self._buffers, self._buffers.draw_items
+        alphas = np.array([one.material.base_color[3] for one in items])
+        single = buffers.shown_one_by_one()
+        single &= alphas >= np.array([one.material.hit_cutoff for one in items])
+        casts = np.array([one.material.casts_shadow for one in items], dtype=np.bool_)
+        single &= casts
+        moves = np.array([one.moves for one in items], dtype=np.bool_)
+        dynamic, static = casts & moves, casts & ~moves
+        self.has_dynamic = bool(np.any(dynamic & buffers.shown()))
+        self._items = {
+            False: np.flatnonzero(single & static), True: np.flatnonzero(single & dynamic)
+        }  # fmt: skip
+        self._drawer = SceneDrawer(
+            buffers,
+            buffers.indices,
+            np.flatnonzero(single),
+            self._program_of,
+            id_of_item={},
+            both_sides=True,
+        )
+        if buffers.clustered_geometry is not None:
+            # hidden static items have no triangles
+            shown_clusters = buffers.clustered_geometry.shown_clusters
+            self._shown = {True: shown_clusters(dynamic), False: shown_clusters(static)}
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        clips: NDArray[np.float64],
+        active: NDArray[np.bool_],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        dynamic: bool,
+    ) -> None:
+        """Draw the static casters, or the dynamic ones, on top of what the target has.
+
+        Args:
+            target: depth.
+            clips: (maps, 4, 4) clip_from_anchor.
+            active: (maps,) those to draw into.
+            world_from_objects: (4, 4) each, of the dynamic objects.
+            dynamic: draw what moves.
+        """
+        self._state.use(target, has_depth=True)
+        with self._state.drawing():
+            if self._clusters is not None:
+                culler, drawer = self._clusters
+                culler.views.write(self._rig, world_from_objects)
+                seen = np.where(active[:, None, None], clips, _NOWHERE)
+                culler.views.clips_from_rig.write(columns_first(seen))
+                culler.show(self._shown[dynamic])
+                culler.run(0)
+                drawer.draw(0)
+            if self._items[dynamic].size:
+                self._draw_items(target, clips, active, world_from_objects, self._items[dynamic])
+
+    def _draw_items(
+        self,
+        target: moderngl.Framebuffer,
+        clips: NDArray[np.float64],
+        active: NDArray[np.bool_],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        items: NDArray[np.intp],
+    ) -> None:
+        """Draw items one by one."""
+        transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
+        self._drawer.begin(transforms)
+        sides = frustum_planes(clips)[:, :4]  # no depth is too small or too large
+        with self._state.unclipped(), self._state.within_rectangles(target) as aim:
+            for number in np.flatnonzero(active).tolist():
+                seen = items[self._in_frustum(sides[number], transforms, items)]
+                aim(*map(int, self._rectangles_px[number]))
+                matrices = columns_first(clips[number] @ transforms.viewpoint_from_mesh[seen])
+                for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
+                    self._drawer.draw_item(index, clip_from_mesh)
+
+    def _in_frustum(
+        self, planes: NDArray[np.float64], transforms: InstanceTransforms, items: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Mask of items (n,) whose bounding spheres are not outside of planes (k, 4)."""
+        inside_m = transforms.centres_m[items] @ planes[:, :3].T + planes[:, 3]
+        kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
+        return kept
+
+    def _cluster_drawer(
+        self, geometry: ClusteredGeometry, size_px: tuple[int, int]
+    ) -> tuple[ClusterCuller, ClusterDrawer]:
+        context, count = self._context, len(self._rectangles_px)
+        nowhere = np.tile(_NOWHERE, (count, 1, 1))
+        views = Views(context, nowhere, self._rectangles_px, self.anchor_m, geometry.objects)
+        depths_m = (LAMP_NEAR_M, math.inf)
+        batches = DrawBatches(geometry, self._program_of_bucket, both_sides=True)
+        culler = ClusterCuller(
+            context, geometry.buffers, batches.groups, views, None, 1, size_px, depths_m,
+            both_sides=True,
+        )  # fmt: skip
+        return culler, ClusterDrawer(context, geometry, culler, batches)
+
+    def _program_of(self, item: DrawItem) -> CasterProgram:
+        material = item.material
+        textured = material.texture is not None
+        return self._program(CasterVariant(material.hit_cutoff > 0.0, textured))
+
+    def _program_of_bucket(self, bucket: Bucket) -> BucketProgram:
+        variant = CasterVariant(bucket.cutoff, bucket.array is not None, clustered=True)
+        return BucketProgram(self._program(variant).program)
+
+    def _program(self, variant: CasterVariant) -> CasterProgram:
+        if not variant.holes:
+            variant = variant._replace(textured=False)
+        if variant not in self._programs:
+            self._programs[variant] = CasterProgram(self._context, variant)
+        return self._programs[variant]

@@ -1,0 +1,207 @@
+"""Shadow maps of a scene's lamps, in one texture.
+
+What is static is drawn once; a frame draws what moves on a copy, in the few texels that it
+covers. Cascades are drawn again when the viewpoint leaves the middle of theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.bounds import bounds_of
+from omnisim.core.world import time_of
+from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
+from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_functions import copy_regions
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
+from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels
+from omnisim.rendering.opengl.shadows.map_regions import covered_px
+from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
+from omnisim.scene.model import LAMP_NEAR_M, Lighting
+
+_UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
+
+
+class ShadowMaps:
+    """Shadow maps of the lamps that cast shadows.
+
+    Args:
+        buffers: the scene and its dynamic objects.
+        lighting: in which some light casts shadows.
+
+    Attributes:
+        anchor_m: (3,) origin of the maps' matrices, world.
+
+    Raises:
+        GraphicsError: they do not fit on the GPU.
+    """
+
+    def __init__(self, buffers: SceneBuffers, lighting: Lighting):
+        self._buffers, self._lighting = buffers, lighting
+        self._maps: list[DepthLevels] = []
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now, when it is needed."""
+        buffers, context = self._buffers, self._buffers.context
+        boxes_m = _static_boxes_m(buffers)
+        self.anchor_m = _anchor_m(buffers, boxes_m)
+        limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
+        self._plan = plan = make_shadow_plan(self._lighting, boxes_m - self.anchor_m, limit)
+        self._rectangles_px = plan.rectangles_px
+        size_px = plan.width_px, plan.height_px
+        self._drawer = CasterDrawer(buffers, self.anchor_m, self._rectangles_px, size_px)
+        if self._maps and self._maps[0].texture.size != size_px:
+            self._maps = []
+        while len(self._maps) < 1 + self._drawer.has_dynamic:
+            self._maps.append(_allocate(context, size_px))
+        at_anchor = self._clips(self.anchor_m)
+        # of cubes alone it has nothing
+        self._block = context.buffer(reserve=max(16, plan.block_data(at_anchor).nbytes))
+        self._drawn: NDArray[np.float64] | None = None  # matrices of the static maps
+        self._posed: tuple[float, NDArray[np.float64]] | None = None  # time and poses of what moves
+        self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)
+        objects = np.array(
+            [-1 if one.object_index is None else one.object_index for one in buffers.draw_items]
+        )
+        moves = np.array([one.moves for one in buffers.draw_items], dtype=np.bool_)
+        dynamic = np.flatnonzero(moves & buffers.shown())
+        self._dynamic = dynamic[np.argsort(objects[dynamic], kind="stable")]
+        _, self._first_of_object = np.unique(objects[self._dynamic], return_index=True)
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Defines of the shaders."""
+        return (*self._plan.defines, f"LAMP_NEAR_M {LAMP_NEAR_M}")
+
+    def are_shared(
+        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
+    ) -> bool:
+        """Tell whether poses of rigs and of the dynamic objects all have the same maps."""
+        if self._drawer.has_dynamic and not _at_rest([objects for _, objects in poses]):
+            return False
+        if not self._plan.follows_viewpoint:
+            return True
+        first, *others = (self._clips(rig[:3, 3]) for rig, _ in poses)
+        return all(np.array_equal(one, first) for one in others)
+
+    def connect(self, program: moderngl.Program) -> None:
+        """Connect a program that looks shadows up."""
+        if "u_shadow_maps" in program:
+            program["u_shadow_maps"] = _UNIT
+
+    def prepare(
+        self,
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the maps that a frame needs, and bind them; see `ShadowSource`."""
+        clips = self._clips(viewpoint_m)
+        stale = np.ones(len(clips), dtype=np.bool_)
+        if self._drawn is not None:
+            stale = np.any(clips != self._drawn, axis=(1, 2))
+        if stale.any():
+            self._draw_static(clips, stale, world_from_objects)
+            self._block.write(self._plan.block_data(clips))
+            self._drawn = clips
+        if len(self._maps) > 1:
+            self._draw_dynamic(clips, stale, world_from_objects)
+        self._maps[-1].texture.use(_UNIT)
+        self._block.bind_to_uniform_block(_BLOCK_BINDING)
+
+    def _clips(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrices (maps, 4, 4) clip_from_anchor of the maps for a viewpoint (3,), world."""
+        return self._plan.clips(self._plan.middles_m(viewpoint_m - self.anchor_m), self.anchor_m)
+
+    def _draw_static(
+        self,
+        clips: NDArray[np.float64],
+        stale: NDArray[np.bool_],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        target = self._maps[0].target
+        use_target(target)
+        for rectangle_px in self._rectangles_px[stale].astype(int).tolist():
+            target.clear(depth=CLEAR_DEPTH, viewport=tuple(rectangle_px))
+        self._drawer.draw(target, clips, stale, world_from_objects, dynamic=False)
+        if len(self._maps) == 1:
+            self._maps[0].coarsen(self._rectangles_px[stale].astype(int).tolist())
+
+    def _draw_dynamic(
+        self,
+        clips: NDArray[np.float64],
+        stale: NDArray[np.bool_],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw what moves where it is now, and what is static where it was."""
+        poses, time_s = np.array(world_from_objects), 0.0
+        if self._buffers.deforming.size:
+            time_s = time_of(world_from_objects)
+        is_posed = (
+            self._posed is not None
+            and self._posed[0] == time_s
+            and np.array_equal(poses, self._posed[1])
+        )
+        if is_posed and not stale.any():
+            return
+        whole = self._rectangles_px[stale].astype(np.intp)
+        restored = np.concatenate((whole, self._covered)).tolist()
+        static, live = self._maps
+        copy_regions(static.texture.glo, live.texture.glo, restored)
+        transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
+        self._covered = covered_px(
+            clips,
+            self._rectangles_px,
+            transforms.centres_m[self._dynamic],
+            transforms.radii_m[self._dynamic],
+            self._first_of_object,
+        )
+        every = np.ones(len(clips), dtype=np.bool_)
+        self._drawer.draw(live.target, clips, every, world_from_objects, dynamic=True)
+        live.coarsen(restored + self._covered.tolist())
+        self._posed = time_s, poses
+
+
+def _at_rest(worlds: Sequence[Sequence[NDArray[np.float64]]]) -> bool:
+    """Tell whether dynamic objects are at the same time where they are in the first world."""
+    first = worlds[0]
+    return all(
+        world is first or (time_of(world) == time_of(first) and np.array_equal(world, first))
+        for world in worlds
+    )
+
+
+def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> DepthLevels:
+    with gpu_allocation(
+        f"shadow maps of {size_px[0]} × {size_px[1]} px", "switch the lamps' shadows off"
+    ):
+        return DepthLevels(context, size_px)
+
+
+def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Origin (3,) of the maps, world: that of the clusters, or the middle of what is static."""
+    if buffers.clustered_geometry is not None:
+        return buffers.clustered_geometry.anchor_m
+    if not len(boxes_m):
+        return np.zeros(3)
+    middle: NDArray[np.float64] = 0.5 * (boxes_m[:, 0].min(axis=0) + boxes_m[:, 1].max(axis=0))
+    return middle
+
+
+def _static_boxes_m(buffers: SceneBuffers) -> NDArray[np.float64]:
+    """Smallest and largest corners (n, 2, 3) of what is static, world."""
+    boxes_m = []
+    for item in buffers.draw_items:
+        if item.object_index is None:
+            low, high = bounds_of(item.mesh.positions)
+            linear = item.object_from_mesh[:3, :3]
+            middle = linear @ (0.5 * (low + high)) + item.object_from_mesh[:3, 3]
+            extent = np.abs(linear) @ (0.5 * (high - low))
+            boxes_m.append((middle - extent, middle + extent))
+    return np.array(boxes_m, dtype=np.float64).reshape(-1, 2, 3)

@@ -1,0 +1,336 @@
+"""Back end of rays: Embree casts one for each sample of a picture; no OpenGL is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import NonCentralCamera
+from omnisim.core.errors import GraphicsError
+from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
+from omnisim.rendering.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.development import (
+    developed,
+    eight_bits,
+    exposed,
+    mean_luminance,
+)
+from omnisim.rendering.camera.degradations.encoding import Encoding
+from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.random_numbers import key_of
+from omnisim.rendering.camera.degraded_camera import DegradedCamera
+from omnisim.rendering.hit_source import DeformingDraw, HitSource
+from omnisim.rendering.rays.beams import Beams
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.lidar_caster import LidarCaster
+from omnisim.rendering.rays.picture import RayPicture
+from omnisim.rendering.rays.pixel_hits import PixelHits
+from omnisim.rendering.rays.pixel_rays import PixelRays
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.readback import Exposed, Readback, ScenePoses, SubFrame
+from omnisim.rendering.truth.moving_boxes import MovingBoxes
+from omnisim.scene.model import Scene
+
+
+class RayBackend(SceneBackend):
+    """Holds the scene's hierarchies of triangles, and its textures.
+
+    Args:
+        scene: static scene.
+        objects: bodies and dynamic objects by name.
+
+    Attributes:
+        rays: casts them.
+
+    Raises:
+        OmnisimError: embreex is not installed.
+    """
+
+    def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
+        super().__init__(scene, objects)
+        self._rays: RayScene | None = RayScene(scene, tuple(objects.values()))
+
+    @property
+    def rays(self) -> RayScene:
+        """Scene to cast rays at.
+
+        Raises:
+            GraphicsError: it is closed.
+        """
+        if self._rays is None:
+            raise GraphicsError("this stage is closed: open a new one")
+        return self._rays
+
+    @property
+    def is_open(self) -> bool:
+        """False after `close`."""
+        return self._rays is not None
+
+    @property
+    def renderer(self) -> str:
+        """Name and version of the package that casts rays."""
+        return f"embreex {version('embreex')}"
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Refuse to work where it is closed; there is nothing to prepare.
+
+        Raises:
+            GraphicsError: it is closed.
+        """
+        if self.is_open or self.rays:
+            yield
+
+    def update(self, scene: Scene) -> None:
+        """Take another static scene; all hierarchies are built anew."""
+        self._rays = RayScene(scene, tuple(self.objects.values()))
+        self.scene = scene
+
+    def camera(self, setup: CameraSetup) -> RayCamera:
+        """Camera in the scene."""
+        return RayCamera(self, setup)
+
+    def range_finder(
+        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+    ) -> RayRangeFinder:
+        """Beams of a scanner."""
+        return RayRangeFinder(self, angles_rad, max_range_m, hidden)
+
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> RayBeamCaster:
+        """Beams of a spinning lidar."""
+        return RayBeamCaster(self, beams, hidden)
+
+    def close(self) -> None:
+        """Free the memory."""
+        self._rays = None
+
+
+class RayCamera(CameraBackend):
+    """Rays of one camera; what only some frames need is made on first use.
+
+    Settings of the virtual cameras have no meaning here, but for near and far.
+    """
+
+    def __init__(self, world: RayBackend, setup: CameraSetup):
+        super().__init__(world, setup)
+        sensor = setup.sensor
+        self._ray_world, self._sensor = world, sensor
+        self._limits = DepthLimits(sensor.near_m, sensor.far_m)
+        self._hit_source: RayHitSource | None = None
+        self._pictures = self._ray_pictures()
+        self._degraded = None
+        if not sensor.degradation.is_ideal:
+            boxes = MovingBoxes(world.scene, world.objects.values())
+            pipeline = _Development(
+                self._linear,
+                sensor.degradation,
+                PictureGeometry.of_camera(sensor.model),
+                key_of("noise", setup.seed),
+            )
+            self._degraded = DegradedCamera(sensor, setup.seed, pipeline, boxes)
+
+    def refresh(self) -> None:
+        """Cast rays at what the scene has now."""
+        self._pictures, self._hit_source = self._ray_pictures(), None
+
+    def _ray_pictures(self) -> list[RayPicture]:
+        """Picture, or those of R, G and B."""
+        sensor, samples = self._sensor, self._sensor.supersampled_model
+        return [
+            RayPicture(
+                self._ray_world.rays,
+                camera,
+                sensor.mesh_polygons,
+                sensor.supersampling,
+                self._limits,
+                self.setup.unlit,
+            )
+            for camera in (
+                samples.by_color() if isinstance(samples, NonCentralCamera) else (samples,)
+            )
+        ]
+
+    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
+        """Take a picture; also return the metadata of its degradation."""
+        if self._degraded is not None:
+            picture, metadata = self._degraded.take(request)
+            return picture, {"degradation": metadata}
+        linear = self._linear(request.poses)
+        return _readback(linear, None, request.linear), {}
+
+    def hit_source(self, details: HitDetails) -> RayHitSource:
+        """Source of its ground truth."""
+        if self._hit_source is None:
+            self._hit_source = RayHitSource(self._ray_world.rays, self.setup, self._limits)
+        return self._hit_source
+
+    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+        """Refuse them: there are no virtual cameras.
+
+        Raises:
+            GraphicsError: always.
+        """
+        raise GraphicsError("faces: back end 'rays' has none: expected 'cube'")
+
+    def _linear(self, poses: ScenePoses) -> LinearPicture:
+        objects = ObjectState(poses.world_from_objects, self.setup.hidden)
+        found = [one.render(poses.world_from_rig, objects) for one in self._pictures]
+        if len(found) == 1:
+            return found[0]
+        red, green, blue = found
+        valid = green[..., 3] > 0.0
+        green[valid, 0], green[valid, 2] = red[valid, 0], blue[valid, 2]
+        return green
+
+
+class RayRangeFinder:
+    """Beams of a scanner, at what the scene has.
+
+    Args:
+        world: the scene.
+        angles_rad, max_range_m, hidden: see `Beams`.
+    """
+
+    def __init__(
+        self,
+        world: RayBackend,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+    ):
+        self._world, self._beams = world, Beams(angles_rad, max_range_m, hidden)
+
+    def refresh(self) -> None:
+        """Cast at what the scene has now: nothing is kept of what it had."""
+
+    def cast(
+        self,
+        world_from_scanner: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> NDArray[np.float64]:
+        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        return self._beams.cast(self._world.rays, world_from_scanner, world_from_objects)
+
+
+class RayBeamCaster:
+    """Beams of a spinning lidar, at what the scene has.
+
+    Args:
+        world: the scene.
+        beams, hidden: see `LidarCaster`.
+    """
+
+    def __init__(self, world: RayBackend, beams: LidarBeams, hidden: frozenset[ObjectPart]):
+        self._world, self._caster = world, LidarCaster(beams, hidden)
+
+    @property
+    def draws(self) -> Sequence[ObjectPart]:
+        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+        surfaces = self._world.rays.caster.geometry.surfaces
+        return [(one.object_index, one.name) for one in surfaces]
+
+    def refresh(self) -> None:
+        """Cast at what the scene has now: nothing is kept of what it had."""
+
+    def cast(self, revolution: Revolution) -> BeamHits:
+        """Hits of all beams of a revolution."""
+        return self._caster.cast(self._world.rays, revolution)
+
+
+class _Development:
+    """Pipeline of a degraded camera, by the references of its effects in NumPy.
+
+    Args:
+        render_ideal: ideal picture of a sub-frame, linear.
+        degradation: of the camera.
+        geometry: of the picture.
+        noise_key: of the camera's random numbers.
+    """
+
+    def __init__(
+        self,
+        render_ideal: Callable[[ScenePoses], LinearPicture],
+        degradation: Degradation,
+        geometry: PictureGeometry,
+        noise_key: int,
+    ):
+        self._render_ideal, self._degradation = render_ideal, degradation
+        self._geometry, self._noise_key = geometry, noise_key
+
+    def render(
+        self,
+        sub_frames: Iterable[SubFrame],
+        expose: Callable[[float | None], Exposed],
+        metered: bool,
+        linear: bool,
+    ) -> Readback:
+        """Render a picture from sub-frames, see `SubFramePipeline`."""
+        degradation, geometry = self._degradation, self._geometry
+        ideal = ((self._render_ideal(part.poses), part.row_weights) for part in sub_frames)
+        light = exposed(ideal, degradation, geometry)
+        exposure = expose(mean_luminance(light) if metered else None)
+        picture = developed(
+            light, degradation, geometry, exposure.factors, self._noise_key, exposure.frame_number
+        )
+        return _readback(picture, degradation.encoding, linear)
+
+
+class RayHitSource(HitSource):
+    """Hits of the pixels' rays by Embree, exact in float64.
+
+    Args:
+        rays: casts them.
+        setup: of the camera.
+        limits: of the rays.
+    """
+
+    def __init__(self, rays: RayScene, setup: CameraSetup, limits: DepthLimits):
+        sensor = setup.sensor
+        self.camera, self.polygons = sensor.model, sensor.mesh_polygons
+        surfaces = rays.caster.geometry.surfaces
+        self.draws = [(one.object_index, one.name) for one in surfaces]
+        self.deforming = {
+            one.number: DeformingDraw(
+                one.mesh, surfaces[one.number].object_index, one.instance.world_from_mesh
+            )
+            for one in rays.caster.geometry.deforming
+        }
+        self._hidden = setup.hidden
+        self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
+        self.has_ray = self._pixels.has_ray
+        self._occluded = np.zeros_like(self.has_ray)
+
+    def rays(self) -> NDArray[np.float64]:
+        """Unit rays (height, width, 3), optical frame."""
+        return self._pixels.rays()
+
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
+        """Cast all rays."""
+        objects = ObjectState(poses.world_from_objects, self._hidden)
+        return self._pixels.cast(poses.world_from_rig, objects, details)
+
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
+        """Cast rays from another viewpoint to the points of the last hits."""
+        if deformed is not None:
+            self._pixels.put_points(deformed)
+        objects = ObjectState(other.world_from_objects, self._hidden)
+        self._occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
+
+    def occluded(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the points that something nearer hides there."""
+        return self._occluded
+
+
+def _readback(picture: LinearPicture, encoding: Encoding | None, linear: bool) -> Readback:
+    floats = np.ascontiguousarray(picture[..., :3]) if linear else None
+    return Readback(eight_bits(picture, encoding), floats)

@@ -1,0 +1,58 @@
+"""Ranges of a scanner's beams by casting rays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import ObjectPart
+from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.embree import NO_TRIANGLE
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+
+
+class Beams:
+    """Casts the beams of a scanner into a scene.
+
+    Surfaces reflect on both sides. Through the holes of masked materials, and where blended ones
+    hide less than half of what is behind, a beam goes on.
+
+    Args:
+        angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
+        max_range_m: surfaces farther away are not found; may be infinite.
+        hidden: parts of dynamic objects that beams go through.
+    """
+
+    def __init__(
+        self,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+    ):
+        self._max_range_m, self._hidden = max_range_m, hidden
+        flat = np.zeros_like(angles_rad)
+        self._directions = np.stack((np.cos(angles_rad), np.sin(angles_rad), flat), axis=1)
+
+    def cast(
+        self,
+        scene: RayScene,
+        world_from_scanner: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> NDArray[np.float64]:
+        """Ranges (n,) in a scene in metres from a pose (4, 4), objects at theirs; +inf: no hit."""
+        count = len(self._directions)
+        rays = Rays(
+            np.tile(world_from_scanner[:3, 3], (count, 1)),
+            np.einsum("nj,ij->ni", self._directions, world_from_scanner[:3, :3]),
+            np.zeros(count),
+            np.full(count, self._max_range_m),
+        )
+        objects = ObjectState(world_from_objects, self._hidden)
+        found = scene.first_hits(rays, objects, both_sides=True)
+        ranges_m = np.full(count, np.inf)
+        hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
+        exact = scene.caster.exact(rays.take(hit), found.take(hit), world_from_objects)
+        ranges_m[hit] = exact.ranges_m
+        return ranges_m

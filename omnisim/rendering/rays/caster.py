@@ -1,0 +1,316 @@
+"""Casting rays at a scene and its dynamic objects, each at its own pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.bounds import bounds_of
+from omnisim.core.world import ObjectPart, ObjectPoses, time_of
+from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh
+from omnisim.rendering.rays.geometry import Poses, build_geometry
+from omnisim.scene.model import Scene
+
+# Share of a ray's length and of its origin's coordinates by which it starts behind a surface that
+# it goes on from: some roundings of a float32.
+_BEYOND = 1e-6
+_LEAST_STEP_M = 1e-7
+_MESHES_KEPT = 8
+
+
+class Rays(NamedTuple):
+    """Rays in the world; each starts at an origin of its own."""
+
+    origins_m: NDArray[np.float64]  # (n, 3)
+    directions: NDArray[np.float64]  # (n, 3), unit
+    near_m: NDArray[np.float64]  # (n,): nothing nearer is hit
+    far_m: NDArray[np.float64]  # (n,): nothing farther, may be infinite
+
+    def take(self, indices: NDArray[np.intp]) -> Rays:
+        """Some of the rays."""
+        return Rays(*(values[indices] for values in self))
+
+
+class RayHits(NamedTuple):
+    """Nearest triangles along rays, on the side that shows."""
+
+    triangles: NDArray[np.int32]  # (n,) indices into the geometry; `NO_TRIANGLE`: none
+    ranges_m: NDArray[np.float64]  # (n,); +inf: none
+    weights: NDArray[np.float32]  # (n, 3) of the corners
+    planes: NDArray[np.float32]  # (n, 3) normals of the side seen, world, not of unit length
+
+    def take(self, indices: NDArray[np.intp]) -> RayHits:
+        """Some of the hits."""
+        return RayHits(
+            self.triangles[indices],
+            self.ranges_m[indices],
+            self.weights[indices],
+            self.planes[indices],
+        )
+
+    def put(self, indices: NDArray[np.intp], hits: RayHits) -> None:
+        """Overwrite some of the hits."""
+        self.triangles[indices] = hits.triangles
+        self.ranges_m[indices] = hits.ranges_m
+        self.weights[indices] = hits.weights
+        self.planes[indices] = hits.planes
+
+
+class _PartMesh(NamedTuple):
+    """Hierarchy of a part's triangles, about the middle of their bounds in its own frame."""
+
+    mesh: EmbreeMesh
+    triangles: NDArray[np.intp]  # of the geometry
+    centre_m: NDArray[np.float64]
+    radius_m: float
+
+
+class RayCaster:
+    """Casts rays at all that there is; hierarchies are built once, and poses move whole objects.
+
+    Embree, in float32, tells the triangle; about the middle of each object, so that coordinates are
+    small. `exact` has the rest in float64.
+
+    Args:
+        scene: the static part of the world.
+        dynamic_objects: each in a frame of its own.
+
+    Attributes:
+        geometry: tables of all triangles.
+
+    Raises:
+        OmnisimError: embreex is not installed.
+    """
+
+    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = ()):
+        self.geometry = build_geometry(scene, dynamic_objects)
+        self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
+        self._part_mesh(0, frozenset())
+        # those of the last times, which threads share
+        self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
+        self._deforming_parts = {
+            int(self.geometry.part_of_surface[one.number]) for one in self.geometry.deforming
+        }
+
+    def cast(
+        self,
+        rays: Rays,
+        world_from_objects: Poses = (),
+        hidden: frozenset[ObjectPart] = frozenset(),
+        behind: NDArray[np.int32] | None = None,
+        both_sides: bool = False,
+    ) -> RayHits:
+        """Find the nearest triangles that show the rays their front, or are double-sided.
+
+        Args:
+            rays: (n,).
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            hidden: instances that are not there.
+            behind: (n,) triangles that the rays have passed, which are not hit again.
+            both_sides: all triangles are double-sided.
+        """
+        rest = np.eye(4)
+        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, rest, behind, both_sides)
+        others = [
+            (self._part_mesh(part, hidden), pose)
+            for part, pose in enumerate(world_from_objects, start=1)
+        ]
+        for part in self._deforming_parts:
+            if part > len(world_from_objects):  # nothing moves where no poses are given
+                continue
+            gone = frozenset(one for one in hidden if one[0] == part - 1)
+            mesh = self._deformed_mesh(part, gone, time_of(world_from_objects))
+            others.append((mesh, world_from_objects[part - 1] if part else rest))
+        for mesh, pose in others:
+            aimed = _near_sphere(rays, mesh, pose)
+            if len(aimed) == 0:
+                continue
+            some = rays.take(aimed)
+            some = some._replace(far_m=np.minimum(some.far_m, hits.ranges_m[aimed]))
+            passed = None if behind is None else behind[aimed]
+            found = self._cast_part(mesh, some, pose, passed, both_sides)
+            nearer = np.flatnonzero(found.triangles != NO_TRIANGLE)
+            hits.put(aimed[nearer], found.take(nearer))
+        return hits
+
+    @property
+    def static_centre_m(self) -> NDArray[np.float64]:
+        """Middle (3,) of the static surfaces' bounds, world."""
+        return self._part_mesh(0, frozenset()).centre_m
+
+    def static_hits(
+        self,
+        origins_m: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        far: NDArray[np.float32] | None = None,
+    ) -> EmbreeHits:
+        """Nearest static triangles along rays (n, 3), either side, as Embree finds them.
+
+        Args:
+            origins_m: (n, 3) from `static_centre_m`, along the world's axes.
+            directions: (n, 3) of any length.
+            far: (n,) where rays end, in lengths of the direction; None: nowhere.
+        """
+        part = self._part_mesh(0, frozenset())
+        hits = part.mesh.hits(origins_m, directions, far)
+        is_hit = hits.triangles != NO_TRIANGLE
+        triangles = part.triangles.take(hits.triangles, mode="clip").astype(np.int32)
+        return hits._replace(triangles=np.where(is_hit, triangles, np.int32(NO_TRIANGLE)))
+
+    def behind(self, rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
+        """Rays (n,) that go on just behind surfaces at ranges (n,).
+
+        Beyond what rounding moves a triangle by: a ray along an edge does not hit the next one of
+        the same surface.
+        """
+        origins_m = rays.origins_m - self._part_mesh(0, frozenset()).centre_m
+        return rays._replace(near_m=_beyond_m(origins_m, ranges_m))
+
+    def exact(self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
+        """The same hits (n,) with ranges, weights and planes from float64; all rays hit."""
+        corners_m = self.geometry.corners_m(hits.triangles, world_from_objects)
+        return self.exact_at(corners_m, rays, hits)
+
+    @staticmethod
+    def exact_at(corners_m: NDArray[np.float64], rays: Rays, hits: RayHits) -> RayHits:
+        """The same hits (n,) of triangles with corners (n, 3, 3), world; see `exact`."""
+        a, b, c = np.moveaxis(corners_m - rays.origins_m[:, None], 1, 0)
+        planes = np.cross(b - a, c - a)
+        along = _dot(planes, rays.directions)
+        ranges_m = _dot(planes, a) / along
+        # an edge and the origin span a plane; the ray's side of it is the opposite corner's weight
+        sides = np.stack(
+            [
+                _dot(rays.directions, np.cross(first, second - first))
+                for first, second in ((b, c), (c, a), (a, b))
+            ],
+            axis=1,
+        )
+        weights = sides / sides.sum(axis=1, keepdims=True)
+        planes *= np.where(along > 0.0, -1.0, 1.0)[:, None]
+        return RayHits(
+            hits.triangles, ranges_m, weights.astype(np.float32), planes.astype(np.float32)
+        )
+
+    def _cast_part(
+        self,
+        part: _PartMesh,
+        rays: Rays,
+        world_from_part: NDArray[np.float64],
+        behind: NDArray[np.int32] | None,
+        both_sides: bool,
+    ) -> RayHits:
+        """Cast rays (n,) at one part, and on through what they do not hit."""
+        rotation = world_from_part[:3, :3]
+        origins_m = _rotated(rays.origins_m - world_from_part[:3, 3], rotation.T) - part.centre_m
+        directions = _rotated(rays.directions, rotation.T)
+        hits, near_m = _no_hits(len(origins_m)), rays.near_m
+        is_double_sided = self.geometry.is_double_sided
+        active = np.arange(len(origins_m))
+        while len(active):
+            starts_m = origins_m[active] + near_m[active, None] * directions[active]
+            aims = directions[active].astype(np.float32)
+            lengths_m = np.maximum(rays.far_m[active] - near_m[active], 0.0)
+            found = part.mesh.hits(
+                starts_m.astype(np.float32), aims, np.minimum(lengths_m, 1e37).astype(np.float32)
+            )
+            is_hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
+            triangles = part.triangles[found.triangles[is_hit]].astype(np.int32)
+            planes = found.normals[is_hit]
+            is_back = _dot(planes, aims[is_hit]) > 0.0
+            rays_hit = active[is_hit]
+            ranges_m = near_m[rays_hit] + found.ranges_m[is_hit]
+            shows = ~is_back | both_sides
+            shows |= is_double_sided[self.geometry.surface_of_triangle[triangles]]
+            if behind is not None:
+                shows &= behind[rays_hit] != triangles
+            mine, kept = rays_hit[shows], is_hit[shows]
+            hits.triangles[mine] = triangles[shows]
+            hits.ranges_m[mine] = ranges_m[shows]
+            u, v = found.u[kept], found.v[kept]
+            hits.weights[mine] = np.stack((1.0 - u - v, u, v), axis=1)
+            facing = np.where(is_back[shows], np.float32(-1.0), np.float32(1.0))
+            hits.planes[mine] = _rotated(facing[:, None] * planes[shows], rotation)
+            passed = rays_hit[~shows]
+            if len(passed):
+                near_m = near_m.copy()
+                near_m[passed] = _beyond_m(origins_m[passed], ranges_m[~shows])
+            active = passed
+        return hits
+
+    def _part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
+        """Hierarchy of a part without hidden instances, built on first use; sensors share it."""
+        hidden = frozenset(one for one in hidden if one[0] == part - 1)
+        if (part, hidden) not in self._part_meshes:
+            self._part_meshes[part, hidden] = self._build_part_mesh(part, hidden)
+        return self._part_meshes[part, hidden]
+
+    def _build_part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
+        geometry = self.geometry
+        triangles = geometry.triangles_of_part(part, hidden)
+        used, renumbered = np.unique(geometry.corners[triangles], return_inverse=True)
+        return _part_mesh_of(geometry.positions_m[used], renumbered, triangles)
+
+    def _build_deformed_mesh(
+        self, part: int, hidden: frozenset[ObjectPart], time_s: float
+    ) -> _PartMesh:
+        """Hierarchy of a part's deforming surfaces at a time."""
+        geometry = self.geometry
+        triangles = geometry.triangles_of_part(part, hidden, deforming=True)
+        # of the part in its own frame
+        corners_m = geometry.corners_m(triangles.astype(np.int32), ObjectPoses((), time_s))
+        return _part_mesh_of(corners_m.reshape(-1, 3), np.arange(3 * len(triangles)), triangles)
+
+
+def _part_mesh_of(
+    positions_m: NDArray[np.float64], corners: NDArray[np.intp], triangles: NDArray[np.intp]
+) -> _PartMesh:
+    """Hierarchy of triangles, whose corners (3 n,) are vertices (k, 3)."""
+    bounds = bounds_of(positions_m) if len(positions_m) else np.zeros((2, 3))
+    centre_m = bounds.mean(axis=0)
+    local_m = (positions_m - centre_m).astype(np.float32)
+    radius_m = float(np.linalg.norm(local_m, axis=1).max(initial=0.0)) * (1.0 + _BEYOND)
+    mesh = EmbreeMesh(local_m, corners.reshape(-1, 3).astype(np.int32))
+    return _PartMesh(mesh, triangles, centre_m, radius_m)
+
+
+def _beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
+    size_m: NDArray[np.float64] = np.abs(origins_m).max(axis=1) + ranges_m
+    return ranges_m + _BEYOND * size_m + _LEAST_STEP_M
+
+
+def _no_hits(count: int) -> RayHits:
+    return RayHits(
+        np.full(count, NO_TRIANGLE, dtype=np.int32),
+        np.full(count, np.inf),
+        np.zeros((count, 3), dtype=np.float32),
+        np.zeros((count, 3), dtype=np.float32),
+    )
+
+
+def _near_sphere(
+    rays: Rays, part: _PartMesh, world_from_part: NDArray[np.float64]
+) -> NDArray[np.intp]:
+    """Indices of the rays that pass the bounding sphere of a part within its radius."""
+    centre_m = world_from_part[:3, :3] @ part.centre_m + world_from_part[:3, 3]
+    to_centre = centre_m - rays.origins_m
+    along = np.maximum(_dot(to_centre, rays.directions), 0.0)
+    away = to_centre - along[:, None] * rays.directions
+    return np.flatnonzero(_dot(away, away) <= part.radius_m**2)
+
+
+def _dot(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Dot products (n,) of vectors (n, 3) each."""
+    products: NDArray[np.float64] = np.einsum("nc,nc->n", one, other)
+    return products
+
+
+def _rotated(vectors: NDArray[np.floating], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (n, 3) rotated by a matrix (3, 3); without BLAS, whose threads would outlive it."""
+    rotated: NDArray[np.float64] = np.einsum("nj,ij->ni", vectors, rotation)
+    return rotated

@@ -1,0 +1,320 @@
+"""Geometry of scenes as flat tables: triangles with their corners, and their instances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import ObjectPart, time_of
+from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
+
+Poses = Sequence[NDArray[np.float64]]  # (4, 4) each, world_from_object
+
+
+class Surface(NamedTuple):
+    """Instance of a mesh in one of the scenes.
+
+    Attributes:
+        name: of the instance.
+        object_index: of the dynamic object that it belongs to; None: it is static.
+        material: of the mesh.
+        is_textured: the mesh has texture coordinates.
+        has_second_coordinates: it has second ones.
+        is_lightmapped: it has a rectangle of baked light.
+    """
+
+    name: str
+    object_index: int | None
+    material: Material
+    is_textured: bool
+    has_second_coordinates: bool = False
+    is_lightmapped: bool = False
+
+    def is_placed(self, texture: Texture) -> bool:
+        """True where the mesh has the coordinates that place a texture."""
+        return self.has_second_coordinates if texture.uv_set else self.is_textured
+
+
+_TIMES_KEPT = 8  # of deformed vertices: of a picture, its neighbours, and some slices of a scan
+
+
+class _DeformedVertices(NamedTuple):
+    """Vertices of a surface at a time, in its part's frame."""
+
+    positions_m: NDArray[np.float64]
+    normals: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True, eq=False)
+class DeformingSurface:
+    """Surface whose mesh deforms.
+
+    Attributes:
+        number: of the surface.
+        first_vertex: in the geometry.
+        instance, mesh: that it is of.
+    """
+
+    number: int
+    first_vertex: int
+    instance: Instance
+    mesh: Mesh
+
+    @cached_property
+    def at(self) -> Callable[[float], _DeformedVertices]:
+        """Vertices by time in seconds; threads share those of the last times."""
+        return lru_cache(maxsize=_TIMES_KEPT)(self._vertices_at)
+
+    def _vertices_at(self, time_s: float) -> _DeformedVertices:
+        deformation = self.mesh.deformation
+        assert deformation is not None
+        linear = self.instance.world_from_mesh[:3, :3]
+        positions = np.einsum("nj,ij->ni", deformation.positions_at(time_s), linear)
+        normals = deformation.normals_at(time_s)
+        return _DeformedVertices(
+            positions + self.instance.world_from_mesh[:3, 3],
+            None if normals is None else _turned(normals, linear),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Triangles of a scene and its dynamic objects, each object's in its own frame, at 0 s.
+
+    Attributes:
+        surfaces: all instances, the scene's first, then each object's.
+        corners: (m, 3) int32 indices of vertices, counter-clockwise seen from the front.
+        surface_of_triangle: (m,) int32.
+        first_of_surface: (surfaces + 1,) first triangle of each.
+        positions_m: (n, 3) float64 of the vertices.
+        normals: (n, 3) float32, not of unit length; zero: flat.
+        texture_coordinates: (n, 2) float32.
+        second_coordinates: (n, 2) float32, or None: no mesh has any.
+        light_coordinates: (n, 4) float32 places in the scene's baked light, of front and back, or
+            None: there is none.
+        colors: (n, 4) float32 linear RGBA, or None: all are white.
+        part_of_surface: (surfaces,) 0: the scene; 1 + number of the object.
+        is_double_sided: (surfaces,).
+        deforming: surfaces whose vertices are others at other times.
+    """
+
+    surfaces: tuple[Surface, ...]
+    corners: NDArray[np.int32]
+    surface_of_triangle: NDArray[np.int32]
+    first_of_surface: NDArray[np.intp]
+    positions_m: NDArray[np.float64]
+    normals: NDArray[np.float32]
+    texture_coordinates: NDArray[np.float32]
+    second_coordinates: NDArray[np.float32] | None
+    light_coordinates: NDArray[np.float32] | None
+    colors: NDArray[np.float32] | None
+    part_of_surface: NDArray[np.intp]
+    is_double_sided: NDArray[np.bool_]
+    deforming: tuple[DeformingSurface, ...] = ()
+
+    def triangles_of_part(
+        self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False
+    ) -> NDArray[np.intp]:
+        """Indices of a part's triangles, rigid or deforming, without those of hidden instances."""
+        deform = {one.number for one in self.deforming}
+        shown = np.array(
+            [
+                of_part == part
+                and (number in deform) is deforming
+                and (surface.object_index, surface.name) not in hidden
+                for number, (surface, of_part) in enumerate(
+                    zip(self.surfaces, self.part_of_surface, strict=True)
+                )
+            ],
+            dtype=np.bool_,
+        )
+        return np.flatnonzero(np.repeat(shown, np.diff(self.first_of_surface)))
+
+    def part_of_triangles(self, triangles: NDArray[np.int32]) -> NDArray[np.intp]:
+        """Parts (n,) of triangles (n,)."""
+        return self.part_of_surface[self.surface_of_triangle[triangles]]
+
+    def corners_m(
+        self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
+    ) -> NDArray[np.float64]:
+        """Corners (n, 3, 3) of triangles (n,), world, with the dynamic objects at poses (4, 4)."""
+        corners_m = self.positions_m[self.corners[triangles]]
+        for mine, one in self.deformed(triangles):
+            positions_m = one.at(time_of(world_from_objects)).positions_m
+            corners_m[mine] = positions_m[self.corners[triangles[mine]] - one.first_vertex]
+        for mine, pose in self.moved(triangles, world_from_objects):
+            rotated = np.einsum("nkj,ij->nki", corners_m[mine], pose[:3, :3])
+            corners_m[mine] = rotated + pose[:3, 3]
+        return corners_m
+
+    def corner_normals(
+        self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
+    ) -> NDArray[np.float32]:
+        """Normals (n, 3, 3) at the corners of triangles (n,), each in its part's frame."""
+        normals: NDArray[np.float32] = self.normals[self.corners[triangles]]
+        for mine, one in self.deformed(triangles):
+            found = one.at(time_of(world_from_objects)).normals
+            if found is not None:
+                normals[mine] = found[self.corners[triangles[mine]] - one.first_vertex]
+        return normals
+
+    def deformed(
+        self, triangles: NDArray[np.int32]
+    ) -> Iterator[tuple[NDArray[np.intp], DeformingSurface]]:
+        """Indices of those of triangles (n,) that deform, and their surface."""
+        if not self.deforming:
+            return
+        surfaces = self.surface_of_triangle[triangles]
+        for one in self.deforming:
+            mine = np.flatnonzero(surfaces == one.number)
+            if len(mine):
+                yield mine, one
+
+    def moved(
+        self, triangles: NDArray[np.int32], world_from_objects: Poses
+    ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+        """Indices of those of triangles (n,) that are of a dynamic object, and its pose (4, 4)."""
+        if not world_from_objects:
+            return
+        parts = self.part_of_triangles(triangles)
+        for number, pose in enumerate(world_from_objects, start=1):
+            mine = np.flatnonzero(parts == number)
+            if len(mine):
+                yield mine, pose
+
+
+def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geometry:
+    """Tables of a scene and its dynamic objects."""
+    placed = [
+        (number, part, instance, part.meshes[instance.mesh])
+        for number, part in enumerate((scene, *dynamic_objects))
+        for instance in part.instances
+    ]
+    materials = [part.materials[mesh.material] for _, part, _, mesh in placed]
+    tables = [_EMPTY, *(_vertices(instance, mesh) for *_, instance, mesh in placed)]
+    has_colors = any(mesh.colors is not None for *_, mesh in placed)
+    counts = np.array([len(mesh.triangles) for *_, mesh in placed], dtype=np.intp)
+    bases = np.cumsum([0, *(len(table.positions_m) for table in tables[:-1])])
+    deforming = tuple(
+        DeformingSurface(surface, int(bases[1 + surface]), instance, mesh)
+        for surface, (*_, instance, mesh) in enumerate(placed)
+        if mesh.deformation is not None
+    )
+    return Geometry(
+        surfaces=tuple(
+            Surface(
+                instance.name,
+                number - 1 if number else None,
+                material,
+                mesh.texture_coordinates is not None,
+                mesh.second_texture_coordinates is not None,
+                not number and _is_lightmapped(scene, instance),
+            )
+            for (number, _, instance, mesh), material in zip(placed, materials, strict=True)
+        ),
+        corners=np.concatenate(
+            [table.corners + np.int32(base) for table, base in zip(tables, bases, strict=True)]
+        ),
+        surface_of_triangle=np.repeat(np.arange(len(placed), dtype=np.int32), counts),
+        first_of_surface=np.concatenate(([0], np.cumsum(counts))),
+        positions_m=np.concatenate([table.positions_m for table in tables]),
+        normals=np.concatenate([table.normals for table in tables]),
+        texture_coordinates=np.concatenate([table.texture_coordinates for table in tables]),
+        second_coordinates=_second_coordinates([mesh for *_, mesh in placed]),
+        light_coordinates=_light_coordinates(scene, dynamic_objects),
+        colors=np.concatenate([table.colors for table in tables]) if has_colors else None,
+        part_of_surface=np.array([number for number, *_ in placed], dtype=np.intp),
+        is_double_sided=np.array([material.double_sided for material in materials], np.bool_),
+        deforming=deforming,
+    )
+
+
+def _second_coordinates(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:
+    if all(mesh.second_texture_coordinates is None for mesh in meshes):
+        return None
+    return np.concatenate(
+        [
+            _floats(len(mesh.positions), 2) if coordinates is None else coordinates
+            for mesh in meshes
+            for coordinates in (mesh.second_texture_coordinates,)
+        ]
+    )
+
+
+def _is_lightmapped(scene: Scene, instance: Instance) -> bool:
+    has_rectangle = instance.light_rectangle is not None and scene.lighting.baked is not None
+    return has_rectangle and scene.meshes[instance.mesh].light_coordinates is not None
+
+
+def _light_coordinates(
+    scene: Scene, dynamic_objects: Sequence[Scene]
+) -> NDArray[np.float32] | None:
+    """Places (n, 4) of all vertices in baked light; None: the scene has none."""
+    if scene.lighting.baked is None:
+        return None
+    places = []
+    for instance in scene.instances:
+        mesh, rectangle = scene.meshes[instance.mesh], instance.light_rectangle
+        if mesh.light_coordinates is None or rectangle is None:
+            places.append(_floats(len(mesh.positions), 4))
+        else:
+            sides = np.array((rectangle, instance.light_back_rectangle or rectangle))
+            own = sides[:, :2] + mesh.light_coordinates[:, None] * sides[:, 2:]
+            places.append(own.reshape(-1, 4).astype(np.float32))
+    others = [
+        _floats(len(part.meshes[one.mesh].positions), 4)
+        for part in dynamic_objects
+        for one in part.instances
+    ]
+    return np.concatenate([_floats(0, 4), *places, *others])
+
+
+class _Vertices(NamedTuple):
+    """Triangles of one instance, and its vertices in its scene's frame."""
+
+    corners: NDArray[np.int32]
+    positions_m: NDArray[np.float64]
+    normals: NDArray[np.float32]
+    texture_coordinates: NDArray[np.float32]
+    colors: NDArray[np.float32]
+
+
+def _floats(rows: int, columns: int, value: float = 0.0) -> NDArray[np.float32]:
+    return np.full((rows, columns), value, dtype=np.float32)
+
+
+_EMPTY = _Vertices(
+    np.empty((0, 3), np.int32), np.empty((0, 3)), _floats(0, 3), _floats(0, 2), _floats(0, 4)
+)
+
+
+def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
+    count, matrix = len(mesh.positions), instance.world_from_mesh
+    linear = matrix[:3, :3]
+    is_mirrored = np.linalg.det(linear) < 0.0
+    corners = mesh.triangles.astype(np.int32)
+    # einsum, as BLAS would leave threads behind that keep the cores from whatever comes next
+    positions_m = np.einsum("nj,ij->ni", mesh.positions.astype(np.float64), linear)
+    normals = _floats(count, 3) if mesh.normals is None else _turned(mesh.normals, linear)
+    coordinates, colors = mesh.texture_coordinates, mesh.colors
+    return _Vertices(
+        corners[:, [0, 2, 1]] if is_mirrored else corners,  # wound the other way round
+        positions_m + matrix[:3, 3],
+        normals,
+        _floats(count, 2) if coordinates is None else coordinates,
+        _floats(count, 4, 1.0) if colors is None else colors,
+    )
+
+
+def _turned(normals: NDArray[np.floating], linear: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Normals (n, 3) under a matrix (3, 3): its cofactors, under any scale, keep them outside."""
+    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+    if np.linalg.det(linear) < 0.0:
+        cofactors = -cofactors
+    turned: NDArray[np.float32] = np.einsum("nj,ij->ni", normals, cofactors).astype(np.float32)
+    return turned

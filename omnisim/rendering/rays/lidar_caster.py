@@ -1,0 +1,125 @@
+"""Hits of a spinning lidar's beams by casting rays, each from where the lidar is at its time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, Slice
+from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.embree import NO_TRIANGLE
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+
+_FIRINGS_AT_ONCE = 128
+_BESIDE = 0.01  # weight of a corner: of a triangle that deforms, a ray may pass beside it
+
+
+class LidarCaster:
+    """Casts the beams of a lidar into a scene.
+
+    Surfaces reflect on both sides. Which surface a beam hits is found with the dynamic objects
+    where they are in the middle of a slice; how far it is, with the object where it is at the
+    firing.
+
+    Args:
+        beams: of the lidar.
+        hidden: parts of dynamic objects that beams go through.
+    """
+
+    def __init__(self, beams: LidarBeams, hidden: frozenset[ObjectPart]):
+        self._beams, self._hidden = beams, hidden
+        self._directions = beams.directions
+
+    def cast(self, scene: RayScene, revolution: Revolution) -> BeamHits:
+        """Hits of all beams of a revolution."""
+        size = self._directions.shape[:2]
+        hits = BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32))
+        parts = [
+            (one, first, min(first + _FIRINGS_AT_ONCE, one.last))
+            for one in revolution.slices
+            for first in range(one.first, one.last, _FIRINGS_AT_ONCE)
+        ]
+
+        def cast_part(part: tuple[Slice, int, int]) -> None:
+            one, first, last = part
+            firings = slice(first, last)
+            shares = np.broadcast_to(revolution.shares[firings], (size[0], last - first)).ravel()
+            directions = np.einsum(
+                "fij,rfj->rfi", revolution.rotations[firings], self._directions[:, firings]
+            ).reshape(-1, 3)
+            rays = Rays(
+                one.start.origin_m + shares[:, None] * one.path_m,
+                directions,
+                np.zeros(len(directions)),
+                np.full(len(directions), self._beams.max_range_m),
+            )
+            ranges_m, draws_plus_one = self._cast_slice(scene, one, rays, shares)
+            hits.ranges_m[:, firings] = ranges_m.reshape(size[0], -1)
+            hits.draws_plus_one[:, firings] = draws_plus_one.reshape(size[0], -1)
+
+        scene.in_threads(cast_part, parts)
+        return hits
+
+    def _cast_slice(
+        self, scene: RayScene, one: Slice, rays: Rays, shares: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+        """Ranges and 1 + instance (n,) of rays (n,) in a slice."""
+        poses = one.middle.world_from_objects
+        found = scene.first_hits(rays, ObjectState(poses, self._hidden), both_sides=True)
+        hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
+        found, rays = found.take(hit), rays.take(hit)
+        geometry = scene.caster.geometry
+        bent = [(mine, rays.take(mine)) for mine, _ in geometry.deformed(found.triangles)]
+        for mine, number in _moving(one, geometry.part_of_triangles(found.triangles)):
+            _follow(
+                rays,
+                mine,
+                shares[hit[mine]],
+                *(pose.world_from_objects[number] for pose in (one.start, one.middle, one.end)),
+            )
+        ranges_m = np.full(len(shares), np.inf)
+        draws_plus_one = np.zeros(len(shares), dtype=np.uint32)
+        ranges_m[hit] = scene.caster.exact(rays, found, poses).ranges_m
+        for mine, some in bent:
+            share = shares[hit[mine], None, None]
+            start_m, end_m = (
+                geometry.corners_m(found.triangles[mine], pose.world_from_objects)
+                for pose in (one.start, one.end)
+            )
+            corners_m = start_m + share * (end_m - start_m)
+            exact = scene.caster.exact_at(corners_m, some, found.take(mine))
+            # one that it leaves meanwhile is hit as in the middle of the slice
+            inside = np.flatnonzero(exact.weights.min(axis=1) > -_BESIDE)
+            ranges_m[hit[mine[inside]]] = exact.ranges_m[inside]
+        draws_plus_one[hit] = geometry.surface_of_triangle[found.triangles] + 1
+        return ranges_m, draws_plus_one
+
+
+def _moving(one: Slice, parts: NDArray[np.intp]) -> Sequence[tuple[NDArray[np.intp], int]]:
+    """Indices of the hits of parts (n,) that are of each object in motion, and its number."""
+    return [
+        (np.flatnonzero(parts == number + 1), number)
+        for number, (start, end) in enumerate(
+            zip(one.start.world_from_objects, one.end.world_from_objects, strict=True)
+        )
+        if not np.array_equal(start, end)
+    ]
+
+
+def _follow(
+    rays: Rays,
+    indices: NDArray[np.intp],
+    shares: NDArray[np.float64],
+    start: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    end: NDArray[np.float64],
+) -> None:
+    """Move rays to where they meet an object, from its poses (4, 4), in its middle one."""
+    world_from_object = start + shares[:, None, None] * (end - start)
+    moves = middle @ np.linalg.inv(world_from_object)
+    origins_m, directions = rays.origins_m[indices], rays.directions[indices]
+    rays.origins_m[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], origins_m) + moves[:, :3, 3]
+    rays.directions[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], directions)

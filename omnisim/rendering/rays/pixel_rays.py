@@ -1,0 +1,116 @@
+"""Rays of a camera's samples, band of rows by band."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CentralCamera, NonCentralCamera, pixel_grid
+from omnisim.cameras.camera import Rays as CameraRays
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.core.world import Pose
+from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.mirror_mesh_rays import MirrorMeshRays
+
+# Samples at a time, more or less: intermediate arrays stay in the cache, and threads have enough
+# to do between Python's own steps.
+_SAMPLES_PER_BAND = 1 << 14
+_MAX_KEPT_SAMPLES = 1 << 22  # 200 MB; of larger pictures rays are computed anew for each
+
+
+class Band(NamedTuple):
+    """Rays of some rows of samples; those that are valid, row by row."""
+
+    rows: slice
+    valid: NDArray[np.bool_]  # (rows, width)
+    directions: NDArray[np.float64]  # (n, 3), unit, optical frame
+    origins_m: NDArray[np.float64] | None  # (n, 3), optical frame; None: at the viewpoint
+    footprints: NDArray[np.float32]  # (n, 2, 3): to the next sample's right, and below
+
+    def aim(
+        self, limits: DepthLimits, rig_from_optical: NDArray[np.float64], world_from_rig: Pose
+    ) -> Rays:
+        """Rays (n,) in the world, by a camera's orientation (3, 3) in its rig and a pose (4, 4)."""
+        rig = np.einsum("nj,ij->ni", self.directions, rig_from_optical)
+        rays = limits.aim(rig, world_from_rig)
+        if self.origins_m is None:
+            return rays
+        world_from_optical = world_from_rig[:3, :3] @ rig_from_optical
+        offsets_m = np.einsum("nj,ij->ni", self.origins_m, world_from_optical)
+        return rays._replace(origins_m=rays.origins_m + offsets_m)
+
+    def world_footprints(self, world_from_optical: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Footprints (n, 2, 3) in the world, by the camera's rotation (3, 3)."""
+        rotation = world_from_optical.astype(np.float32)
+        world: NDArray[np.float32] = np.einsum("nsj,ij->nsi", self.footprints, rotation)
+        return world
+
+
+class PixelRays:
+    """Rays of a picture of samples.
+
+    Args:
+        camera: whose pixels are the samples.
+        polygons: of its mirror's mesh; None: exact, by the camera model.
+        rows_per_pixel: samples to a side of a pixel: bands end where pixels do.
+
+    Attributes:
+        camera: as given.
+        bands: their rows.
+    """
+
+    def __init__(self, camera: CentralCamera, polygons: int | None, rows_per_pixel: int = 1):
+        self.camera = camera
+        self._ray_from_pixel: Callable[[NDArray[np.float64]], CameraRays] = camera.ray_from_pixel
+        if polygons is not None and isinstance(camera, HyperbolicCamera):
+            self._ray_from_pixel = MirrorMeshRays(camera, polygons).ray_from_pixel
+        elif polygons is not None and isinstance(camera, NonCentralCamera):
+            from omnisim.cameras.optics.mesh_rays import MeshRays  # few cameras have one
+
+            self._ray_from_pixel = MeshRays(camera, polygons).ray_from_pixel
+        pixels_per_band = max(1, _SAMPLES_PER_BAND // (camera.width_px * rows_per_pixel))
+        step = pixels_per_band * rows_per_pixel
+        self.bands = tuple(
+            slice(first, min(first + step, camera.height_px))
+            for first in range(0, camera.height_px, step)
+        )
+        self._keeps = camera.width_px * camera.height_px <= _MAX_KEPT_SAMPLES
+        self._kept: dict[int, Band] = {}
+
+    def band(self, number: int) -> Band:
+        """One of `bands`: computed on first use, and kept where all fit."""
+        band = self._kept.get(number) or self._compute(number)
+        if self._keeps:
+            self._kept[number] = band
+        return band
+
+    def _compute(self, number: int) -> Band:
+        rows, camera = self.bands[number], self.camera
+        # one more row and column at either end, for the footprints
+        height = rows.stop - rows.start
+        pixels = pixel_grid(camera.width_px + 2, height + 2) + (-1.0, rows.start - 1.0)
+        rays = self._ray_from_pixel(pixels)
+        valid = rays.valid[1:-1, 1:-1]
+        directions = np.where(rays.valid[..., None], rays.directions, 0.0)
+        footprints = np.stack(
+            [_steps(directions, rays.valid, axis)[1:-1, 1:-1][valid] for axis in (1, 0)], axis=1
+        )
+        origins_m = None if rays.origins_m is None else rays.origins_m[1:-1, 1:-1][valid]
+        inside = directions[1:-1, 1:-1][valid]
+        return Band(rows, valid, inside, origins_m, footprints.astype(np.float32))
+
+
+def _steps(
+    directions: NDArray[np.float64], valid: NDArray[np.bool_], axis: int
+) -> NDArray[np.float64]:
+    """Steps (height, width, 3) to the next direction along an axis, or from the one before; 0
+    where neither is valid."""  # fmt: skip
+    ahead = np.roll(directions, -1, axis) - directions
+    has_next, has_last = np.roll(valid, -1, axis), np.roll(valid, 1, axis)
+    back = np.roll(ahead, 1, axis)
+    steps = np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))
+    return steps

@@ -1,0 +1,1 @@
+"""Shading of rays: lights, shadows, fog, reflectance."""

@@ -1,0 +1,175 @@
+"""Light that surfaces reflect and emit, in NumPy: the twin of shaders/scene/reflectance.glsl.
+
+Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.bilinear import sample
+from omnisim.rendering.rays.shading.lights import LampLight, ambient_light
+from omnisim.scene.model import Lighting
+from omnisim.scene.surface_reflectance import COAT_F0, environment_table, smith_visibility
+
+Floats = NDArray[np.floating]
+_MIN_COSINE = 1e-3
+
+
+class Reflectance(NamedTuple):
+    """Reflectance of surfaces (n,) or (n, 3), as in shaders/scene/reflectance.glsl."""
+
+    body: Floats
+    dielectric_f0: Floats
+    f0: Floats
+    dielectric_f90: Floats
+    f90: Floats
+    roughness: Floats
+    coat: Floats
+    coat_roughness: Floats
+    occlusion: Floats
+    emissive: Floats
+
+
+class Placed(NamedTuple):
+    """Places and directions of surfaces that are seen.
+
+    Attributes:
+        normals, coat_normals: (n, 3) unit, of the surface and of its clear coat, by their maps.
+        views: (n, 3) unit, towards the origins of the rays.
+    """
+
+    normals: Floats
+    coat_normals: Floats
+    views: Floats
+
+
+def reflected_light(
+    surface: Reflectance,
+    placed: Placed,
+    lighting: Lighting,
+    lamps: Sequence[LampLight],
+    surroundings: Floats | None = None,
+) -> Floats:
+    """Light (n, 3), linear RGB, that surfaces send along the views.
+
+    Args:
+        surface, placed: (n,).
+        lighting: of the scene.
+        lamps: on the surfaces.
+        surroundings: (n, 3) baked light on white surfaces beyond that of lamps; None: it is not
+            baked.
+    """
+    grazing = (1.0 - _cosines(placed.coat_normals, placed.views)) ** 5
+    coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
+    total = (1.0 - coat)[:, None] * surface.emissive
+    total += _environment(surface, placed, coat, lighting, surroundings)
+    for lamp in lamps:
+        total += _lamp(surface, placed, coat, lamp)
+    return total
+
+
+def _lamp(surface: Reflectance, placed: Placed, coat: Floats, lamp: LampLight) -> Floats:
+    towards = np.broadcast_to(lamp.directions, placed.views.shape)
+    halfway = towards + placed.views
+    halfway = halfway / np.maximum(np.linalg.norm(halfway, axis=1, keepdims=True), 1e-7)
+    grazing = (1.0 - np.clip(_dot(placed.views, halfway), 0.0, 1.0)) ** 5
+    gloss = _between(surface.f0, surface.f90, grazing)
+    light = np.maximum(_dot(placed.normals, towards), 0.0)
+    view = _cosines(placed.normals, placed.views)
+    gloss *= _microfacets(surface.roughness, placed.normals, halfway, light, view)[:, None]
+    lost = _between(surface.dielectric_f0, surface.dielectric_f90, grazing).max(axis=1)
+    total = (light * (1.0 - coat))[:, None] * (surface.body * (1.0 - lost)[:, None] + gloss)
+    light = np.maximum(_dot(placed.coat_normals, towards), 0.0)
+    view = _cosines(placed.coat_normals, placed.views)
+    facets = _microfacets(surface.coat_roughness, placed.coat_normals, halfway, light, view)
+    total += (coat * light * facets)[:, None]
+    lit: Floats = lamp.levels[:, None] * lamp.color * total
+    return lit
+
+
+def _environment(
+    surface: Reflectance,
+    placed: Placed,
+    coat: Floats,
+    lighting: Lighting,
+    baked: Floats | None,
+) -> Floats:
+    normals, views = placed.normals, placed.views
+    shares = _shares(_cosines(normals, views), surface.roughness)
+    lost = _between(surface.dielectric_f0, surface.dielectric_f90, shares[:, 2]).max(axis=1)
+    body = surface.body * (1.0 - lost)[:, None]
+    gloss = surface.f0 * shares[:, :1] + surface.f90[:, None] * shares[:, 1:2]
+    light = ambient_light(lighting, normals.astype(np.float32)) if baked is None else baked
+    total = body * light
+    total += gloss * _radiance(lighting, normals, views, surface.roughness, baked)
+    total *= (1.0 - coat)[:, None]
+    if coat.any():
+        coated = _shares(_cosines(placed.coat_normals, views), surface.coat_roughness)
+        seen = _radiance(lighting, placed.coat_normals, views, surface.coat_roughness, baked)
+        total += (coat * coated[:, :2].sum(axis=1))[:, None] * seen
+    lit: Floats = surface.occlusion[:, None] * total
+    return lit
+
+
+def _radiance(
+    lighting: Lighting, normals: Floats, views: Floats, roughness: Floats, baked: Floats | None
+) -> Floats:
+    """Radiance (n, 3) of the environment around the direction that most light comes from.
+
+    With baked light a map is reflected as far as its light reaches the surface.
+    Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22; Lazarov, "Getting
+    more physical in Call of Duty: Black Ops II", 2013.
+    """
+    if baked is not None and lighting.environment is None:
+        return baked
+    total: Floats = np.tile(np.array(lighting.ambient), (len(normals), 1))
+    if lighting.environment is not None:
+        mirrored = 2.0 * _dot(normals, views)[:, None] * normals - views
+        alpha = roughness * roughness
+        share = ((1.0 - alpha) * (np.sqrt(1.0 - alpha) + alpha))[:, None]
+        towards = normals + share * (mirrored - normals)
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        total = total + lighting.environment.light(towards, roughness)
+    if baked is not None:
+        ambient = ambient_light(lighting, normals.astype(np.float32))
+        total = total * np.clip(baked / np.maximum(ambient, 1e-4), 0.0, 1.0)
+    return total
+
+
+def _shares(cosines: Floats, roughness: Floats) -> Floats:
+    table = environment_table()
+    rows, columns = table.shape[:2]
+    places = np.stack((cosines * (columns - 1), roughness * (rows - 1)), axis=-1)
+    return np.stack([sample(table[..., channel], places) for channel in range(3)], axis=-1)
+
+
+def _microfacets(
+    roughness: Floats, normals: Floats, halfway: Floats, light: Floats, view: Floats
+) -> Floats:
+    """Distribution of GGX times visibility, times pi (n,)."""
+    squared = roughness**4
+    across, height = np.cross(normals, halfway), _dot(normals, halfway)
+    spread = _dot(across, across) + height * height * squared
+    facets: Floats = squared / np.maximum(spread * spread, 1e-12)
+    return facets * smith_visibility(light, view, squared)
+
+
+def _between(f0: Floats, f90: Floats, grazing: Floats) -> Floats:
+    """Reflectance (n, 3) by Schlick."""
+    values: Floats = f0 + (f90[:, None] - f0) * grazing[:, None]
+    return values
+
+
+def _cosines(normals: Floats, views: Floats) -> Floats:
+    cosines: Floats = np.clip(np.abs(_dot(normals, views)), _MIN_COSINE, 1.0)
+    return cosines
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    products: Floats = np.einsum("nc,nc->n", one, other)
+    return products

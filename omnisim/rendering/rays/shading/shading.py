@@ -1,0 +1,330 @@
+"""Appearance of surfaces at the hits of rays: base colour, normal, light.
+
+The twin of shaders/scene/surface.frag. Textures are filtered over the footprint of a sample: the
+part of the surface between a ray and its neighbours.
+Source of the footprints: Igehy, "Tracing ray differentials", 1999.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.geometry import Geometry, Poses
+from omnisim.rendering.rays.shading.lights import (
+    LampLight,
+    lamps_at,
+    light_of_lamps,
+    light_on_surfaces,
+)
+from omnisim.rendering.rays.shading.normal_maps import mapped_normals
+from omnisim.rendering.rays.shading.ray_reflectance import Placed, reflected_light
+from omnisim.rendering.rays.shading.ray_textures import TextureTable
+from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
+from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
+from omnisim.scene.light.baked_light import BakedLight
+from omnisim.scene.model import AlphaMode, Lighting
+
+# Of mip levels, as in `omnisim.rendering.sensor_tiles`: what is a little sharp is averaged in the pixel.
+LEVEL_BIAS = -0.5
+_DARKEST = 1e-20
+
+
+class View(NamedTuple):
+    """Rays (n,) that hit, with their footprints, see `Shading.base_colors`."""
+
+    rays: Rays
+    hits: RayHits
+    world_from_objects: Poses
+    footprints: NDArray[np.float32] | None
+
+    def take(self, some: NDArray[np.intp]) -> View:
+        """View of some of the rays."""
+        footprints = None if self.footprints is None else self.footprints[some]
+        return View(self.rays.take(some), self.hits.take(some), self.world_from_objects, footprints)
+
+
+class Shading:
+    """Appearance of a scene's surfaces; tables are made once.
+
+    Args:
+        geometry: of the scene.
+        lighting: of the scene.
+
+    Attributes:
+        is_blended, is_unlit: (surfaces,).
+        table: reflectance of the surfaces.
+        hit_cutoff, shadow_cutoff: (surfaces,) see `omnisim.scene.model.Material`.
+    """
+
+    def __init__(self, geometry: Geometry, lighting: Lighting):
+        self._geometry, self._lighting = geometry, lighting
+        materials = [surface.material for surface in geometry.surfaces]
+        self._textures = TextureTable(geometry.surfaces)
+        self.table = SurfaceTable(geometry.surfaces, lighting.is_matte)
+        self._base_color = np.array(
+            [material.base_color for material in materials], dtype=np.float32
+        ).reshape(-1, 4)
+        self._is_lightmapped = np.array([one.is_lightmapped for one in geometry.surfaces], np.bool_)
+        self.is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
+        modes = [material.alpha_mode for material in materials]
+        self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
+        self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
+        self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
+
+    def surfaces(self, hits: RayHits) -> NDArray[np.int32]:
+        """Surfaces (n,) that are hit."""
+        return self._geometry.surface_of_triangle[hits.triangles]
+
+    def base_colors(
+        self,
+        rays: Rays,
+        hits: RayHits,
+        world_from_objects: Poses = (),
+        footprints: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
+        """Linear RGBA (n, 4) without any light.
+
+        Args:
+            rays, hits: (n,), all of which hit.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            footprints: (n, 2, 3) changes of the direction to the next samples, world; None: a
+                ray has no width.
+        """
+        surfaces = self.surfaces(hits)
+        colors = self._base_color[surfaces]
+        if self._geometry.colors is not None:
+            colors *= self._interpolated(self._geometry.colors, hits)
+        textures = self._textures.texture_of_surface[surfaces]
+        textured = np.flatnonzero(textures >= 0)
+        if len(textured):
+            view = View(rays, hits, world_from_objects, footprints)
+            colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
+        return colors
+
+    def emitted(self, hits: RayHits) -> NDArray[np.float32]:
+        """Light (n, 3), linear RGB, that surfaces show without any on them; all rays hit."""
+        nowhere = np.zeros((len(hits.triangles), 3))
+        rays = Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m)
+        light = self.materials(View(rays, hits, (), None))[:, 2:]
+        unlit = np.flatnonzero(self.is_unlit[self.surfaces(hits)])
+        light[unlit] = self.base_colors(rays.take(unlit), hits.take(unlit))[:, :3]
+        return light
+
+    def _sampled(
+        self,
+        table: TextureTable,
+        textures: NDArray[np.intp],
+        view: View,
+        some: NDArray[np.intp],
+    ) -> NDArray[np.float32]:
+        """Texels (n, 4) of textures (n,) at some of the hits."""
+        hits, geometry = view.hits.take(some), self._geometry
+        corners = self._corner_coordinates(table, textures, hits)
+        coordinates = np.einsum("nk,nkc->nc", hits.weights, corners)
+        levels = np.zeros(len(some), dtype=np.float32)
+        if view.footprints is not None:
+            levels = _mip_levels(
+                geometry.corners_m(hits.triangles, view.world_from_objects),
+                corners * table.sizes_px(textures)[:, None],
+                view.rays.directions[some],
+                hits.ranges_m[:, None, None] * view.footprints[some],
+            )
+        return table.lookup(textures, coordinates, levels)
+
+    def _corner_coordinates(
+        self, table: TextureTable, textures: NDArray[np.intp], hits: RayHits
+    ) -> NDArray[np.float32]:
+        """Texture coordinates (n, 3, 2) of the hit triangles' corners."""
+        geometry = self._geometry
+        vertices = geometry.corners[hits.triangles]
+        second = geometry.second_coordinates
+        return table.place(
+            textures,
+            geometry.texture_coordinates[vertices],
+            None if second is None else second[vertices],
+        )
+
+    def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.float32]:
+        """Unit normals (n, 3) of the side seen, world: interpolated, or the plane's."""
+        of_corners = self._geometry.corner_normals(hits.triangles, world_from_objects)
+        normals: NDArray[np.float32] = np.einsum("nk,nkc->nc", hits.weights, of_corners)
+        for mine, pose in self._geometry.moved(hits.triangles, world_from_objects):
+            normals[mine] = np.einsum("nj,ij->ni", normals[mine], pose[:3, :3])
+        is_flat = ~normals.any(axis=1)
+        normals[is_flat] = hits.planes[is_flat]
+        is_behind = np.einsum("nc,nc->n", normals, hits.planes) < 0.0
+        normals[is_behind] *= np.float32(-1.0)
+        lengths = np.sqrt(np.einsum("nc,nc->n", normals, normals))
+        normals /= np.maximum(lengths, np.float32(_DARKEST))[:, None]
+        return normals
+
+    def materials(self, view: View) -> NDArray[np.float32]:
+        """Roughness, metalness and emission (n, 5), see `Hits.materials`."""
+        surfaces = self.surfaces(view.hits)
+        found = np.zeros((len(surfaces), 5), dtype=np.float32)
+        found[:, 0] = 1.0
+        glossy = np.flatnonzero(~self.table.is_matte[surfaces])
+        if len(glossy):
+            values = self.table.values(surfaces[glossy], self._sampler(view.take(glossy)))
+            found[glossy, 0], found[glossy, 1] = values.roughness, values.metallic
+            found[glossy, 2:] = values.emissive
+        return found
+
+    def lit(
+        self,
+        colors: NDArray[np.float32],
+        rays: Rays,
+        hits: RayHits,
+        cast_shadow: CastShadow,
+        world_from_objects: Poses = (),
+        footprints: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
+        """Light (n, 3), linear RGB, of surfaces of base colours (n, 3 or more) towards the rays."""
+        surfaces = self.surfaces(hits)
+        points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
+        normals = self.normals(hits, world_from_objects)
+        glossy = np.flatnonzero(~self.table.is_matte[surfaces])
+        baked = self._lighting.baked
+        if baked is None:
+            lamps = lamps_at(self._lighting, points_m, normals, Shadows(hits, cast_shadow))
+            light = light_on_surfaces(self._lighting, lamps, normals)
+            lamps = [lamp.take(glossy) for lamp in lamps]
+        else:
+            light = self._baked_light(baked, hits, points_m, normals)
+            shadows = Shadows(hits.take(glossy), cast_shadow)
+            lamps = lamps_at(self._lighting, points_m[glossy], normals[glossy], shadows)
+        surroundings = self._surroundings(light[glossy], normals[glossy], lamps)
+        light[self.is_unlit[surfaces]] = 1.0
+        light *= colors[:, :3]
+        if len(glossy):
+            view = View(rays, hits, world_from_objects, footprints).take(glossy)
+            light[glossy] = self._reflected(
+                colors[glossy, :3], view, lamps, normals[glossy], surroundings
+            )
+        return light
+
+    def _baked_light(
+        self,
+        baked: BakedLight,
+        hits: RayHits,
+        points_m: NDArray[np.float64],
+        normals: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Baked light (n, 3) on white surfaces at points (n, 3) with unit normals (n, 3)."""
+        light = np.empty((len(points_m), 3), dtype=np.float32)
+        is_lightmapped = self._is_lightmapped[self.surfaces(hits)]
+        static, others = np.flatnonzero(is_lightmapped), np.flatnonzero(~is_lightmapped)
+        places = self._geometry.light_coordinates
+        if places is not None and len(static):
+            seen = hits.take(static)
+            front, back = np.split(self._interpolated(places, seen), 2, axis=1)
+            light[static] = baked.light(np.where(self._is_front(seen)[:, None], front, back))
+        if len(others):
+            light[others] = baked.probes.light(points_m[others], normals[others])
+        return light
+
+    def _is_front(self, hits: RayHits) -> NDArray[np.bool_]:
+        """Mask (n,) of hits on static triangles that are seen from the front."""
+        a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles), 1, 0)
+        front: NDArray[np.bool_] = np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
+        return front
+
+    def _surroundings(
+        self,
+        baked: NDArray[np.float32],
+        normals: NDArray[np.float32],
+        lamps: Sequence[LampLight],
+    ) -> NDArray[np.float32] | None:
+        """Light (n, 3) beyond that of lamps, of baked light (n, 3); None: it is not baked."""
+        if self._lighting.baked is None:
+            return None
+        beyond: NDArray[np.float32] = baked - light_of_lamps(lamps, normals)
+        return np.maximum(beyond, np.float32(0.0), out=beyond)
+
+    def _reflected(
+        self,
+        colors: NDArray[np.float32],
+        view: View,
+        lamps: Sequence[LampLight],
+        normals: NDArray[np.float32],
+        surroundings: NDArray[np.float32] | None,
+    ) -> NDArray[np.float32]:
+        """Light (n, 3) of surfaces that are not matte."""
+        surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
+        mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
+        placed = Placed(mapped, coat, -view.rays.directions)
+        reflectance = self.table.reflectance(surfaces, colors, sampled)
+        light = reflected_light(reflectance, placed, self._lighting, lamps, surroundings)
+        return light.astype(np.float32)
+
+    def _sampler(self, view: View) -> Sampler:
+        """Look-up of maps at some of the hits."""
+        surfaces = self.surfaces(view.hits)
+
+        def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
+            table = self.table.maps[slot]
+            return self._sampled(table, table.texture_of_surface[surfaces[some]], view, some)
+
+        return sampled
+
+    def _mapped(
+        self, slot: int, normals: NDArray[np.float32], view: View, sampled: Sampler
+    ) -> NDArray[np.float32]:
+        """Normals (n, 3) of a kind of normal maps, for those that have one."""
+        surfaces = self.surfaces(view.hits)
+        some, textures = self.table.textured(slot, surfaces)
+        if len(some) == 0:
+            return normals
+        hits = view.hits.take(some)
+        corners_m = self._geometry.corners_m(hits.triangles, view.world_from_objects)
+        coordinates = self._corner_coordinates(self.table.maps[slot], textures, hits)
+        normals = normals.copy()
+        normals[some] = mapped_normals(
+            normals[some], corners_m, coordinates, hits.planes,
+            sampled(slot, some), self.table.normal_scales[slot][surfaces[some]],
+        )  # fmt: skip
+        return normals
+
+    def _interpolated(self, of_vertices: NDArray[np.float32], hits: RayHits) -> NDArray[np.float32]:
+        """Values (n, k) between those of the corners."""
+        values: NDArray[np.float32] = np.einsum(
+            "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
+        )
+        return values
+
+
+def _mip_levels(
+    corners_m: NDArray[np.float64],
+    corners_px: NDArray[np.float32],
+    directions: NDArray[np.float64],
+    steps_m: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Mip levels (n,) at which a texel is as wide as a footprint.
+
+    Args:
+        corners_m: (n, 3, 3) of the triangles, world.
+        corners_px: (n, 3, 2) of them, in texels of the finest level.
+        directions: (n, 3) of the rays.
+        steps_m: (n, 2, 3) from the hit to where the next samples' rays are, as far away.
+    """
+    edges_m, edges_px = corners_m[:, 1:] - corners_m[:, :1], corners_px[:, 1:] - corners_px[:, :1]
+    planes = np.cross(edges_m[:, 0], edges_m[:, 1])
+    along = np.einsum("nc,nc->n", planes, directions)
+    along = np.where(np.abs(along) > _DARKEST, along, _DARKEST)
+    # onto the plane, along the ray
+    slides = np.einsum("nsc,nc->ns", steps_m, planes) / along[:, None]
+    steps_m = steps_m - slides[..., None] * directions[:, None]
+    # weights of the second and third corner: solved in the plane
+    squared = np.maximum(np.einsum("nc,nc->n", planes, planes), _DARKEST)
+    second = np.einsum("nsc,nc->ns", steps_m, np.cross(edges_m[:, 1], planes))
+    third = np.einsum("nsc,nc->ns", steps_m, np.cross(planes, edges_m[:, 0]))
+    weights = np.stack((second, third), axis=-1) / squared[:, None, None]
+    steps_px = np.einsum("nse,nec->nsc", weights, edges_px)
+    longest = np.einsum("nsc,nsc->ns", steps_px, steps_px).max(axis=1)
+    levels: NDArray[np.float32] = (0.5 * np.log2(longest + _DARKEST)).astype(np.float32)
+    return levels + np.float32(LEVEL_BIAS)

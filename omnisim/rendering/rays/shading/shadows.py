@@ -1,0 +1,61 @@
+"""Shadows by rays: which lamps a point of a surface sees. The reference of the shadow maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.embree import NO_TRIANGLE
+from omnisim.scene.model import LAMP_NEAR_M, Light, LightKind
+
+# Shadow rays begin beside their surface: by this, and by this share of its distance.
+_START_M, _START_SHARE = 1e-4, 1e-5
+
+CastShadow = Callable[[Rays, NDArray[np.int32]], RayHits]
+
+
+class Shadows(NamedTuple):
+    """Shadows on surfaces.
+
+    Attributes:
+        hits: (n,) where they are.
+        cast: nearest hits of rays from triangles (n,), either side of all surfaces.
+    """
+
+    hits: RayHits
+    cast: CastShadow
+
+    def share(
+        self, light: Light, points_m: NDArray[np.float64], lit: NDArray[np.bool_]
+    ) -> NDArray[np.float32]:
+        """Share (n,) of a light that reaches points (n, 3): 0 where a surface hides it.
+
+        Args:
+            light: that casts shadows.
+            points_m: (n, 3) of the hits, world.
+            lit: (n,) it shines on them, if nothing hides it; others need no ray.
+        """
+        share = lit.astype(np.float32)
+        some = np.flatnonzero(lit)
+        if not len(some):
+            return share
+        hits = self.hits.take(some)
+        planes = hits.planes.astype(np.float64)
+        planes /= np.maximum(np.linalg.norm(planes, axis=1), 1e-30)[:, None]
+        starts_m = _START_M + _START_SHARE * hits.ranges_m
+        origins_m = points_m[some] + starts_m[:, None] * planes
+        if light.kind is LightKind.DIRECTIONAL:
+            directions = np.tile(-light.direction, (len(some), 1))
+            far_m = np.full(len(some), np.inf)
+        else:
+            directions = light.position_m - origins_m
+            lengths_m = np.linalg.norm(directions, axis=1)
+            directions /= np.maximum(lengths_m, 1e-9)[:, None]
+            far_m = lengths_m - LAMP_NEAR_M
+        rays = Rays(origins_m, directions, np.zeros(len(some)), far_m)
+        share[some] = self.cast(rays, hits.triangles).triangles == NO_TRIANGLE
+        return share

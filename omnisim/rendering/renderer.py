@@ -1,0 +1,225 @@
+"""Renderer of a camera in a scene: poses in, frames out."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.cameras.camera import CentralCamera, summary
+from omnisim.core.errors import GraphicsError, OmnisimError
+from omnisim.core.poses import check_pose, inverse
+from omnisim.core.srgb import srgb8_from_linear
+from omnisim.core.version import __version__
+from omnisim.core.world import Motion, ObjectPart, WorldState, time_of
+from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
+from omnisim.ground_truth.channels import ChannelName, check_channels
+from omnisim.ground_truth.frame import Frame
+from omnisim.ground_truth.label_names import Labels
+from omnisim.rendering.backend import CameraBackend, CameraSetup, FrameRequest
+from omnisim.rendering.batches import BatchRenderer, needed_others
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.near_plane import scene_size_m
+from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.stage import BackendName, Stage
+from omnisim.scene.model import Scene
+
+if TYPE_CHECKING:
+    from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+    from omnisim.cameras.calibration.calibration import Calibration
+
+
+class Renderer(BatchRenderer):
+    """Renders a sensor's pictures of a scene; loads and compiles everything once.
+
+    Use it as a context manager, or `close` it: it holds memory of the GPU.
+
+    Args:
+        scene: static scene, or its path or built-in name; or a stage that has it and that other
+            sensors share.
+        camera: the sensor, a bare camera model, a calibrated camera, or the path of a sensor file
+            or of a calibration file with one camera; by default the paper's.
+        body: of the vehicle, in its base frame; a stage brings its own.
+        hidden: names of the body's instances that are not drawn.
+        unlit: show plain base colours, without lights.
+        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
+            stage has chosen already.
+        seed: of the camera's noise.
+        vehicle: name of the vehicle that carries the camera, of a stage with several.
+        backend: "cube", virtual cameras by OpenGL; or "rays", cast by Embree, without any GPU. A
+            stage has chosen already.
+
+    Raises:
+        GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
+        SceneError: a hidden name that the body does not have, or a scene that cannot be read.
+        SensorFileError: a sensor file that cannot be read.
+        CalibrationError: a calibration file that cannot be read, or of several cameras.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | Stage | str | Path,
+        camera: OmniCamera
+        | CentralCamera
+        | Calibration
+        | CalibratedCamera
+        | str
+        | Path
+        | None = None,
+        *,
+        body: Scene | None = None,
+        hidden: Collection[str] = (),
+        unlit: bool = False,
+        device: int | None = None,
+        seed: int | str = 0,
+        vehicle: str | None = None,
+        backend: BackendName | None = None,
+    ):
+        self.camera = OmniCamera.of(camera)
+        self._unlit = unlit
+        self._last_poses: ScenePoses | None = None
+
+        def make_passes(stage: Stage, hidden: frozenset[ObjectPart]) -> CameraBackend:
+            self.camera = self.camera.seeing(scene_size_m(stage.scene))
+            return stage.backend.camera(
+                CameraSetup(self.camera, unlit, hidden, seed, tuple(stage.vehicles))
+            )
+
+        super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)
+
+    def render(
+        self,
+        state: WorldState | ArrayLike | None = None,
+        linear: bool = False,
+        *,
+        optical: ArrayLike | None = None,
+        also: Collection[ChannelName | str] = (),
+        next_state: WorldState | ArrayLike | None = None,
+        previous_state: WorldState | ArrayLike | None = None,
+        motion: Motion | None = None,
+        frame_number: int = 0,
+        exposure_ev: float | None = None,
+        boxes_3d: bool = False,
+    ) -> Frame:
+        """Render one frame.
+
+        Args:
+            state: of the world in the middle of the frame; or, where nothing else moves, the (4, 4)
+                pose of the vehicle, see `OmniCamera.base_pose`, at the time 0 s.
+            optical: (4, 4) world_from_optical in place of `state`: the camera's own pose as OpenCV
+                and Kalibr have it, x right, y down, z forward.
+            linear: also read back linear floats, which EXR needs.
+            also: names of channels of ground truth, see `omnisim.ground_truth`.
+            next_state: state, or pose, at the next frame, which flow and scene flow need.
+            previous_state: likewise at the previous frame, for backward flow.
+            motion: of the world around the state's time, for motion blur and rolling shutter; None:
+                at rest.
+            frame_number: noise differs from frame to frame.
+            exposure_ev: of auto-exposure; None: metered in this picture, as if it had settled.
+            boxes_3d: also the oriented boxes of the visible instances.
+
+        Raises:
+            OmnisimError: both or neither of state and optical, a matrix that is not a pose, an
+                unknown channel, flow without its
+                other state, an impossible exposure, or the renderer or its stage is closed.
+        """
+        names = check_channels(also)
+        now = self._state(self._state_or_optical(state, optical))
+        others = {
+            other: self._state(given, now)
+            for other, given in (("next", next_state), ("previous", previous_state))
+            if given is not None
+        }
+        needed = needed_others(names, others, "state")
+        channels, labels, has_ray, boxes = {}, None, None, None
+        with self._current() as passes:
+            poses = self._poses_in(now)
+            around = None if motion is None else partial(self._poses_at, motion, now)
+            picture, degradation = passes.take(
+                FrameRequest(poses, around, linear, frame_number, exposure_ev)
+            )
+            if names or boxes_3d:
+                ground_truth = passes.ground_truth(names)
+                there = {other: self._poses_in(others[other]) for other in needed}
+                wanted = check_channels((*names, "position", "instance")) if boxes_3d else names
+                found = ground_truth.channels(wanted, poses, there)
+                labels, has_ray = ground_truth.labels, ground_truth.has_ray
+                channels = {name: found[name] for name in names}
+                if boxes_3d:
+                    full = self._boxes_in(poses, labels)
+                    boxes = visible_boxes(found["position"], found["instance"], labels, full)
+        self._last_poses = poses
+        metadata = self._metadata(now, poses.world_from_rig) | degradation
+        for other in needed:
+            world_from_base = others[other].world_from_object[self.vehicle]
+            metadata[f"{other}_world_from_base"] = world_from_base.tolist()
+        return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray, boxes)
+
+    def _state_or_optical(
+        self, state: WorldState | ArrayLike | None, optical: ArrayLike | None
+    ) -> WorldState | ArrayLike:
+        """State, or the pose of the vehicle whose camera has the pose `optical` (4, 4)."""
+        if optical is None and state is not None:
+            return state
+        if optical is None or state is not None:
+            got = "neither" if optical is None else "both"
+            raise OmnisimError(f"render: expected either state or optical, got {got}")
+        return check_pose(optical) @ inverse(self.camera.base_from_optical)
+
+    def faces(self) -> dict[str, NDArray[np.uint8]]:
+        """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
+
+        They are drawn for this: a frame draws of each face only the tiles that its picture samples.
+
+        Raises:
+            GraphicsError: there was no frame yet, or the renderer or its stage is closed.
+        """
+        with self._current() as passes:
+            if self._last_poses is None:
+                raise GraphicsError("there are no faces yet: render a frame first")
+            linear = passes.faces(self._last_poses)
+        return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
+
+    def _sensor_summary(self) -> str:
+        return summary(self.camera.model)
+
+    def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
+        """Poses in the motion of the world, some seconds after a state of it."""
+        time_s = now.time_s + seconds_after
+        return self._poses_in(self._state(motion(time_s), now, time_s))
+
+    def _boxes_in(self, poses: ScenePoses, labels: Labels) -> dict[int, OrientedBox]:
+        """Boxes of all instances by ID at some poses, world frame."""
+        stage = self._stage
+        world_from_object = dict(zip(stage.objects, poses.world_from_objects, strict=True))
+        time_s, boxes = time_of(poses.world_from_objects), {}
+        of_scenes = {name: one.boxes_at(time_s) for name, one in stage.objects.items()}
+        of_static = stage.scene.boxes_at(time_s)
+        for label in labels.instances:
+            owner = label.object_name
+            box = (of_static if owner is None else of_scenes[owner]).get(label.name)
+            if box is not None:
+                world = box if owner is None else box.transformed(world_from_object[owner])
+                boxes[label.id] = world
+        return boxes
+
+    def _metadata(self, state: WorldState, world_from_rig: NDArray[np.float64]) -> dict[str, Any]:
+        world_from_optical = world_from_rig.copy()
+        world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.model.rig_from_optical
+        return {
+            "omnisim": __version__,
+            "scene": self.scene.name,
+            **self._body_metadata(),
+            "camera": self.camera.model.parameters(),
+            "polygons": self.camera.mesh_polygons or "exact",
+            "supersampling": self.camera.supersampling,
+            "lit": not self._unlit,
+            **({} if self._stage.backend_name == "cube" else {"backend": self._stage.backend_name}),
+            "exposure": self.scene.lighting.exposure,
+            "world_from_base": state.world_from_object[self.vehicle].tolist(),
+            "world_from_optical": world_from_optical.tolist(),
+        }

@@ -1,0 +1,50 @@
+"""Tiles of the atlas that a sensor needs."""
+
+from __future__ import annotations
+
+from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
+
+# Of mip levels: at 1 sample a pixel, half a level finer than the pixel's footprint is worth 1 to
+# 2.5 dB; at more, which are averaged, a whole level is, and most cameras then need none.
+ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS = -0.5, -1.0
+
+
+def sensor_tiles(
+    sensor: OmniCamera,
+    camera: CentralCamera,
+    texels_per_pixel: float,
+    face_size_px: int | None = None,
+    subdivide: bool = False,
+) -> TilePlan:
+    """Plan the tiles of a sensor.
+
+    Args:
+        sensor: the sensor.
+        camera: its camera model, or that of its finer picture.
+        texels_per_pixel: texels to a side of that camera's finest pixels.
+        face_size_px: texels across the 90° of every face; None: as the picture needs.
+        subdivide: see `plan_tiles`.
+
+    Raises:
+        GraphicsError: the camera sees nothing at all.
+    """
+    past_rim = None
+    if sensor.mesh_polygons is not None and isinstance(camera, HyperbolicCamera):
+        mesh = tessellate(camera.mirror, sensor.mesh_polygons)
+        # a fine mesh has many edges, of which only those on the rim reach past it
+        middles_m = mesh.rim_middles_m if sensor.polygons == "auto" else mesh.edge_middles_m
+        past_rim = middles_m @ MIRROR_FROM_OPTICAL
+    return plan_tiles(
+        camera,
+        camera.rig_from_optical,
+        texels_per_pixel,
+        face_size_px=face_size_px,
+        also_seen=past_rim,
+        subdivide=subdivide,
+        level_bias=ONE_SAMPLE_BIAS if sensor.supersampling == 1 else SUPERSAMPLED_BIAS,
+    )

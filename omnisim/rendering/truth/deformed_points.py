@@ -1,0 +1,85 @@
+"""Points of surfaces that deform, at another time: by their place in the triangle that is hit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import time_of
+from omnisim.ground_truth.hits import Hits
+from omnisim.rendering.hit_source import DeformingDraw, HitSource
+from omnisim.rendering.readback import ScenePoses
+
+_LEAST = 1e-300  # squared area of a triangle that is but a line
+
+
+def deformed_hits(
+    source: HitSource, hits: Hits, current: ScenePoses, other: ScenePoses
+) -> Hits | None:
+    """Hits whose points are deformed as at another time, with objects and camera as at this one.
+
+    Rigid motion comes on top of it. Ranges stay those of now.
+
+    Args:
+        source: of the hits.
+        hits: at the current poses.
+        current, other: poses, with their times.
+
+    Returns:
+        None: nothing deforms.
+    """
+    times_s = time_of(current.world_from_objects), time_of(other.world_from_objects)
+    if not source.deforming or times_s[0] == times_s[1]:
+        return None
+    points = hits.points_and_ranges_m.copy()
+    flat, draws_plus_one = points.reshape(-1, 4), hits.draws_plus_one.ravel()
+    for draw, one in source.deforming.items():
+        seen = np.flatnonzero(draws_plus_one == draw + 1)
+        if len(seen):
+            triangles = hits.triangles.ravel()[seen]
+            viewpoint_from_mesh = _viewpoint_from_mesh(one, current)
+            flat[seen, :3] = _deformed(
+                flat[seen, :3].astype(np.float64), one, triangles, viewpoint_from_mesh, times_s
+            )
+    return hits._replace(points_and_ranges_m=points)
+
+
+def _viewpoint_from_mesh(one: DeformingDraw, poses: ScenePoses) -> NDArray[np.float64]:
+    matrix = one.object_from_mesh.copy()
+    if one.object_index is not None:
+        matrix = poses.world_from_objects[one.object_index] @ matrix
+    matrix[:3, 3] -= poses.world_from_rig[:3, 3]
+    return matrix
+
+
+def _deformed(
+    points_m: NDArray[np.float64],
+    one: DeformingDraw,
+    triangles: NDArray[np.uint32],
+    viewpoint_from_mesh: NDArray[np.float64],
+    times_s: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Points (n, 3) on triangles (n,) of a mesh, from its shape at one time to that at another."""
+    deformation = one.mesh.deformation
+    assert deformation is not None
+    hit = one.mesh.triangles[triangles].astype(np.intp)
+    used, corners = np.unique(hit, return_inverse=True)
+    before, after = (
+        (
+            deformation.positions_at(time_s, used) @ viewpoint_from_mesh[:3, :3].T
+            + viewpoint_from_mesh[:3, 3]
+        )[corners.reshape(-1, 3)]
+        for time_s in times_s
+    )
+    first, second = before[:, 1] - before[:, 0], before[:, 2] - before[:, 0]
+    across = np.cross(first, second)
+    squared = np.maximum(np.einsum("nc,nc->n", across, across), _LEAST)
+    inside = points_m - before[:, 0]
+    of_second = np.einsum("nc,nc->n", np.cross(inside, second), across) / squared
+    of_third = np.einsum("nc,nc->n", np.cross(first, inside), across) / squared
+    moved: NDArray[np.float64] = (
+        after[:, 0]
+        + of_second[:, None] * (after[:, 1] - after[:, 0])
+        + of_third[:, None] * (after[:, 2] - after[:, 0])
+    )
+    return moved

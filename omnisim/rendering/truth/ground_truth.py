@@ -1,0 +1,183 @@
+"""Ground-truth channels of one camera, from the hits of its pixels' rays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth.hits import HitDetails, Hits
+from omnisim.ground_truth.label_names import Labels
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.truth.deformed_points import deformed_hits
+from omnisim.rendering.truth.optical_flow import OpticalFlow
+from omnisim.rendering.truth.scene_flow import in_optical, in_world, scene_flow
+
+
+class GroundTruth:
+    """Channels of one camera; everything constant is made once.
+
+    Args:
+        source: of the hits.
+        labels: names of classes and instances, by number.
+        object_names: of the dynamic objects.
+
+    Attributes:
+        labels: as given.
+    """
+
+    def __init__(self, source: HitSource, labels: Labels, object_names: Sequence[str]):
+        self._source, self._object_names = source, object_names
+        self._number_draws(labels)
+
+    def refresh(self, labels: Labels) -> None:
+        """Take over what the source's draws are now."""
+        self._number_draws(labels)
+        if "_flow" in self.__dict__:
+            self._flow.refresh()
+
+    def _number_draws(self, labels: Labels) -> None:
+        self.labels = labels
+        self._instance_of_draw = instances_of_draws(labels, self._source.draws, self._object_names)
+        self._objects_of_draws = self._source.objects_of_draws()
+        self._class_of_draw = labels.class_of_instance[self._instance_of_draw]
+
+    def channels(
+        self,
+        names: Sequence[str],
+        current: ScenePoses,
+        others: Mapping[str, ScenePoses] | None = None,
+    ) -> dict[str, NDArray[Any]]:
+        """Render the channels of these names, in their order.
+
+        Args:
+            names: as `check_channels` gives them; only those whose details the source has.
+            current: poses of the camera and the dynamic objects.
+            others: those of the "next" and the "previous" picture, where `Channel.other` of a name
+                needs them.
+        """
+        hits = self._source.hits(current, HitDetails.of_channels(names))
+        return self._channels_of(hits, names, current, others or {})
+
+    def batch(
+        self,
+        names: Sequence[str],
+        current: Sequence[ScenePoses],
+        others: Mapping[str, Sequence[ScenePoses]],
+    ) -> Iterator[dict[str, NDArray[Any]]]:
+        """Render the channels of many pictures, in order; see `channels`."""
+        flows = any(name in FLOWS for name in names)  # occlusion is that of the last hits
+        details = HitDetails.of_channels(names)
+        hits = (
+            (self._source.hits(one, details) for one in current)
+            if flows
+            else self._source.batch_hits(current, details)
+        )
+        for number, (one, found) in enumerate(zip(current, hits, strict=True)):
+            there = {other: some[number] for other, some in others.items()}
+            yield self._channels_of(found, names, one, there)
+
+    def _channels_of(
+        self,
+        hits: Hits,
+        names: Sequence[str],
+        current: ScenePoses,
+        poses: Mapping[str, ScenePoses],
+    ) -> dict[str, NDArray[Any]]:
+        """Channels of a picture whose hits are found."""
+        rig_from_optical = self._source.camera.rig_from_optical
+        world_from_optical = current.world_from_rig[:3, :3] @ rig_from_optical
+        make: dict[str, Callable[[], NDArray[Any]]] = {
+            "range": lambda: hits.ranges_m,
+            "z": lambda: _depths_m(hits, world_from_optical[:, 2]),
+            "position": lambda: _positions_m(hits, current.world_from_rig[:3, 3]),
+            "normals": lambda: hits.normals,
+            "normals_camera": lambda: hits.normals @ world_from_optical.astype(np.float32),
+            "albedo": lambda: hits.albedos,
+            "roughness": lambda: hits.roughness,
+            "metallic": lambda: hits.metallic,
+            "emissive": lambda: hits.emissive,
+            "semantic": lambda: self._class_of_draw.take(hits.draws_plus_one),
+            "instance": lambda: self._instance_of_draw.take(hits.draws_plus_one),
+            "scene_flow": lambda: self._scene_flow(
+                hits, current, poses["next"], in_world(current, poses["next"]), np.eye(3)
+            ),
+            "scene_flow_camera": lambda: self._scene_flow(
+                hits,
+                current,
+                poses["next"],
+                in_optical(current, poses["next"], rig_from_optical),
+                world_from_optical.T,
+            ),
+            "valid": lambda: self.has_ray.astype(np.uint8),
+        }
+        flows = [
+            (pair, poses[CHANNELS[pair[0]].other]) for pair in FLOWS.items() if pair[0] in names
+        ]
+        motion = self._flow.begin(hits, current, flows[0][1]) if flows else None
+        # a GPU draws the occlusion meanwhile
+        found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
+        for pair, other in flows:
+            if motion is None:
+                motion = self._flow.begin(hits, current, other)
+            found |= zip(pair, self._flow.end(hits, motion), strict=True)
+            motion = None
+        return {name: found[name] for name in names}
+
+    def _scene_flow(
+        self,
+        hits: Hits,
+        current: ScenePoses,
+        other: ScenePoses,
+        transforms: NDArray[np.float64],
+        axes_from_viewpoint: NDArray[np.float64],
+    ) -> NDArray[np.float32]:
+        """Scene flow by transforms (objects, 3, 4) from points to their motions, along axes."""
+        deformed = deformed_hits(self._source, hits, current, other)
+        if deformed is None:
+            return scene_flow(hits, self._objects_of_draws, transforms)
+        flow = scene_flow(deformed, self._objects_of_draws, transforms)
+        return flow + (deformed.points_m - hits.points_m) @ axes_from_viewpoint.T.astype(np.float32)
+
+    @property
+    def has_ray(self) -> NDArray[np.bool_]:
+        """Pixels (height, width) whose centre has a ray."""
+        return self._source.has_ray
+
+    @cached_property
+    def _flow(self) -> OpticalFlow:
+        return OpticalFlow(self._source)
+
+
+def instances_of_draws(
+    labels: Labels, draws: Sequence[ObjectPart], object_names: Sequence[str]
+) -> NDArray[np.uint32]:
+    """IDs (n + 1,) of the instances of draws (n,), from −1 on, which is nothing: 0."""
+    ids = {(label.object_name, label.name): label.id for label in labels.instances}
+    instances = [
+        # one that is not drawn any more has none
+        ids.get((None if index is None else object_names[index], name), 0)
+        for index, name in draws
+    ]
+    return np.array([0, *instances], dtype=np.uint32)
+
+
+def _depths_m(hits: Hits, axis: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: none."""
+    depths_m = hits.points_m @ axis.astype(np.float32)
+    return np.where(hits.draws_plus_one == 0, np.float32(np.inf), depths_m)
+
+
+def _positions_m(hits: Hits, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (height, width, 3) in the world; NaN: none."""
+    points_m = np.empty(hits.points_m.shape)
+    for axis in range(3):  # one after the other, which does not copy the points first
+        np.add(hits.points_m[..., axis], viewpoint_m[axis], out=points_m[..., axis])
+    points_m.reshape(-1, 3)[np.flatnonzero(hits.draws_plus_one == 0)] = np.nan
+    return points_m

@@ -1,0 +1,152 @@
+"""Optical flow of a camera from its picture to another one, by exact reprojection, and occlusion.
+
+The other picture is the next one, or for the backward flow the previous one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import (
+    CentralCamera,
+    NonCentralCamera,
+    Pixels,
+    pixel_grid,
+    pixels_of_points,
+)
+from omnisim.cameras.full_turn import period_px
+from omnisim.ground_truth.hits import Hits
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.truth.deformed_points import deformed_hits
+from omnisim.rendering.truth.scene_flow import (
+    POINTS_PER_BATCH,
+    other_from_current,
+    transform_points,
+)
+
+VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
+
+
+class OpticalFlow:
+    """Flow of one camera; everything constant is made once.
+
+    The point that a pixel sees moves with its surface, also on dynamic objects and meshes that
+    deform, and is projected from the other viewpoint in float64. Where nothing is hit, the point is
+    infinitely far: only the camera's rotation moves it.
+
+    The point is occluded where the ray from the other viewpoint to it hits something nearer. An
+    optical system projects it by its exact inverse; that ray starts where the system has it.
+
+    Flow through a mirror's mesh is that of the exact model, from where the exact camera would see
+    the pixel's point to where it would see it then: the mesh's own error, the same in both but for
+    a fraction, is not motion.
+
+    Where a picture goes all around, flow across its seam takes the short way and leads outside of
+    the picture by as much.
+
+    Args:
+        source: of the hits.
+    """
+
+    def __init__(self, source: HitSource):
+        self._camera, self._source = source.camera, source
+        self._shape = source.has_ray.shape
+        self._valid = np.flatnonzero(source.has_ray)
+        # where the exact camera sees what each pixel sees: at the pixel itself, but for a mesh
+        self._by_points = source.polygons is not None and isinstance(self._camera, NonCentralCamera)
+        self._positions_px = (
+            pixel_grid(*self._shape[::-1])[source.has_ray]
+            if source.polygons is None or self._by_points
+            else self._camera.pixel_from_ray(source.rays()[source.has_ray]).positions_px
+        )
+        self.refresh()
+        self._period_px = period_px(self._camera)
+
+    def refresh(self) -> None:
+        """Take over what the source's draws are now."""
+        self._object_of_draw = self._source.objects_of_draws()
+
+    def begin(self, hits: Hits, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
+        """Start to draw the occlusion of the last hits; return what `end` needs.
+
+        Returns:
+            (1 + objects, 3, 4), from the current viewpoint frame to the other optical frame: of
+            static points, and of those on each dynamic object.
+        """
+        transforms = other_from_current(current, other)
+        self._deformed = deformed_hits(self._source, hits, current, other)
+        moves = transforms[self._object_of_draw[1:], :3]
+        self._source.begin_occlusion(other, moves, self._deformed)
+        self._optical_from_current = _optical_from_world(current, self._camera)
+        return _optical_from_world(other, self._camera) @ transforms[:, :3]
+
+    def end(
+        self, hits: Hits, other_optical_from_current: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """Compute the flow.
+
+        Args:
+            hits: from the current viewpoint.
+            other_optical_from_current: from `begin`.
+
+        Returns:
+            Flow (height, width, 2) in pixels, NaN where the lens cannot see the point then; and
+            (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has no ray.
+        """
+        projected = self._pixels_of(self._deformed or hits, other_optical_from_current)
+        positions_px = self._positions_px
+        if self._by_points:
+            still = np.zeros_like(other_optical_from_current)
+            still[:, :, :3] = self._optical_from_current
+            positions_px = self._pixels_of(hits, still).positions_px
+        motion_px = projected.positions_px - positions_px
+        if self._period_px is not None:
+            motion_px[:, 0] -= self._period_px * np.round(motion_px[:, 0] / self._period_px)
+        motion_px[np.flatnonzero(~projected.valid)] = np.nan
+        flow = np.full((self._shape[0] * self._shape[1], 2), np.nan, dtype=np.float32)
+        # both numbers of a pixel at once
+        flow.view(np.uint64)[self._valid] = motion_px.astype(np.float32).view(np.uint64)
+        status = np.full(len(flow), INVALID, dtype=np.uint8)
+        occluded = self._source.occluded().ravel()[self._valid]
+        status[self._valid] = np.where(
+            self._is_inside(projected), occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE)
+        )
+        return flow.reshape(*self._shape, 2), status.reshape(self._shape)
+
+    def _pixels_of(self, hits: Hits, optical_from_current: NDArray[np.float64]) -> Pixels:
+        """Project the points (n,) of the valid pixels into a picture."""
+        points_m = np.take(hits.points_and_ranges_m.reshape(-1, 4), self._valid, axis=0).astype(
+            np.float64
+        )
+        draws_plus_one = hits.draws_plus_one.ravel()[self._valid]
+        points_m[:, 3] = draws_plus_one > 0  # 0: a direction, which no translation moves
+        has_objects = len(optical_from_current) > 1
+        objects = self._object_of_draw[draws_plus_one] if has_objects else None
+        positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
+        for first in range(0, len(points_m), POINTS_PER_BATCH):
+            batch = slice(first, first + POINTS_PER_BATCH)
+            optical_m = transform_points(
+                points_m[batch],
+                None if objects is None else objects[batch],
+                optical_from_current,
+            )
+            positions_px[batch], valid[batch] = pixels_of_points(
+                self._camera, optical_m, points_m[batch, 3] > 0.0
+            )
+        return Pixels(positions_px, valid)
+
+    def _is_inside(self, pixels: Pixels) -> NDArray[np.bool_]:
+        """Tell which positions (n,) are in the picture."""
+        u, v = pixels.positions_px.T
+        camera = self._camera
+        inside: NDArray[np.bool_] = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
+        inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
+        return inside
+
+
+def _optical_from_world(poses: ScenePoses, camera: CentralCamera) -> NDArray[np.float64]:
+    """Rotation (3, 3) from the world to the optical frame of a camera."""
+    rotation: NDArray[np.float64] = (poses.world_from_rig[:3, :3] @ camera.rig_from_optical).T
+    return rotation

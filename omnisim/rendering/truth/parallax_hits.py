@@ -1,0 +1,265 @@
+"""Hits of an optical system's rays by the triangles that one viewpoint sees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.parallax_plan import parallax_tiles
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
+from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
+from omnisim.rendering.opengl.capture.traced_pixels import TracedPixels
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
+from omnisim.rendering.opengl.ground_truth.parallax_hit_pass import (
+    UNKNOWN_HIT,
+    UNKNOWN_OCCLUSION,
+    ParallaxHitPass,
+)
+from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.pixel_rays import Band, PixelRays
+from omnisim.rendering.rays.ray_scene import ObjectState
+from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.truth.deforming_draws import deforming_draws
+
+if TYPE_CHECKING:
+    from omnisim.rendering.rays.ray_scene import RayScene
+
+# As for cameras of one viewpoint: of the triangles there, few are missed by all texels around.
+_TEXELS_PER_PIXEL, _MAX_TEXELS_PER_PIXEL = 1.5, 6.0
+# Of the paper's mirror at 360 px. Where fewer see something they are wider, but triangles are not,
+# nor are texels.
+_USUAL_PIXELS = 90_000
+
+
+class ParallaxHits(HitSource):
+    """Hits of rays with origins of their own; everything on the GPU is made once.
+
+    What the viewpoint does not see is cast as rays, where those are installed; else it is as if
+    what hides it were thin.
+
+    Args:
+        buffers: the scene; its context is current, here and in all methods.
+        sensor: the camera, whose model is an optical system.
+        cameras: depth range and hidden instances count.
+        viewpoint_m: (3,) rig frame, of the virtual cameras.
+        details: that will be asked for.
+        ray_scene: gives the scene to cast rays at; None: there is none.
+
+    Attributes:
+        details: as given.
+        undecided: (height, width) pixels of the last hits that the viewpoint does not tell.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        sensor: OmniCamera,
+        cameras: VirtualCameras,
+        viewpoint_m: NDArray[np.float64],
+        details: HitDetails,
+        ray_scene: Callable[[], RayScene] | None,
+    ):
+        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
+        self._buffers, self._cameras, self._ray_scene = buffers, cameras, ray_scene
+        self._viewpoint_m = viewpoint_m
+        self._rays = _joined(PixelRays(sensor.model, sensor.mesh_polygons))
+        self.has_ray = self._rays.valid
+        self.undecided = np.zeros_like(self.has_ray)
+        rays = self._centre_rays()
+        wider = max(1.0, math.sqrt(_USUAL_PIXELS / max(1, int(self.has_ray.sum()))))
+        density = min(_TEXELS_PER_PIXEL * wider, _MAX_TEXELS_PER_PIXEL)
+        plan = parallax_tiles([rays], density, cameras.near_m, MAX_ANISOTROPY)
+        context = buffers.context
+        self._passes = ParallaxHitPass(
+            VisibilityPass(buffers, plan, cameras, details),
+            TracedPixels(context, sensor.model, self.rays().astype(np.float32), self._rays.valid),
+            DepthPyramid(context, plan, cameras.near_m, cameras.far_m, rays.longest_m),
+        )
+        optical_from_rig = sensor.model.rig_from_optical.T
+        assert self._rays.origins_m is not None
+        self._origins_m = self._placed(self._rays.origins_m - optical_from_rig @ viewpoint_m)
+        self._find_draws()
+
+    def _centre_rays(self) -> ParallaxRays:
+        """Rays of the pixels' centres from the viewpoint, rig frame."""
+        rig_from_optical, rays = self.camera.rig_from_optical, self._rays
+        assert rays.origins_m is not None
+        around = ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0))
+        directions, origins_m = (
+            np.pad(self._placed(values).astype(np.float32), around)
+            for values in (
+                np.einsum("nj,ij->ni", rays.directions, rig_from_optical),
+                np.einsum("nj,ij->ni", rays.origins_m, rig_from_optical) - self._viewpoint_m,
+            )
+        )
+        return ParallaxRays.interpolated(1, directions, origins_m, rays.valid)
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self._passes.refresh()
+        self._find_draws()
+
+    def _find_draws(self) -> None:
+        self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
+        self.deforming = deforming_draws(self._buffers)
+        self.__dict__.pop("_draw_of_surface", None)
+
+    def rays(self) -> NDArray[np.float64]:
+        """Unit rays (height, width, 3), optical frame."""
+        return self._placed(self._rays.directions)
+
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
+        """Intersect all rays with what is seen where they end, and cast those undecided."""
+        pose = self._viewpoint_pose(poses)
+        self._passes.put_origins(self._origins_m)
+        hits = self._passes.render(pose, poses.world_from_objects, details)
+        self.undecided = undecided = self.has_ray & (hits.draws_plus_one & UNKNOWN_HIT > 0)
+        hits = hits._replace(draws_plus_one=hits.draws_plus_one & ~UNKNOWN_HIT)
+        offset_m = (pose[:3, 3] - poses.world_from_rig[:3, 3]).astype(np.float32)
+        if self._ray_scene is not None and undecided.any():
+            self._cast(hits, undecided, poses, pose[:3, 3], details)
+            self._passes.put(hits)
+        hits.points_m[hits.draws_plus_one > 0] += offset_m
+        self._hits, self._from_rig_m = hits, offset_m
+        return hits
+
+    def _cast(
+        self,
+        hits: Hits,
+        undecided: NDArray[np.bool_],
+        poses: ScenePoses,
+        viewpoint_m: NDArray[np.float64],
+        details: HitDetails,
+    ) -> None:
+        """Cast the rays of undecided pixels (height, width), and put their hits in place."""
+        scene, rays = self._scene(), self._rays
+        some = undecided[rays.valid]
+        assert rays.origins_m is not None
+        band = rays._replace(
+            directions=rays.directions[some],
+            origins_m=rays.origins_m[some],
+            footprints=rays.footprints[some],
+        )
+        rig_from_optical = self.camera.rig_from_optical
+        found, _ = cast_hits(
+            scene,
+            band.aim(self._limits, rig_from_optical, poses.world_from_rig),
+            band.world_footprints(poses.world_from_rig[:3, :3] @ rig_from_optical),
+            viewpoint_m,
+            ObjectState(poses.world_from_objects, self._cameras.hidden),
+            details,
+        )
+        hits.points_and_ranges_m[undecided] = found.points_and_ranges_m
+        hits.draws_plus_one[undecided] = self._draw_of_surface[found.draws_plus_one]
+        hits.triangles[undecided] = found.triangles
+        for name in details.components:
+            getattr(hits, name)[undecided] = getattr(found, name)
+
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
+    ) -> None:
+        """Start to draw the occlusion of the last hits' points."""
+        hits, pose = deformed or self._hits, self._viewpoint_pose(other)
+        if deformed is not None:
+            points = deformed.points_and_ranges_m.copy()
+            points[deformed.draws_plus_one > 0, :3] -= self._from_rig_m
+            self._passes.put_points(deformed._replace(points_and_ranges_m=points))
+        points_m = hits.points_m[self.has_ray].astype(np.float64)
+        draws_plus_one = hits.draws_plus_one[self.has_ray]
+        hit = np.flatnonzero(draws_plus_one)
+        moves = other_from_current[draws_plus_one[hit] - 1]
+        points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
+        starts_m = starts_of_rays(self.camera, points_m, draws_plus_one > 0, other.world_from_rig)
+        self._moved = other, points_m, starts_m
+        offset_m = pose[:3, 3] - other.world_from_rig[:3, 3]
+        self._passes.put_origins(self._placed(starts_m - offset_m))
+        # from the points as the pass has them, about the viewpoints of both
+        transforms = other_from_current.copy()
+        transforms[..., 3] += other_from_current[..., :3] @ self._from_rig_m - offset_m
+        self._occlusion_pass.render(pose, other.world_from_objects, transforms)
+
+    def occluded(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the points that something nearer hides there."""
+        found = self._occlusion_pass.read()
+        occluded = found & ~UNKNOWN_OCCLUSION > 0
+        undecided = self.has_ray & (found & UNKNOWN_OCCLUSION > 0)
+        if self._ray_scene is not None and undecided.any():
+            occluded[undecided] = self._cast_occlusion(undecided)
+        return occluded
+
+    def _cast_occlusion(self, undecided: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        scene, (other, points_m, starts_m) = self._scene(), self._moved
+        some = undecided[self.has_ray]
+        geometry = scene.caster.geometry
+        surface_of_draw = np.zeros(1 + len(self.draws), dtype=np.intp)
+        surface_of_draw[self._draw_of_surface] = np.arange(len(self._draw_of_surface))
+        surfaces_plus_one = surface_of_draw[self._hits.draws_plus_one[undecided]]
+        triangles = geometry.first_of_surface[surfaces_plus_one - 1].astype(np.int32)
+        triangles += self._hits.triangles[undecided].astype(np.int32)
+        return cast_occlusion(
+            scene,
+            self._limits,
+            SeenPoints(points_m[some], surfaces_plus_one.astype(np.uint32), triangles),
+            starts_m[some],
+            other.world_from_rig,
+            ObjectState(other.world_from_objects, self._cameras.hidden),
+        )
+
+    @cached_property
+    def _occlusion_pass(self) -> OcclusionPass:
+        return OcclusionPass(self._passes)
+
+    @property
+    def _limits(self) -> DepthLimits:
+        return DepthLimits(self._cameras.near_m, self._cameras.far_m)
+
+    def _scene(self) -> RayScene:
+        assert self._ray_scene is not None
+        return self._ray_scene()
+
+    @cached_property
+    def _draw_of_surface(self) -> NDArray[np.uint32]:
+        """1 + draw item of each surface (1 + n,) of the ray scene, from none on, which is 0."""
+        shown = self._buffers.shown()
+        numbers = {part: 1 + k for k, part in enumerate(self.draws) if shown[k]}
+        surfaces = self._scene().caster.geometry.surfaces
+        found = [numbers.get((one.object_index, one.name), 0) for one in surfaces]
+        return np.array([0, *found], dtype=np.uint32)
+
+    def _viewpoint_pose(self, poses: ScenePoses) -> NDArray[np.float64]:
+        """Pose (4, 4) of the virtual cameras."""
+        pose = poses.world_from_rig.copy()
+        pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
+        return pose
+
+    def _placed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Picture (height, width, 3) of values (n, 3) of the pixels that have a ray."""
+        picture = np.zeros((*self.has_ray.shape, 3))
+        picture[self.has_ray] = values
+        return picture
+
+
+def _joined(rays: PixelRays) -> Band:
+    """Rays of all pixels as one band."""
+    bands = [rays.band(number) for number in range(len(rays.bands))]
+    origins_m = [band.origins_m for band in bands if band.origins_m is not None]
+    return Band(
+        slice(0, rays.camera.height_px),
+        np.concatenate([band.valid for band in bands]),
+        np.concatenate([band.directions for band in bands]),
+        np.concatenate(origins_m),
+        np.concatenate([band.footprints for band in bands]),
+    )

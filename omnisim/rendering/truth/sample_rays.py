@@ -1,0 +1,108 @@
+"""Rays of a supersampled picture, interpolated between its pixels where they are smooth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import CentralCamera, NonCentralCamera, Rays, pixel_grid
+from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
+
+# Pixels around one that must have a ray for its samples' to be interpolated untested: near a rim
+# rays bend fast. No more than the margin.
+_SMOOTH_PX = 2
+_MISS_PX = 0.02  # by which interpolated rays may miss
+
+
+def sample_rays(
+    camera: CentralCamera, supersampling: int, polygons: int | None = None
+) -> ParallaxRays:
+    """Rays of the samples of a camera's pixels, in the rig frame.
+
+    Those of the pixels' centres are traced; near the edges of what is seen those of all samples,
+    and of a mesh everywhere, which are kept where they bend.
+
+    Args:
+        camera: with pixels.
+        supersampling: samples to a side of a pixel.
+        polygons: of the mesh of its mirror; None: exact.
+    """
+    width, height = camera.width_px, camera.height_px
+    trace = _tracer(camera, polygons)
+    around = pixel_grid(width + 2 * MARGIN_PX, height + 2 * MARGIN_PX) - MARGIN_PX
+    directions, origins_m, valid = trace(around)
+    inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
+    smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
+    beside = _all_around(valid, 1)[inner]  # of pixels that may be interpolated there at all
+    found = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
+    rim = np.argwhere(near if polygons is not None else near & ~smooth)
+    offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
+    own = trace(rim[:, None, ::-1] + offsets)
+    bent = ~beside[tuple(rim.T)] | ~own[2].all(axis=1) | _bent(found, rim, own[0])
+    found.smooth[tuple(rim.T)] = ~bent
+    kept = bent & own[2].any(axis=1)
+    rim = rim[kept]
+    found.rim_numbers[tuple(rim.T)] = np.arange(len(rim))
+    return replace(
+        found, rim_directions=own[0][kept], rim_origins_m=own[1][kept], rim_valid=own[2][kept]
+    )
+
+
+def _bent(
+    rays: ParallaxRays, pixels: NDArray[np.intp], own: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Mask of pixels (n, 2), row and column, whose samples' directions (n, samples, 3) are not
+    those between the pixels around."""  # fmt: skip
+    count = rays.supersampling**2
+    rows, columns = np.repeat(pixels, count, axis=0).T
+    between = rays.of(rows, columns, np.tile(np.arange(count), len(pixels)))
+    misses = np.linalg.norm(between.directions.reshape(own.shape) - own, axis=-1).max(axis=1)
+    steps = rays.supersampling * np.linalg.norm(between.footprints, axis=-1)
+    return np.asarray(misses > _MISS_PX * steps.reshape(len(pixels), 2 * count).min(axis=1))
+
+
+_Traced = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
+
+
+def _tracer(
+    camera: CentralCamera, polygons: int | None
+) -> Callable[[NDArray[np.float64]], _Traced]:
+    """Function from pixels (..., 2) to directions and origins (..., 3), rig frame, and validity.
+
+    Directions are 0 where they are not valid.
+    """
+    ray_from_pixel: Callable[[NDArray[np.float64]], Rays] = camera.ray_from_pixel
+    if polygons is not None and isinstance(camera, NonCentralCamera):
+        from omnisim.cameras.optics.mesh_rays import MeshRays
+
+        ray_from_pixel = MeshRays(camera, polygons).ray_from_pixel
+
+    def trace(pixels: NDArray[np.float64]) -> _Traced:
+        rays = ray_from_pixel(pixels)
+        assert rays.origins_m is not None
+        found = []
+        for part in (rays.directions, rays.origins_m):
+            values = np.where(rays.valid[..., None], part, 0.0)
+            rig = np.einsum("...j,ij->...i", values, camera.rig_from_optical)
+            found.append(rig.astype(np.float32))
+        return found[0], found[1], rays.valid
+
+    return trace
+
+
+def _all_around(valid: NDArray[np.bool_], distance_px: int) -> NDArray[np.bool_]:
+    """Pixels around which, within a distance, all are valid; past the edges all are."""
+    for axis in (0, 1):
+        padded = np.pad(
+            valid,
+            [(distance_px,) * 2 if axis == own else (0, 0) for own in (0, 1)],
+            constant_values=True,
+        )
+        size = valid.shape[axis]
+        valid = np.logical_and.reduce(
+            [padded.take(range(step, step + size), axis) for step in range(2 * distance_px + 1)]
+        )
+    return valid

@@ -1,0 +1,114 @@
+"""Scene flow: motion of the points that a picture's pixels see, each with its surface.
+
+The points are those of the hits, in the viewpoint frame: the world's axes, and the origin in the
+effective viewpoint. An object is 0 for the static scene, 1 for the first dynamic object, and so on.
+Source: Vedula et al., "Three-dimensional scene flow", 1999.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.ground_truth.hits import Hits
+from omnisim.rendering.readback import ScenePoses
+
+# Points transformed at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
+# products on threads that then keep the cores from whatever comes next, on one.
+POINTS_PER_BATCH = 1 << 14
+
+
+def moved_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
+    """Motions (objects, 4, 4) of the objects from one time to another, in the viewpoint frame."""
+    viewpoint_m = current.world_from_rig[:3, 3]
+    transforms = np.tile(np.eye(4), (1 + len(current.world_from_objects), 1, 1))
+    for index, (before, then) in enumerate(
+        zip(current.world_from_objects, other.world_from_objects, strict=True), start=1
+    ):
+        moved = then @ np.linalg.inv(before)
+        transforms[index, :3, :3] = moved[:3, :3]
+        # a point at the current viewpoint, less that viewpoint
+        transforms[index, :3, 3] = moved[:3, :3] @ viewpoint_m + (moved[:3, 3] - viewpoint_m)
+    return transforms
+
+
+def other_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
+    """Transforms (objects, 4, 4) from the current viewpoint frame to another time's, of points that
+    are on each object."""  # fmt: skip
+    transforms = moved_from_current(current, other)
+    transforms[:, :3, 3] += current.world_from_rig[:3, 3] - other.world_from_rig[:3, 3]
+    return transforms
+
+
+def transform_points(
+    points: NDArray[np.float64],
+    objects: NDArray[np.intp] | None,
+    transforms: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Transform each point by its object's matrix.
+
+    Args:
+        points: (n, 4), the last number 1, or 0 for a direction.
+        objects: (n,), or None: all are on the static scene.
+        transforms: (objects, 3, 4).
+
+    Returns:
+        (n, 3).
+    """
+    moved: NDArray[np.float64] = points @ transforms[0].T
+    if objects is not None:
+        for index in np.unique(objects):
+            on_it = np.flatnonzero(objects == index)
+            moved[on_it] = points[on_it] @ transforms[index].T
+    return moved
+
+
+def scene_flow(
+    hits: Hits, objects_of_draws: NDArray[np.intp], transforms: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Scene flow (height, width, 3) in metres; NaN where nothing is hit.
+
+    Args:
+        hits: at the current pose.
+        objects_of_draws: (n + 1,), see `HitSource.objects_of_draws`.
+        transforms: (objects, 3, 4) from a point to its motion, see `in_world` and `in_optical`.
+    """
+    points = hits.points_and_ranges_m.reshape(-1, 4)
+    # float32 as the points are; a range, infinite where nothing is hit, makes the motion NaN
+    matrices = np.zeros((len(transforms), 4, 3), dtype=np.float32)
+    matrices[:, :3] = np.swapaxes(transforms[:, :, :3], 1, 2)
+    offsets = transforms[:, :, 3].astype(np.float32)
+    flow = np.empty((len(points), 3), dtype=np.float32)
+    draws_plus_one = hits.draws_plus_one.ravel()
+    with np.errstate(invalid="ignore"):
+        for first in range(0, len(points), POINTS_PER_BATCH):
+            batch = slice(first, first + POINTS_PER_BATCH)
+            flow[batch] = points[batch] @ matrices[0] + offsets[0]
+            if len(transforms) == 1:
+                continue
+            objects = objects_of_draws.take(draws_plus_one[batch])
+            for index in np.unique(objects[objects > 0]).tolist():
+                on_it = np.flatnonzero(objects == index)
+                flow[first + on_it] = points[batch][on_it] @ matrices[index] + offsets[index]
+    return flow.reshape(hits.points_m.shape)
+
+
+def in_world(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
+    """Transforms (objects, 3, 4) from points to their motions along the world's axes.
+
+    Those of the static scene are exactly 0.
+    """
+    return moved_from_current(current, other)[:, :3] - np.eye(4)[:3]
+
+
+def in_optical(
+    current: ScenePoses, other: ScenePoses, rig_from_optical: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Transforms (objects, 3, 4) from points to their motions relative to the camera.
+
+    A motion is the point in the other time's optical frame, less the point in the current one.
+    """
+    transforms = other_from_current(current, other)[:, :3]
+    transforms = (other.world_from_rig[:3, :3] @ rig_from_optical).T @ transforms
+    transforms[:, :, :3] -= (current.world_from_rig[:3, :3] @ rig_from_optical).T
+    return transforms

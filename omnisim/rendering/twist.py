@@ -1,0 +1,188 @@
+"""Motion of a camera and of dynamic objects during an exposure, and of the picture."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.cameras.camera import CentralCamera, pixels_of_points
+from omnisim.core.files.parameters import Number, Parameters
+from omnisim.core.poses import pose_from_rotation
+from omnisim.core.world import Pose
+from omnisim.rendering.readback import ScenePoses
+
+# Assumed distance of the nearest surface, as depth is not known before there is a picture. Nearer
+# surfaces move by more from sub-frame to sub-frame.
+NEAREST_M = 1.0
+# Limits of a camera's motion; within them poses are exact to 1e-9 even through an hour's exposure.
+MAX_MPS, MAX_RADPS = 1e4, 1e3
+GRID = 13  # samples of the motion to a side of the picture
+SPREAD_RAD = 0.3  # from a direction in the picture to the nearest sample of a wide lens
+
+
+Speed = Annotated[Number, Field(ge=-MAX_MPS, le=MAX_MPS)]
+TurnRate = Annotated[Number, Field(ge=-MAX_RADPS, le=MAX_RADPS)]
+
+
+@dataclass(frozen=True)
+class Twist(Parameters, name="twist"):
+    """A constant velocity, linear and angular.
+
+    Attributes:
+        linear_mps: velocity of the base, in the base's own frame: x forward, y left, z up.
+        angular_radps: turn rate about these axes; z counter-clockwise seen from above, to the left.
+
+    Raises:
+        OpticsError: a rate that is not finite, or beyond `MAX_MPS` or `MAX_RADPS`.
+    """
+
+    linear_mps: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+    angular_radps: tuple[TurnRate, TurnRate, TurnRate] = (0.0, 0.0, 0.0)
+
+    def through(self, world_from_base: Pose) -> Callable[[float], Pose]:
+        """Poses (4, 4) of this motion by seconds, at a pose (4, 4) at 0 s."""
+        x, y, z = self.angular_radps
+        rates = np.array(
+            [
+                [0.0, -z, y, self.linear_mps[0]],
+                [z, 0.0, -x, self.linear_mps[1]],
+                [-y, x, 0.0, self.linear_mps[2]],
+                [0.0, 0.0, 0.0, 0.0],
+            ]
+        )
+
+        def at(time_s: float) -> Pose:
+            from scipy.linalg import expm  # slow to import; a shutter that takes no time never asks
+
+            moved = expm(rates * time_s)
+            moved[3] = (0.0, 0.0, 0.0, 1.0)  # only nearly so after a long way
+            pose: Pose = world_from_base @ moved
+            return pose
+
+        return at
+
+
+def moved_px(
+    camera: CentralCamera,
+    poses: Sequence[ScenePoses],
+    object_corners_m: Sequence[NDArray[np.float64]] = (),
+) -> float:
+    """Largest motion in the picture along poses of the camera and the dynamic objects, in pixels.
+
+    Args:
+        camera: whose picture it is.
+        poses: one after the other.
+        object_corners_m: (8, 3) of the box around each dynamic object, in its own frame.
+    """
+    u = np.linspace(0.0, camera.width_px - 1.0, GRID)
+    v = np.linspace(0.0, camera.height_px - 1.0, GRID)
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    rays = camera.ray_from_pixel(pixels)
+    pixels, points_m = pixels[rays.valid], NEAREST_M * rays.directions[rays.valid]
+    if rays.origins_m is not None:
+        points_m += rays.origins_m[rays.valid]
+    is_finite = np.ones(len(points_m), dtype=np.bool_)
+    world_from_optical = [one.world_from_rig.copy() for one in poses]
+    for pose in world_from_optical:
+        pose[:3, :3] = pose[:3, :3] @ camera.rig_from_optical
+    static_px = np.zeros(len(points_m))
+    for before, after in itertools.pairwise(world_from_optical):
+        moved_m = _moved(points_m, np.linalg.inv(after) @ before)
+        seen = pixels_of_points(camera, moved_m, is_finite)
+        static_px += np.where(seen.valid, np.linalg.norm(seen.positions_px - pixels, axis=-1), 0.0)
+    if rays.origins_m is not None and rays.valid.any():
+        # objects are near or far from where the rays start, as a mirror before its camera
+        middle_m = rays.origins_m[rays.valid].mean(axis=0)
+        world_from_optical = [
+            pose @ pose_from_rotation(np.eye(3), middle_m) for pose in world_from_optical
+        ]
+    dynamic_px = [
+        _object_px(camera, rays.directions[rays.valid], world_from_optical, path, corners_m)
+        for corners_m, path in zip(
+            object_corners_m,
+            zip(*(one.world_from_objects for one in poses), strict=True),
+            strict=True,
+        )
+    ]
+    return float(max([static_px.max(initial=0.0), *dynamic_px]))
+
+
+def _object_px(
+    camera: CentralCamera,
+    seen: NDArray[np.float64],
+    world_from_optical: Sequence[Pose],
+    world_from_object: Sequence[Pose],
+    corners_m: NDArray[np.float64],
+) -> float:
+    """Largest motion of an object in the picture, in pixels, from its nearest point on.
+
+    Args:
+        camera: whose picture it is.
+        seen: directions (n, 3) that are spread over the picture, optical frame.
+        world_from_optical: poses of the camera, the middle of its rays' origins at theirs, one
+            after the other.
+        world_from_object: poses of the object.
+        corners_m: (8, 3) of the box around it, in its own frame.
+    """
+    optical_from_object = [
+        np.linalg.inv(optical) @ pose
+        for optical, pose in zip(world_from_optical, world_from_object, strict=True)
+    ]
+    if not len(corners_m) or not _may_be_seen(seen, corners_m, optical_from_object):
+        return 0.0
+    places = [_moved(corners_m, pose) for pose in optical_from_object]
+    ways_m = [np.linalg.norm(b - a, axis=-1).max() for a, b in itertools.pairwise(places)]
+    low, high = corners_m.min(axis=0), corners_m.max(axis=0)
+    nearest_m = min(
+        float(np.linalg.norm(eye - np.clip(eye, low, high)))
+        for eye in (np.linalg.inv(pose)[:3, 3] for pose in optical_from_object)
+    )
+    # inside of its box, which surfaces are near is not known
+    return float(sum(ways_m)) / (nearest_m or NEAREST_M) * _px_per_rad(camera)
+
+
+def _may_be_seen(
+    seen: NDArray[np.float64], corners_m: NDArray[np.float64], optical_from_object: Sequence[Pose]
+) -> bool:
+    """The sphere around an object comes near any direction (n, 3) of the picture."""
+    middle_m = corners_m.mean(axis=0)
+    radius_m = np.linalg.norm(corners_m - middle_m, axis=-1).max()
+    for pose in optical_from_object:
+        centre_m = _moved(middle_m, pose)
+        away_m = np.linalg.norm(centre_m)
+        if away_m <= radius_m:
+            return True
+        angles = np.arccos(np.clip(seen @ centre_m / away_m, -1.0, 1.0))
+        if angles.min(initial=np.pi) <= np.arcsin(radius_m / away_m) + SPREAD_RAD:
+            return True
+    return False
+
+
+def _px_per_rad(camera: CentralCamera) -> float:
+    """Pixels a radian, near the largest in the picture."""
+    u = np.linspace(0.0, camera.width_px - 2.0, GRID)
+    v = np.linspace(0.0, camera.height_px - 2.0, GRID)
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    here = camera.ray_from_pixel(pixels)
+    found = [0.0]
+    for step in ((1.0, 0.0), (0.0, 1.0)):
+        beside = camera.ray_from_pixel(pixels + step)
+        both = here.valid & beside.valid
+        apart = np.linalg.norm(beside.directions[both] - here.directions[both], axis=-1)
+        # the poles of a panorama apart, where a pixel is no angle at all
+        found += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
+    return float(max(found))
+
+
+def _moved(
+    points_m: NDArray[np.float64], target_from_source: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Points (n, 3) in another frame."""
+    moved: NDArray[np.float64] = points_m @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+    return moved

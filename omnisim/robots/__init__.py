@@ -1,0 +1,36 @@
+"""Robots: robot files, motion planning and wheel odometry.
+
+Poses are world_from_base (`omnisim.core.coordinate_frames`); turns and headings count counter-clockwise, seen from
+above. Nothing here knows of pictures or of the GPU.
+"""
+
+from omnisim.robots.kinematics import Kinematics, check_drivable, find_violation
+from omnisim.robots.motion_profile import drive_in_steps, drive_with_period
+from omnisim.robots.odometry import Odometry, OdometryErrors, simulate_odometry, with_errors
+from omnisim.robots.odometry_files import read_odometry, write_odometry
+from omnisim.robots.robot_file import Chassis, Footprint, Robot, load_robot, parse_robot, read_robot
+from omnisim.robots.robot_lookup import builtin_robots, find_robot
+from omnisim.robots.timing import time_poses
+
+__all__ = [
+    "Chassis",
+    "Footprint",
+    "Kinematics",
+    "Odometry",
+    "OdometryErrors",
+    "Robot",
+    "builtin_robots",
+    "check_drivable",
+    "drive_in_steps",
+    "drive_with_period",
+    "find_robot",
+    "find_violation",
+    "load_robot",
+    "parse_robot",
+    "read_odometry",
+    "read_robot",
+    "simulate_odometry",
+    "time_poses",
+    "with_errors",
+    "write_odometry",
+]

@@ -1,0 +1,55 @@
+"""Plugins of Gazebo that drive robots on wheels, as tables of a robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from omnisim.scene.formats.sdf.element import SdfElement
+
+_PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")
+_SKIDS = "skid_steer"
+# Key, element of the plugin, what is assumed without, and the key's units in one of the plugin's.
+_LIMITS = (
+    ("max_speed_mps", "max_linear_velocity", 1.0, 1.0),
+    ("max_turn_rate_dps", "max_angular_velocity", np.radians(90.0), np.degrees(1.0)),
+    ("max_acceleration_mps2", "max_linear_acceleration", 1.0, 1.0),
+    ("max_turn_acceleration_dps2", "max_angular_acceleration", np.pi, np.degrees(1.0)),
+)
+
+
+def is_wheel_drive(plugin: SdfElement) -> bool:
+    """True for a plugin that drives two or four wheels."""
+    names = plugin.attribute("filename") + plugin.attribute("name")
+    return any(word in names for word in _PLUGINS)
+
+
+def drive_table(plugin: SdfElement, notices: list[str]) -> dict[str, Any]:
+    """Table `[kinematics]` of a plugin."""
+    wheel_m = 2.0 * plugin.number("wheel_radius", 0.0)
+    wheel_m = wheel_m or plugin.number("wheel_diameter", plugin.number("wheelDiameter", 0.0))
+    track_m = plugin.number("wheel_separation", plugin.number("wheelSeparation", 0.0))
+    skids = _SKIDS in plugin.attribute("filename") + plugin.attribute("name")
+    return {
+        "type": "skid_steer" if skids else "differential",
+        "track_m": track_m if track_m > 0.0 else None,
+        "wheel_diameter_m": wheel_m if wheel_m > 0.0 else None,
+        **limits(stated_limits(plugin), notices),
+    }
+
+
+def stated_limits(plugin: SdfElement) -> dict[str, float]:
+    """Limits that a plugin states."""
+    found = {key: plugin.number(path, 0.0) * scale for key, path, _, scale in _LIMITS}
+    return {key: value for key, value in found.items() if value > 0.0}
+
+
+def limits(stated: Mapping[str, float], notices: list[str]) -> dict[str, float]:
+    """Limits of a drive; those that are not stated are assumptions, with a notice."""
+    assumed = {key: default * scale for key, _, default, scale in _LIMITS if key not in stated}
+    if assumed:
+        listed = ", ".join(f"{key} = {value:g}" for key, value in assumed.items())
+        notices.append(f"not stated, but assumed: {listed}")
+    return {key: round(float({**assumed, **stated}[key]), 9) for key, *_ in _LIMITS}

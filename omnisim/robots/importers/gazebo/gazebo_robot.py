@@ -1,0 +1,135 @@
+"""Import of a model as a robot file: sensors, wheels, and the model itself as the body.
+
+Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, lidars `lidar`,
+or `usarsim_range_scanner` where they have one ring, and IMUs `imu`. Everything else is named in the
+notices.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from omnisim.core.errors import RobotFileError, SceneError, did_you_mean
+from omnisim.core.short_repr import counted
+from omnisim.robots.importers.gazebo.drive_plugins import drive_table, is_wheel_drive
+from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
+from omnisim.robots.importers.imported_model import (
+    ImportedModel,
+    ImportedSensor,
+    footprint,
+    imported_model,
+    load_body,
+)
+from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.sdf.element import Omissions
+from omnisim.scene.formats.sdf.models import (
+    Model,
+    ModelLibrary,
+    placed_models,
+    read_root,
+    unique_name,
+)
+from omnisim.sensors.sensor_names import folder_name
+
+_GROUND_M = 0.02  # a body whose lowest point is as near to 0 stands on the ground
+
+
+def import_model(
+    path: Path, output: Path, name: str | None = None, resources: Sequence[str | Path] = ()
+) -> ImportedModel:
+    """Import a model of a file.
+
+    Args:
+        path: a world or a model.
+        output: the robot file that it is for: files that it names are relative to it.
+        name: of the model; may be left out where one has sensors.
+        resources: folders of models that it includes.
+
+    Raises:
+        RobotFileError: no such model, or values that are none.
+    """
+    try:
+        library = ModelLibrary(ResourcePath(path, resources), Omissions())
+        root = read_root(path)
+        world = root.find("world")
+        tree = library.tree(world or root, "")
+        model = _choose(tree, name)
+        # a model that is alone in its file has that file's frame, as its body has
+        whole = tree if world is None and len(tree.models) == 1 else model
+        sensors, others = _sensors(whole)
+    except SceneError as reason:
+        raise RobotFileError(f"{path}: {reason}") from None
+    except RobotFileError as reason:
+        raise RobotFileError(f"{path}: {reason}") from None
+    notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
+    notices += [f"{kind}: left out ({counted(n, 'sensor')})" for kind, n in others.items()]
+    table: dict[str, Any] = {}
+    body = load_body(path, resources, notices) if whole is tree else None
+    if body is not None:
+        table["body"] = os.path.relpath(path, output.parent)
+        if folders := library.used_folders(root):
+            table["resources"] = [os.path.relpath(folder, output.parent) for folder in folders]
+        table["footprint"] = footprint(body)
+        lowest_m = float(body.bounds_m()[0, 2])
+        if abs(lowest_m) > _GROUND_M:
+            notices.append(
+                f"its lowest point is {lowest_m:.3g} m above its origin: expected the ground"
+            )
+    elif whole is not tree:
+        notices.append(f"body: left out: {model.name!r} is one of several models of its file")
+    table["kinematics"] = _kinematics(model, notices)
+    return imported_model(model.name, path, output, table, sensors, body, notices)
+
+
+def _choose(tree: Model, name: str | None) -> Model:
+    models = {model.name: model for model in tree.models}
+    if name is not None:
+        if name not in models:
+            raise RobotFileError(f"no model {name!r}; {did_you_mean(name, models, 'it has')}")
+        return models[name]
+    able = [one for one in models.values() if _has_sensors(one)] or list(models.values())
+    if len(able) != 1:
+        names = ", ".join(one.name for one in able) or "no model"
+        raise RobotFileError(f"expected --class with the name of one model, got {names}")
+    return able[0]
+
+
+def _has_sensors(model: Model) -> bool:
+    return any(
+        True
+        for placed in placed_models(model)
+        for link in placed.model.element.children("link")
+        for _ in link.children("sensor")
+    )
+
+
+def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
+    """Sensors with distinct names and poses in the base, and counts of other kinds."""
+    found: list[ImportedSensor] = []
+    others: Counter[str] = Counter()
+    taken: set[str] = set()
+    for placed in placed_models(model):
+        for link in placed.model.element.children("link"):
+            for sensor in link.children("sensor"):
+                pose = placed.pose_of(sensor, link.name)
+                read = list(read_sensors(sensor, pose))
+                for one in read:
+                    name = unique_name(folder_name(one.name), taken)
+                    found.append(one._replace(name=name))
+                if not read:
+                    others[sensor.attribute("type") or "sensor"] += 1
+    return found, others
+
+
+def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
+    """Drive of a plugin for two or four wheels, or None."""
+    for placed in placed_models(model):
+        for plugin in placed.model.element.children("plugin"):
+            if is_wheel_drive(plugin):
+                return drive_table(plugin, notices)
+    notices.append("kinematics: left out: no plugin of a differential drive")
+    return None

@@ -1,0 +1,135 @@
+"""Sensors of Gazebo's models as tables of a robot file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.formats.format import error_context
+from omnisim.cameras.calibration.formats.gazebo import read_lens
+from omnisim.core.errors import OmnisimError, RobotFileError
+from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.robots.importers.imported_model import ImportedSensor
+from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.scene.formats.sdf.element import SdfElement
+from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
+
+_CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
+_DEPTH = ("depth", "depth_camera")
+_RGBD = ("rgbd", "rgbd_camera")
+_LIDARS = ("lidar", "gpu_lidar", "ray", "gpu_ray")
+
+
+def read_sensors(
+    sensor: SdfElement, base_from_sensor: NDArray[np.float64]
+) -> Iterator[ImportedSensor]:
+    """Sensors that a `<sensor>` is; none for kinds that omnisim has not.
+
+    Raises:
+        RobotFileError: values that are none.
+    """
+    kind, name = sensor.attribute("type"), sensor.name or "sensor"
+    try:
+        if kind in _CAMERAS or kind in _RGBD:
+            for camera in sensor.children("camera"):
+                own = camera.name if kind == "multicamera" and camera.name else name
+                yield _camera(own, camera, base_from_sensor @ camera.pose())
+        if kind in _DEPTH or kind in _RGBD:
+            for camera in sensor.children("camera"):
+                own = f"{name}_depth" if kind in _RGBD else name
+                yield _depth_camera(own, camera, base_from_sensor @ camera.pose())
+        if kind in _LIDARS:
+            scan = sensor.find("lidar") or sensor.find("ray")
+            if scan is not None:
+                yield _lidar(name, sensor, scan, base_from_sensor)
+        if kind == "imu":
+            values: dict[str, Any] = {"type": "imu", "device": "ideal"}
+            rate = sensor.number("update_rate", 0.0)
+            yield ImportedSensor(
+                name, base_from_sensor, values | ({"rate_hz": rate} if rate > 0.0 else {})
+            )
+    except OmnisimError as reason:
+        raise RobotFileError(str(reason)) from None
+
+
+def _camera(name: str, camera: SdfElement, base_from_camera: NDArray[np.float64]) -> ImportedSensor:
+    with error_context(camera.place):
+        lens = read_lens(camera.element, camera.place)
+    noise = camera.number("noise/stddev", 0.0)
+    notices = (f"{name}: noise of {noise:g} is left out",) if noise > 0.0 else ()
+    text = sensor_toml(OmniCamera(lens, polygons=None))
+    return ImportedSensor(name, base_from_camera, {"type": "omnicamera"}, text, notices)
+
+
+def _depth_camera(
+    name: str, camera: SdfElement, base_from_camera: NDArray[np.float64]
+) -> ImportedSensor:
+    """Depth camera without the holes and errors that Gazebo's has not."""
+    width, height = (round(camera.positive(f"image/{key}", 320.0)) for key in ("width", "height"))
+    half_rad = 0.5 * camera.number("horizontal_fov", 1.047)
+    if not 0.0 < half_rad < 0.5 * math.pi:
+        raise camera.error("a <horizontal_fov> between 0 and π", 2.0 * half_rad)
+    values = {
+        "type": "depth_camera",
+        "noise": False,
+        "width_px": width,
+        "height_px": height,
+        "focal_length_px": 0.5 * width / math.tan(half_rad),
+        "baseline_m": 1e-4,
+        "range_min_m": camera.positive("clip/near", 0.1),
+        "range_max_m": min(camera.positive("clip/far", 100.0), MAX_RANGE_M),
+        "max_incidence_deg": 90.0,
+    }
+    return ImportedSensor(name, base_from_camera, values)
+
+
+def _lidar(
+    name: str, sensor: SdfElement, scan: SdfElement, base_from_lidar: NDArray[np.float64]
+) -> ImportedSensor:
+    """Lidar with its rings all around, or a planar scanner where there is one ring."""
+    across, low, high = _angles(scan, "horizontal")
+    rings, bottom, top = _angles(scan, "vertical")
+    nearest, farthest = scan.number("range/min", 0.0), scan.positive("range/max", 100.0)
+    sigma_m, rate = scan.number("noise/stddev", 0.0), sensor.number("update_rate", 0.0)
+    step_rad = (high - low) / max(across - 1, 1)
+    if rings == 1:
+        middle = pose_from_rotation(rotation_from_yaw(0.5 * (low + high)), np.zeros(3))
+        values: dict[str, Any] = {
+            "type": "usarsim_range_scanner",
+            "scan_fov_rad": high - low,
+            "resolution_rad": step_rad,
+            "min_range_m": nearest,
+            "max_range_m": farthest,
+            "noise_share": 0.0,
+        }
+        notices = (f"{name}: noise of {sigma_m:g} m is left out",) if sigma_m > 0.0 else ()
+        return ImportedSensor(name, base_from_lidar @ middle, values, "", notices)
+    values = {
+        "type": "lidar",
+        "elevations_deg": np.degrees(np.linspace(bottom, top, rings)).round(9).tolist(),
+        "firings": max(round(2.0 * math.pi / step_rad), 8) if step_rad > 0.0 else 8,
+        **({"rate_hz": rate} if rate > 0.0 else {}),
+        "range_min_m": nearest,
+        "range_max_m": farthest,
+        "sigma_m": sigma_m,
+        "step_m": scan.number("range/resolution", 0.0),
+    }
+    notices = ()
+    if high - low < 2.0 * math.pi - 2.0 * step_rad:
+        notices = (f"{name}: {math.degrees(high - low):.4g}° wide, becomes one all around",)
+    return ImportedSensor(name, base_from_lidar, values, "", notices)
+
+
+def _angles(scan: SdfElement, axis: str) -> tuple[int, float, float]:
+    """Samples, and the angles of the first and last, in radians."""
+    path = f"scan/{axis}"
+    samples = round(scan.positive(f"{path}/samples", 640.0 if axis == "horizontal" else 1.0))
+    low, high = scan.number(f"{path}/min_angle", 0.0), scan.number(f"{path}/max_angle", 0.0)
+    if (found := scan.find(path)) is not None and samples > 1 and not low < high:
+        raise found.error("min_angle below max_angle", f"{low:g} and {high:g}")
+    return samples, low, high

@@ -1,0 +1,167 @@
+"""Robots of MuJoCo's models: wheels by their joints, cameras, and IMUs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OmnisimError, RobotFileError
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.robots.importers.imported_model import ImportedModel, ImportedSensor, load_body
+from omnisim.robots.importers.mechanics import Mechanics, robot_file
+from omnisim.robots.importers.wheels import Wheel, is_across
+from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.scene.formats.mjcf.camera_lens import lens_of
+from omnisim.scene.formats.mjcf.camera_mount import Mount
+from omnisim.scene.formats.mjcf.names import body_name, geom_names
+from omnisim.scene.formats.mjcf.reader import VISIBLE_GROUPS, load_model
+from omnisim.scene.formats.mjcf.robot_body import without_world
+from omnisim.scene.formats.sdf.models import unique_name
+from omnisim.sensors.sensor_names import folder_name
+
+_SHOWN = 4  # names in a message
+_INERTIAL = (mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER)
+_OBJECTS = mujoco.mjtObj
+
+
+def import_mjcf(path: Path, output: Path, resources: Sequence[str | Path] = ()) -> ImportedModel:
+    """Import a robot, the only body in the world of its model.
+
+    Args:
+        path: of the model.
+        output: the robot file that it is for: files that it names are relative to it.
+        resources: of no use to MuJoCo.
+
+    Raises:
+        RobotFileError: MuJoCo cannot read it, or it has several robots, or none.
+    """
+    notices: list[str] = []
+    try:
+        model, data, _ = load_model(path)
+        found = _mechanics(model, data, path, notices)
+    except RobotFileError:
+        raise
+    except OmnisimError as reason:
+        raise RobotFileError(f"{path}: {reason}") from None
+    except UnicodeDecodeError as reason:
+        raise RobotFileError(
+            f"{path}: expected names in UTF-8, got {bytes(reason.object)!r:.40}"
+        ) from None
+    body = load_body(path, resources, notices)
+    if body is not None:
+        body = without_world(body, path)
+    return robot_file(found, path, output, body, (), notices)
+
+
+def _mechanics(
+    model: mujoco.MjModel, data: mujoco.MjData, path: Path, notices: list[str]
+) -> Mechanics:
+    root = _root(model, path, notices)
+    if not (np.isfinite(data.xpos).all() and np.isfinite(data.subtree_com).all()):
+        raise RobotFileError(f"{path}: expected bodies at finite positions")
+    wheels = list(_wheels(model, data, root))
+    sensors = [*_cameras(model, data, notices), *_imus(model, data)]
+    mass_kg, centre_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
+    return Mechanics(body_name(model, root), wheels, mass_kg, centre_m, sensors, {})
+
+
+def _root(model: mujoco.MjModel, path: Path, notices: list[str]) -> int:
+    """Body of the robot: the only one in the world; what the world shows itself is left out."""
+    roots = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
+    others = [
+        name
+        for geom, name in enumerate(geom_names(model))
+        if model.geom_bodyid[geom] == 0 and int(model.geom_group[geom]) in VISIBLE_GROUPS
+    ]
+    if len(roots) != 1:
+        shown = _listed([body_name(model, body) for body in roots])
+        raise RobotFileError(f"{path}: expected the model of one robot, got {shown or 'no body'}")
+    if others:
+        notices.append(f"left out, as it is the world's: {_listed(others)}")
+    return roots[0]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
+
+
+def _wheels(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Iterator[Wheel]:
+    """Bodies on hinges about y without limits that nothing else moves."""
+    for joint in range(model.njnt):
+        body = int(model.jnt_bodyid[joint])
+        parent = int(model.body_parentid[body])
+        while parent not in (0, root) and model.body_dofnum[parent] == 0:
+            parent = int(model.body_parentid[parent])
+        is_hinge = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
+        if not is_hinge or model.jnt_limited[joint] or model.body_dofnum[body] != 1:
+            continue
+        if parent != root or not is_across(data.xaxis[joint]):
+            continue
+        tyres = [tyre for geom in _geoms(model, body) if (tyre := _tyre(model, data, geom))]
+        if tyres:
+            middle_m, radius_m = max(tyres, key=lambda tyre: tyre[1])
+            yield Wheel(
+                _name(model, _OBJECTS.mjOBJ_JOINT, joint) or body_name(model, body),
+                middle_m,
+                radius_m,
+            )
+
+
+def _name(model: mujoco.MjModel, kind: mujoco.mjtObj, number: int) -> str:
+    return mujoco.mj_id2name(model, kind, number) or ""
+
+
+def _geoms(model: mujoco.MjModel, body: int) -> range:
+    first = int(model.body_geomadr[body])
+    return range(first, first + int(model.body_geomnum[body]))
+
+
+def _tyre(
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int
+) -> tuple[NDArray[np.float64], float] | None:
+    """Middle (3,) and radius of a geom that is round, or a mesh."""
+    kinds, kind = mujoco.mjtGeom, int(model.geom_type[geom])
+    middle_m = np.array(data.geom_xpos[geom])
+    if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_SPHERE, kinds.mjGEOM_ELLIPSOID):
+        return middle_m, float(model.geom_size[geom][0])
+    if kind != kinds.mjGEOM_MESH:
+        return None
+    centre_m, half_m = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
+    middle_m = middle_m + data.geom_xmat[geom].reshape(3, 3) @ centre_m
+    return middle_m, float(np.median(half_m))
+
+
+def _cameras(
+    model: mujoco.MjModel, data: mujoco.MjData, notices: list[str]
+) -> Iterator[ImportedSensor]:
+    """Cameras with their own lenses, but those that stand in the world."""
+    taken: set[str] = set()
+    for number in range(model.ncam):
+        name = _name(model, _OBJECTS.mjOBJ_CAMERA, number)
+        if not name or model.cam_bodyid[number] == 0:
+            continue
+        try:
+            text = sensor_toml(OmniCamera(lens_of(model, name), polygons=None))
+        except OmnisimError as reason:
+            notices.append(f"left out: {reason}")
+            continue
+        pose = Mount("camera", number).pose(data)
+        unique = unique_name(folder_name(name), taken)
+        yield ImportedSensor(unique, pose, {"type": "omnicamera"}, text)
+
+
+def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor]:
+    """IMU at each site with a gyroscope or an accelerometer."""
+    sites = {
+        int(model.sensor_objid[number])
+        for number in range(model.nsensor)
+        if int(model.sensor_type[number]) in _INERTIAL
+    }
+    for number, site in enumerate(sorted(sites)):
+        name = folder_name(_name(model, _OBJECTS.mjOBJ_SITE, site) or f"imu_{number}")
+        pose = Mount("site", site).pose(data)
+        yield ImportedSensor(name, pose, {"type": "imu", "device": "ideal"})

@@ -1,0 +1,95 @@
+"""Sonars and infrared sensors in USARBot.ini: a part, and its settings in its class's section."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.usarsim.ini import Entry, Notice, Section
+from omnisim.robots.importers.usarsim.robot_text import Sensor
+from omnisim.robots.importers.usarsim.usarsim_parts import Part, Units, angle_rad, length_m, number
+
+_SONAR, _INFRARED = re.compile(r"sonar(?!array)"), re.compile(r"^ir\d*(sensor)?$|infrared")
+_LENGTHS = {"maxrange": "range_max_m", "minrange": "range_min_m"}
+_COUNTS = {"numberofcones": "cones", "tracespercone": "rays_per_cone"}
+MAX_COUNT = 360
+
+
+def find_range_sensor(
+    part: Part, own: Section | None, units: Units, left_out: list[Notice]
+) -> Sensor | None:
+    """Read a sonar or an infrared sensor; None: the part is neither."""
+    is_sonar = _SONAR.search(part.short_class)
+    if not (is_sonar or _INFRARED.search(part.short_class)):
+        return None
+    entries = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
+    values: dict[str, float] = {}
+    for key, name in _LENGTHS.items():
+        if key in entries:
+            entry = entries[key]
+            values[name] = length_m(entry, entry.key, entry.value, units)
+            _check(entry, values[name] >= 0.0, "0 or more")
+    if "noise" in entries:
+        values["noise_share"] = _number(entries["noise"])
+        _check(entries["noise"], values["noise_share"] >= 0.0, "0 or more")
+    if is_sonar:
+        values |= _cone(entries, units)
+    _check_limits(entries, values, (0.1, 5.0) if is_sonar else (0.2, 1.5))
+    used = {*_LENGTHS, "noise", *({"beamangle", *_COUNTS} if is_sonar else ())}
+    unread = [entry.key for key, entry in entries.items() if key not in used]
+    kind = "sonar" if is_sonar else "infrared sensor"
+    if own is None:
+        words = f"{part}: no [{part.class_name}]: taken as USARSim's usual {kind}"
+        left_out.append((part.entry.line, words))
+    elif unread:
+        left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
+    return Sensor(
+        name=part.name,
+        entry=part.entry,
+        kind="usarsim_sonar" if is_sonar else "usarsim_ir_sensor",
+        position_m=part.position_m,
+        angles_deg=part.angles_deg,
+        comments=(f"line {part.entry.line}: {part}",),
+        values=values,
+    )
+
+
+def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
+    """Read the cone of a sonar."""
+    values: dict[str, float] = {}
+    if "beamangle" in entries:
+        entry = entries["beamangle"]
+        values["beam_angle_rad"] = angle_rad(entry, entry.key, entry.value, units)
+        _check(
+            entry, 0.0 < values["beam_angle_rad"] < math.pi, "more than 0 and less than half a turn"
+        )
+    for key, name in _COUNTS.items():
+        if key in entries:
+            found = _number(entries[key])
+            is_count = found == round(found) and 1.0 <= found <= MAX_COUNT
+            _check(entries[key], is_count, f"a whole number from 1 to {MAX_COUNT}")
+            values[name] = round(found)
+    return values
+
+
+def _number(entry: Entry) -> float:
+    return number(entry, entry.key, entry.value)
+
+
+def _check(entry: Entry, is_possible: bool, wanted: str) -> None:
+    if not is_possible:
+        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
+
+
+def _check_limits(
+    entries: dict[str, Entry], values: dict[str, float], usual: tuple[float, float]
+) -> None:
+    """Refuse a least range that is not below the largest, at its line."""
+    least, most = values.get("range_min_m", usual[0]), values.get("range_max_m", usual[1])
+    if not least < most:
+        entry = entries.get("minrange") or entries["maxrange"]
+        raise entry.fault(
+            f"{entry.key} = {quote(entry.value)}: expected MinRange, {least:g} m, less than "
+            f"MaxRange, {most:g} m"
+        )

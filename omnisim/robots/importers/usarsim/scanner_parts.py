@@ -1,0 +1,85 @@
+"""Laser scanners in USARBot.ini: a part, and how it measures in its class's own section."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.usarsim.ini import Entry, Notice, Section
+from omnisim.robots.importers.usarsim.robot_text import Sensor
+from omnisim.robots.importers.usarsim.usarsim_parts import Part, Units, angle_rad, length_m, number
+
+_SICK = re.compile(r"sick|lms\d|lms$")
+_SCANNER = re.compile(r"rangescanner|hokuyo|urg")
+_USED = {"scanfov", "resolution", "maxrange", "minrange", "noise"}
+TURN_RAD = 6.2832  # as it is written there
+
+
+def find_scanner(
+    part: Part, own: Section | None, units: Units, left_out: list[Notice]
+) -> Sensor | None:
+    """Read a laser scanner; None with a notice where a part is none, or lacks its settings."""
+    settings = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
+    says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
+    is_sick = _SICK.search(part.short_class)
+    known = _SCANNER.search(part.short_class)
+    if not (says_how or is_sick):
+        why = f"no [{part.class_name}] with ScanFov, Resolution and MaxRange: " if known else ""
+        left_out.append((part.entry.line, f"{part}: {why}left out"))
+        return None
+    values: dict[str, float] = {}
+    for key, name, read in (
+        ("scanfov", "scan_fov_rad", angle_rad),
+        ("resolution", "resolution_rad", angle_rad),
+        ("maxrange", "max_range_m", length_m),
+        ("minrange", "min_range_m", length_m),
+    ):
+        if key in settings:
+            entry = settings[key]
+            values[name] = read(entry, entry.key, entry.value, units)
+            _check_above(entry, values[name], or_equal=key == "minrange")
+    if "noise" in settings:
+        entry = settings["noise"]
+        values["noise_share"] = number(entry, entry.key, entry.value)
+        _check_above(entry, values["noise_share"], or_equal=True)
+    elif not is_sick:
+        values["noise_share"] = 0.0
+    _check_scan(settings, values)
+    if own is None:
+        words = f"{part}: no [{part.class_name}]: taken as USARSim's usual SICK LMS200"
+        left_out.append((part.entry.line, words))
+    else:
+        unread = [entry.key for key, entry in settings.items() if key not in _USED]
+        if unread:
+            left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
+    return Sensor(
+        name=part.name,
+        entry=part.entry,
+        kind="usarsim_range_scanner",
+        position_m=part.position_m,
+        angles_deg=part.angles_deg,
+        comments=(f"line {part.entry.line}: {part}",),
+        values=values,
+    )
+
+
+def _check_above(entry: Entry, value: float, or_equal: bool) -> None:
+    if value < 0.0 or (value == 0.0 and not or_equal):
+        wanted = "0 or more" if or_equal else "more than 0"
+        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
+
+
+def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
+    """Refuse impossible settings, at their line."""
+    fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
+    if fov > TURN_RAD or fov / resolution >= 100_000.0:
+        entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
+        raise entry.fault(
+            f"{entry.key} = {quote(entry.value)}: expected at most a turn and "
+            "fewer than 100000 beams"
+        )
+    least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
+    if not least < most:
+        entry = settings["minrange"]
+        raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")

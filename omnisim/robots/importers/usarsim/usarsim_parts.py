@@ -1,0 +1,198 @@
+"""Parts of a robot in USARBot.ini: class, name, and place, in our axes and units.
+
+USARSim: metres and radians, x forward, y right, z down; Direction is roll (X), pitch (Y) and yaw
+(Z) in that frame. Ours has the same x, and y and z the other way round: roll stays, pitch and yaw
+change sign.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core import poses
+from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.usarsim.ini import Entry, Struct, Value, parse_struct, printable
+
+# Farther from its robot no sensor is: such numbers are in another unit.
+FARTHEST_M = 10.0
+ON_CHASSIS = {"", "hard", "none"}
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of a file's numbers.
+
+    Attributes:
+        meters: of a unit of length.
+        radians: of a unit of angle.
+        are_unreal: the engine's own, with z up.
+    """
+
+    meters: float
+    radians: float
+    are_unreal: bool
+
+
+SI_UNITS = Units(1.0, 1.0, are_unreal=False)
+# The engine's own: z up, 65536 to a turn, and 250 to a metre, as the names of USARSim's maps say.
+UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, are_unreal=True)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part mounted on a robot.
+
+    Attributes:
+        entry: the line that says so.
+        class_name: with its package, as in USARBot.SICKLMS.
+        name: its own.
+        position_m: from USARSim's origin of the robot; x forward, y left, z up.
+        angles_deg: roll, pitch and yaw in the same frame.
+        parent: the part that it sits on, or None: the chassis.
+        unread: names of values that are not understood.
+    """
+
+    entry: Entry
+    class_name: str
+    name: str
+    position_m: tuple[float, float, float]
+    angles_deg: tuple[float, float, float]
+    parent: str | None
+    unread: tuple[str, ...]
+
+    @property
+    def short_class(self) -> str:
+        """Class without its package, in lower case."""
+        return self.class_name.rpartition(".")[2].lower()
+
+    @property
+    def forward(self) -> NDArray[np.float64]:
+        """Viewing direction (3,), unit."""
+        return poses.pose((0, 0, 0), *self.angles_deg)[:3, 0]
+
+    def __str__(self) -> str:
+        return f"{self.entry.key} {self.name!r} ({self.class_name})"
+
+
+def read_part(entry: Entry, units: Units) -> Part:
+    """Read the part of an entry.
+
+    Raises:
+        RobotFileError: naming file, line, what was found and expected.
+    """
+    struct = parse_struct(entry)
+    class_name = _word(entry, struct, "ItemClass")
+    name = _word(entry, struct, "ItemName")
+    parent = struct.get("parent", ("", ""))[1]
+    parent = _bare(parent) if isinstance(parent, str) else "(...)"
+    known = {"itemclass", "itemname", "position", "direction", "parent"}
+    x, y, z = _position_m(entry, struct, units)
+    axes = _axes(entry, struct, "Direction")
+    angles = (angle_rad(entry, label, value, units) for label, value in axes)
+    roll, pitch, yaw = map(math.degrees, angles)
+    return Part(
+        entry=entry,
+        class_name=class_name,
+        name=name,
+        position_m=(_clean(x), _clean(-y), _clean(z if units.are_unreal else -z)),
+        angles_deg=(_clean(roll), _clean(-pitch), _clean(-yaw)),
+        parent=None if parent.lower() in ON_CHASSIS else parent,
+        unread=tuple(written for key, (written, _) in struct.items() if key not in known),
+    )
+
+
+def number(entry: Entry, name: str, value: Value) -> float:
+    """Parse a finite number.
+
+    Raises:
+        RobotFileError: naming file, line, what was found.
+    """
+    try:
+        # a comment may follow, as in beamAngle=0.349;
+        found = float(_bare(value.partition(";")[0])) if isinstance(value, str) else math.nan
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        shown = quote(value) if isinstance(value, str) else "(...)"
+        raise entry.fault(f"{name} = {shown}: expected a finite number")
+    return found
+
+
+def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
+    """Parse a length in metres.
+
+    Raises:
+        RobotFileError: naming file, line, what was found.
+    """
+    return number(entry, name, value) * units.meters
+
+
+def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
+    """Parse an angle in radians.
+
+    Raises:
+        RobotFileError: not a number, or one that is in the other unit.
+    """
+    found = number(entry, name, value)
+    if units.are_unreal and found != round(found):
+        raise entry.fault(
+            f"{name} = {found:g}: expected whole numbers, 65536 to a turn; "
+            "radians are read without --unreal-units"
+        )
+    if not units.are_unreal and abs(found) > 2.0 * math.pi + 0.01:
+        raise entry.fault(
+            f"{name} = {found:g}: expected radians, at most a turn; "
+            "65536 to a turn are read with --unreal-units"
+        )
+    return found * units.radians
+
+
+def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
+    position = []
+    for label, value in _axes(entry, struct, "Position"):
+        meters = length_m(entry, label, value, units)
+        if abs(meters) > FARTHEST_M:
+            hint = "" if units.are_unreal else "; 250 to a metre are read with --unreal-units"
+            raise entry.fault(f"{label} = {meters:g} m: expected at most {FARTHEST_M:g} m{hint}")
+        position.append(meters)
+    return position
+
+
+def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
+    """Names and values of X, Y and Z; a missing one is 0, as in the engine."""
+    written, inner = struct.get(name.lower(), (name, {}))
+    if isinstance(inner, str):
+        raise entry.fault(f"{written}={quote(inner)}: expected {name}=(X=,Y=,Z=)")
+    named = {"roll": "x", "pitch": "y", "yaw": "z"} if name == "Direction" else {}
+    found: dict[str, tuple[str, Value]] = {axis: (axis, "0") for axis in "xyz"}
+    for key, (label, value) in inner.items():
+        axis = named.get(key, key)
+        if axis not in found:
+            raise entry.fault(f"{written}: {label}: expected X, Y and Z")
+        found[axis] = (f"{written} {label}", value)
+    return list(found.values())
+
+
+def _word(entry: Entry, struct: Struct, name: str) -> str:
+    value = struct.get(name.lower(), (name, ""))[1]
+    word = _bare(value) if isinstance(value, str) else ""
+    if not word:
+        raise entry.fault(f"{entry.key}: no {name}: expected {name}=...")
+    return word
+
+
+def _bare(value: str) -> str:
+    """Strip quotes: "a", class'a', a."""
+    found = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
+    word = (found[1] or found[2] or "") if found else value
+    return printable(word).strip()
+
+
+def _clean(value: float) -> float:
+    """Round off conversion errors, and −0."""
+    return round(value, 9) + 0.0

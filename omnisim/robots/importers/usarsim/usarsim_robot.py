@@ -1,0 +1,201 @@
+"""Import of a robot's section in USARBot.ini as a robot file.
+
+Laser scanners become `usarsim_range_scanner`, sonars `usarsim_sonar`, infrared sensors
+`usarsim_ir_sensor`, the parts of an omnidirectional camera together one `omnicamera`. Everything
+else is named in the notices.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from omnisim.core.errors import RobotFileError, did_you_mean
+from omnisim.robots.importers.usarsim.camera_parts import find_cameras
+from omnisim.robots.importers.usarsim.ini import (
+    Entry,
+    Notice,
+    Section,
+    parse_struct,
+    printable,
+    read_ini,
+)
+from omnisim.robots.importers.usarsim.range_parts import find_range_sensor
+from omnisim.robots.importers.usarsim.robot_text import Sensor, robot_text
+from omnisim.robots.importers.usarsim.scanner_parts import find_scanner
+from omnisim.robots.importers.usarsim.usarsim_parts import (
+    SI_UNITS,
+    UNREAL_UNITS,
+    Part,
+    Units,
+    read_part,
+)
+from omnisim.sensors.sensor_names import folder_name
+
+SENSOR_KEYS = ("sensors", "cameras")
+_NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class ImportedRobot:
+    """Text of a robot file, and notices about what is left out.
+
+    Attributes:
+        section: where it comes from.
+        text: TOML.
+        notices: one line each, with file and line number.
+    """
+
+    section: str
+    text: str
+    notices: tuple[str, ...]
+
+
+def import_robot(
+    path: Path,
+    robot_class: str | None = None,
+    unreal_units: bool = False,
+    origin_height_m: float | None = None,
+) -> ImportedRobot:
+    """Import a robot of USARBot.ini as a robot file.
+
+    Args:
+        path: the configuration.
+        robot_class: such as P2AT; may be left out where the file has one robot.
+        unreal_units: lengths are 250 to a metre with z up, and angles 65536 to a turn.
+        origin_height_m: of USARSim's origin of the robot above the ground.
+
+    Raises:
+        RobotFileError: naming file, line, what was found and expected.
+    """
+    if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
+        raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")
+    sections = read_ini(path)
+    section = _robot_section(path, sections, robot_class)
+    units = UNREAL_UNITS if unreal_units else SI_UNITS
+    left_out: list[Notice] = []
+    parts = _parts(section, units, left_out)
+    sensors = [_named(sensor, left_out) for sensor in _sensors(parts, sections, units, left_out)]
+    _check_names(sensors)
+    if not sensors:
+        left_out.append((section.line, f"[{section.name}] has no sensor that omnisim knows"))
+    if origin_height_m is None:
+        left_out.append(
+            (
+                section.line,
+                "heights count from USARSim's origin of the robot, taken as on the ground: "
+                "--origin-height says how high it is",
+            )
+        )
+    unique = dict.fromkeys((line, printable(words)) for line, words in left_out)
+    notices = sorted(unique, key=lambda notice: notice[0])
+    comments = [f"line {line}: {words}" for line, words in notices]
+    text = robot_text(section.name, path.name, sensors, origin_height_m or 0.0, comments)
+    return ImportedRobot(
+        section.name, text, tuple(f"{path}:{line}: {words}" for line, words in notices)
+    )
+
+
+def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None) -> Section:
+    robots = {
+        key: section
+        for key, section in sections.items()
+        if any(section.values_of(name) for name in SENSOR_KEYS)
+    }
+    short = {section.name.rpartition(".")[2]: section for section in robots.values()}
+    if wanted is not None:
+        for key in (wanted.lower(), f"usarbot.{wanted.lower()}"):
+            if key in robots:
+                return robots[key]
+            if key in sections:
+                found = sections[key]
+                raise RobotFileError(f"{path}:{found.line}: [{found.name}] has no Sensors= line")
+        hint = did_you_mean(wanted, short, "it has")
+        raise RobotFileError(f"{path}:1: no robot of class {wanted!r}; {hint}")
+    if not robots:
+        first = next(iter(sections.values()))
+        raise RobotFileError(f"{path}:{first.line}: no section of it has a Sensors= line")
+    if len(robots) > 1:
+        line = list(robots.values())[1].line
+        raise RobotFileError(
+            f"{path}:{line}: a second robot: expected --class with one of {', '.join(short)}"
+        )
+    return next(iter(robots.values()))
+
+
+def _parts(section: Section, units: Units, left_out: list[Notice]) -> list[Part]:
+    """Read all parts with a class and a position; note the others."""
+    parts, plain = [], []
+    for entry in section.entries:
+        if entry.key.lower() in SENSOR_KEYS:
+            parts.append(read_part(entry, units))
+        elif not entry.value.startswith("("):
+            plain.append(entry)
+        else:
+            part = _other_part(entry, units)
+            if part is not None:
+                parts.append(part)
+                continue
+            named = _NAME.search(entry.value)
+            name = f" {named[1]!r}" if named else ""
+            left_out.append((entry.line, f"{entry.key}{name}: left out"))
+    if plain:
+        keys = ", ".join(dict.fromkeys(entry.key for entry in plain))
+        left_out.append((plain[0].line, f"[{section.name}] {keys}: left out"))
+    return parts
+
+
+def _other_part(entry: Entry, units: Units) -> Part | None:
+    """Read a part that is not listed as a sensor; None: without a class or a position."""
+    if "itemclass" not in parse_struct(entry) or entry.key.startswith(("-", "!")):
+        return None
+    try:
+        return read_part(entry, units)
+    except RobotFileError:  # it is none of ours: what its lamps and grippers mean does not matter
+        return None
+
+
+def _sensors(
+    parts: list[Part], sections: dict[str, Section], units: Units, left_out: list[Notice]
+) -> list[Sensor]:
+    cameras = find_cameras(parts)
+    taken = {id(part) for _, members in cameras for part in members}
+    sensors = [(members[0].entry.line, camera) for camera, members in cameras]
+    for part in parts:
+        if id(part) not in taken:
+            own = sections.get(part.class_name.lower())
+            sensor = find_range_sensor(part, own, units, left_out)
+            if sensor is None:
+                sensor = find_scanner(part, own, units, left_out)
+            if sensor is None:
+                continue
+            sensors.append((part.entry.line, sensor))
+        if part.unread:
+            left_out.append((part.entry.line, f"{part}: {', '.join(part.unread)}: left out"))
+        if part.parent:
+            left_out.append(
+                (part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis")
+            )
+    return [sensor for _, sensor in sorted(sensors, key=lambda item: item[0])]
+
+
+def _named(sensor: Sensor, left_out: list[Notice]) -> Sensor:
+    """Give a sensor a name that is valid in a robot file."""
+    name = folder_name(sensor.name)
+    if name == sensor.name:
+        return sensor
+    left_out.append((sensor.entry.line, f"ItemName {sensor.name!r}: becomes {name!r}"))
+    return dataclasses.replace(sensor, name=name)
+
+
+def _check_names(sensors: list[Sensor]) -> None:
+    lines: dict[str, int] = {}
+    for sensor in sensors:
+        if sensor.name in lines:
+            raise sensor.entry.fault(
+                f"ItemName {sensor.name!r} again, as in line {lines[sensor.name]}: "
+                "expected each name once"
+            )
+        lines[sensor.name] = sensor.entry.line

@@ -1,0 +1,183 @@
+"""Motion profiles along waypoints: turn on the spot, drive straight, and rest in between.
+
+Every turn and every leg has a trapezoidal velocity profile from rest to rest: constant
+acceleration, the top speed where there is room for it, constant braking. A half turn goes left.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.core.poses import wrap_angle
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.robots.kinematics import Kinematics
+from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
+from omnisim.robots.waypoints import check_waypoints
+
+MOST_POSES = 1_000_000
+# Turns below are rounding of the waypoints; half turns this close to one go left, too.
+SMALLEST_TURN_RAD = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Drive along waypoints.
+
+    Attributes:
+        trajectory: a pose at the start, and after each step.
+        motion: at all times.
+        counts: steps of each of the motion's segments.
+        period_s: of the steps, which are equal in time; None: they are equally long.
+    """
+
+    trajectory: Trajectory
+    motion: PlannedMotion
+    counts: tuple[int, ...]
+    period_s: float | None = None
+
+
+def plan_in_steps(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    step_m: float,
+    step_rad: float,
+    start_yaw_rad: float | None = None,
+) -> Plan:
+    """Drive along waypoints, with a pose after each step.
+
+    A leg or turn is cut into equal steps, as few as keep them within the length asked for, so that
+    there is a pose at each waypoint, before and after its turn.
+
+    Args:
+        waypoints_m: (n, 2), in the world.
+        kinematics: of the robot.
+        step_m: longest step of a leg.
+        step_rad: longest step of a turn.
+        start_yaw_rad: heading at the first waypoint, or None: towards the second one.
+
+    Raises:
+        TrajectoryError: waypoints or steps that make no sense, or too many poses.
+    """
+    for name, value, most in (("step_m", step_m, math.inf), ("step_rad", step_rad, math.pi / 2.0)):
+        if not 0.0 < value <= most:
+            raise TrajectoryError(f"{name} = {value:g}: expected more than 0, at most {most:.6g}")
+    segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
+    counts = [
+        _count(segment.amount / (step_m if segment.move_m != (0.0, 0.0) else step_rad))
+        for segment in segments
+    ]
+    return _sample(segments, counts)
+
+
+def drive_in_steps(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    step_m: float,
+    step_rad: float,
+    start_yaw_rad: float | None = None,
+) -> Trajectory:
+    """Trajectory of `plan_in_steps`."""
+    return plan_in_steps(waypoints_m, kinematics, step_m, step_rad, start_yaw_rad).trajectory
+
+
+def plan_with_period(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    period_s: float,
+    start_yaw_rad: float | None = None,
+) -> Plan:
+    """Drive along waypoints, with a pose every `period_s`.
+
+    Each leg and turn is slowed down to last a whole number of periods, so that there is a pose at
+    each waypoint, before and after its turn, and no step mixes a leg with a turn.
+
+    Args:
+        waypoints_m: (n, 2), in the world.
+        kinematics: of the robot.
+        period_s: time from pose to pose.
+        start_yaw_rad: heading at the first waypoint, or None: towards the second one.
+
+    Raises:
+        TrajectoryError: waypoints or a period that make no sense, or too many poses.
+    """
+    if not 0.0 < period_s < math.inf:
+        raise TrajectoryError(f"period_s = {period_s:g}: expected a finite number above 0")
+    segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
+    counts = [_count(segment.duration_s / period_s) for segment in segments]
+    return _sample(segments, counts, period_s)
+
+
+def drive_with_period(
+    waypoints_m: ArrayLike,
+    kinematics: Kinematics,
+    period_s: float,
+    start_yaw_rad: float | None = None,
+) -> Trajectory:
+    """Trajectory of `plan_with_period`."""
+    return plan_with_period(waypoints_m, kinematics, period_s, start_yaw_rad).trajectory
+
+
+def _segments(
+    waypoints_m: ArrayLike, kinematics: Kinematics, start_yaw_rad: float | None
+) -> Iterator[Segment]:
+    points = check_waypoints(waypoints_m)
+    legs = np.diff(points, axis=0)
+    headings = np.arctan2(legs[:, 1], legs[:, 0])
+    yaw = float(headings[0]) if start_yaw_rad is None else start_yaw_rad
+    if not math.isfinite(yaw):
+        raise TrajectoryError(f"start_yaw_rad = {yaw}: expected a finite number")
+    turning = (kinematics.max_turn_rate_radps, kinematics.max_turn_acceleration_radps2)
+    driving = (kinematics.max_speed_mps, kinematics.max_acceleration_mps2)
+    for point, leg, heading in zip(points, legs, headings.tolist(), strict=False):
+        x, y = point.tolist()
+        turn = wrap_angle(heading - yaw)
+        if turn < SMALLEST_TURN_RAD - math.pi:
+            turn += 2.0 * math.pi
+        if abs(turn) > SMALLEST_TURN_RAD:
+            yield Segment((x, y, yaw), (0.0, 0.0), turn, *turning)
+        yaw = heading
+        yield Segment((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
+
+
+def _count(steps: float) -> int:
+    """Whole steps; 5.4 m at 0.1 m are 54, whatever the rounding."""
+    if steps > MOST_POSES:
+        raise TrajectoryError(f"{steps:.3g} steps: expected at most {MOST_POSES}: make them longer")
+    return max(1, math.ceil(steps - 1e-9))
+
+
+def _sample(segments: list[Segment], counts: list[int], period_s: float | None = None) -> Plan:
+    """Sample segments one after the other, each in its number of steps.
+
+    The steps are equal in time where a period is given, and else equally long.
+    """
+    if sum(counts) > MOST_POSES:
+        raise TrajectoryError(
+            f"{sum(counts)} steps: expected at most {MOST_POSES}: make them longer"
+        )
+    if period_s is not None:
+        segments = [
+            dataclasses.replace(one, stretch=count * period_s / one.duration_s)
+            for one, count in zip(segments, counts, strict=True)
+        ]
+    segments = in_sequence(segments)
+    times, poses = [np.zeros(1)], [np.array([segments[0].start])]
+    for segment, count in zip(segments, counts, strict=True):
+        shares = np.arange(1, count + 1) / count
+        law = segment.trapezoid
+        if period_s is None:
+            times.append(segment.start_s + law.times_at(shares * segment.amount))
+        else:
+            shares = law.amounts_at(shares * law.duration_s) / segment.amount
+        poses.append(segment.poses_at(shares))
+    planar = np.concatenate(poses)
+    stamps = np.concatenate(times) if period_s is None else period_s * np.arange(len(planar))
+    trajectory = Trajectory.on_ground(stamps, planar[:, :2], planar[:, 2])
+    return Plan(trajectory, PlannedMotion(segments), tuple(counts), period_s)

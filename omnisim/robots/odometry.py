@@ -1,0 +1,203 @@
+"""Wheel odometry: distances and turns, step by step.
+
+Between two readings the robot is taken to follow an arc, with a line and a turn on the spot as
+its limits. Dead reckoning follows the same arcs, exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.core.poses import LARGEST_M, wrap_angles
+from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class OdometryErrors:
+    """Errors of wheel readings; by default none.
+
+    The noise is a random walk: its variance grows with the way, so that cutting the way into more
+    steps changes nothing. All values are our assumptions: nothing is published for the
+    paper's robots.
+
+    Attributes:
+        distance_scale: distance reported for a metre driven (wheels worn smaller: above 1).
+        turn_scale: turn reported for a radian turned. Wheels that skid sideways turn more than the
+            robot does: above 1 on skid steering, by what its calibration has left.
+        drift_radpm: turn reported for each metre driven straight (wheels of unequal size).
+        distance_noise_m_per_sqrt_m: sigma of the distance after 1 m.
+        turn_noise_rad_per_sqrt_m: sigma of the heading after 1 m.
+        turn_noise_rad_per_sqrt_rad: sigma of the heading after a turn of 1 rad.
+        distance_tick_m, turn_tick_rad: step of the counters that are read; 0: none.
+
+    Raises:
+        TrajectoryError: a value that is not finite, a scale that is not above 0, or a noise or a
+            tick below 0.
+    """
+
+    distance_scale: float = 1.0
+    turn_scale: float = 1.0
+    drift_radpm: float = 0.0
+    distance_noise_m_per_sqrt_m: float = 0.0
+    turn_noise_rad_per_sqrt_m: float = 0.0
+    turn_noise_rad_per_sqrt_rad: float = 0.0
+    distance_tick_m: float = 0.0
+    turn_tick_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not abs(value) <= 1e3:  # false for NaN, too
+                raise TrajectoryError(
+                    f"{field.name} = {value}: expected a finite number up to 1000"
+                )
+            if field.name.endswith("_scale") and value <= 0.0:
+                raise TrajectoryError(f"{field.name} = {value}: expected more than 0")
+            if field.name != "drift_radpm" and value < 0.0:
+                raise TrajectoryError(f"{field.name} = {value}: expected 0 or more")
+            if "tick" in field.name and 0.0 < value < 1e-9:
+                raise TrajectoryError(f"{field.name} = {value}: expected 0, or at least 1e-09")
+
+
+@dataclass(frozen=True, eq=False)
+class Odometry:
+    """Readings, and the pose that they are counted from.
+
+    Attributes:
+        times_s: (n,) of the readings.
+        distances_m: (n − 1,) along the arc from each reading to the next, negative backwards.
+        turns_rad: (n − 1,) turns along with them; a whole turn and more are possible.
+        start: x and y in metres and yaw in radians at the first reading.
+
+    Raises:
+        TrajectoryError: shapes that do not match, or values that are not finite.
+    """
+
+    times_s: NDArray[np.float64]
+    distances_m: NDArray[np.float64]
+    turns_rad: NDArray[np.float64]
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __repr__(self) -> str:
+        distance_m = float(np.abs(self.distances_m).sum())
+        return short_repr(self, counted(len(self.times_s), "reading"), f"{distance_m:.4g} m")
+
+    def __post_init__(self) -> None:
+        for name in ("times_s", "distances_m", "turns_rad"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        steps = (len(self.times_s) - 1,) if self.times_s.ndim == 1 else None
+        if self.distances_m.shape != steps or self.turns_rad.shape != steps:
+            raise TrajectoryError(
+                f"odometry: times {self.times_s.shape}, distances {self.distances_m.shape}, "
+                f"turns {self.turns_rad.shape}: expected (n,), (n − 1,) and (n − 1,)"
+            )
+        values = np.concatenate((self.times_s, self.distances_m, self.turns_rad, self.start))
+        if not np.all(np.abs(values) < LARGEST_M) or len(self.start) != 3:
+            raise TrajectoryError(
+                "odometry: expected finite times, distances, turns and x, y, yaw of the start"
+            )
+
+    @property
+    def planar_poses(self) -> NDArray[np.float64]:
+        """x, y in metres and yaw in radians (n, 3) by dead reckoning; yaw is not wrapped."""
+        x, y, yaw = self.start
+        yaws = yaw + np.concatenate(((0.0,), np.cumsum(self.turns_rad)))
+        along = yaws[:-1] + 0.5 * self.turns_rad
+        chords = self.distances_m * _chord_per_arc(self.turns_rad)
+        steps = chords[:, None] * np.stack((np.cos(along), np.sin(along)), axis=-1)
+        positions = np.concatenate((((0.0, 0.0),), np.cumsum(steps, axis=0))) + (x, y)
+        return np.column_stack((positions, yaws))
+
+    def dead_reckoned(self) -> Trajectory:
+        """Trajectory by dead reckoning: level, at z = 0.
+
+        Raises:
+            TrajectoryError: times that do not increase.
+        """
+        poses = self.planar_poses
+        return Trajectory.on_ground(self.times_s, poses[:, :2], poses[:, 2])
+
+
+def wheel_readings(truth: Trajectory) -> Odometry:
+    """Readings of perfect wheels.
+
+    Each step is taken as an arc; what of it is sideways, no wheel sees. A trajectory whose steps
+    are arcs, lines and turns on the spot is given back by dead reckoning, to rounding.
+
+    Args:
+        truth: of which x, y and yaw count.
+    """
+    yaw = truth.yaw_rad
+    turns = wrap_angles(np.diff(yaw))
+    along = yaw[:-1] + 0.5 * turns
+    moves = np.diff(truth.positions_m[:, :2], axis=0)
+    chords = moves[:, 0] * np.cos(along) + moves[:, 1] * np.sin(along)
+    start = (*truth.positions_m[0, :2].tolist(), float(yaw[0]))
+    return Odometry(truth.times_s, chords / _chord_per_arc(turns), turns, start)
+
+
+def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> Odometry:
+    """Simulate wheel readings along a trajectory.
+
+    The noise is NumPy's PCG64, seeded by SeedSequence(seed): two normal numbers a step, in order,
+    so that a longer trajectory begins with the readings of a shorter one. They are scaled by +, −,
+    ×, ÷ and a square root, which IEEE 754 rounds alike everywhere; only the truth's own steps pass
+    through sine, cosine and arctangent, whose last bit may differ between machines.
+
+    Args:
+        truth: of which x, y and yaw count.
+        errors: of the wheels.
+        seed: 0 or above.
+
+    Raises:
+        TrajectoryError: a negative seed.
+    """
+    return with_errors(wheel_readings(truth), errors, seed)
+
+
+def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
+    """Add the errors of the wheels to readings, as `simulate_odometry` does.
+
+    Raises:
+        TrajectoryError: a negative seed.
+    """
+    if seed < 0:
+        raise TrajectoryError(f"seed {seed}: expected 0 or above")
+    distances, turns = true.distances_m, true.turns_rad
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+    normal = generator.standard_normal((len(distances), 2))
+    driven, turned = np.abs(distances), np.abs(turns)
+    distance_sigma = errors.distance_noise_m_per_sqrt_m * np.sqrt(driven)
+    turn_sigma = np.sqrt(
+        errors.turn_noise_rad_per_sqrt_m * errors.turn_noise_rad_per_sqrt_m * driven
+        + errors.turn_noise_rad_per_sqrt_rad * errors.turn_noise_rad_per_sqrt_rad * turned
+    )
+    reported = errors.distance_scale * distances + distance_sigma * normal[:, 0]
+    turn = errors.turn_scale * turns + errors.drift_radpm * distances + turn_sigma * normal[:, 1]
+    return Odometry(
+        true.times_s,
+        _counted(reported, errors.distance_tick_m),
+        _counted(turn, errors.turn_tick_rad),
+        true.start,
+    )
+
+
+def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
+    """Increments (n,) as a counter has them: it is the sum that is rounded, so nothing piles up."""
+    if tick == 0.0:
+        return increments
+    counts = np.rint(np.cumsum(increments) / tick)
+    return np.diff(counts, prepend=0.0) * tick
+
+
+def _chord_per_arc(turns_rad: ArrayLike) -> NDArray[np.float64]:
+    """Straight distance for each metre along arcs of given turns: sin(turn / 2) / (turn / 2)."""
+    return np.sinc(np.asarray(turns_rad) / (2.0 * math.pi))

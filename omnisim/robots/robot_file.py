@@ -1,0 +1,305 @@
+"""Robot files: kinematics, odometry, body and sensors of a robot, in TOML.
+
+`scenes/p2at/robot.toml` has every table.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from omnisim.core.errors import RobotFileError, TrajectoryError
+from omnisim.core.files.parameters import Number, Table, parse_table
+from omnisim.core.files.toml_file import read_toml
+from omnisim.core.short_repr import short_repr
+from omnisim.robots.kinematics import DriveType, Kinematics
+from omnisim.robots.odometry import OdometryErrors
+from omnisim.robots.robot_lookup import find_robot
+from omnisim.sensors.sensor_names import Name
+
+# Of robots whose file does not say: a wheel of 0.2 m drives over a door sill.
+DEFAULT_CLEARANCE_M = 0.05
+
+Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
+Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Noise = Annotated[Number, Field(ge=0.0, le=1000.0)]
+Mass = Annotated[Number, Field(ge=1e-3, le=1e6)]
+Friction = Annotated[Number, Field(ge=1e-3, le=10.0)]
+Drift = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+
+
+class _KinematicsTable(Table):
+    """Drive and its limits. Track and wheels count with `--physics` alone."""
+
+    type: DriveType
+    """Kind of drive."""
+    track_m: Length | None = None
+    """Metres between the middles of the tyres; left out: 0.8 of the footprint's width."""
+    wheelbase_m: Length | None = None
+    """Metres between the axles of a skid_steer; left out: half of the footprint's length."""
+    wheel_diameter_m: Length | None = None
+    """Metres; left out: four times the clearance, or the body's height where that is less."""
+    max_speed_mps: Limit
+    """Largest speed in m/s."""
+    max_turn_rate_dps: Limit
+    """Largest turn rate in °/s."""
+    max_acceleration_mps2: Limit
+    """Largest acceleration in m/s²."""
+    max_turn_acceleration_dps2: Limit
+    """Largest turn acceleration in °/s²."""
+
+
+class _OdometryTable(Table):
+    """Errors of the wheels' readings."""
+
+    distance_scale: Scale = 1.0
+    """Metres reported for a metre driven."""
+    turn_scale: Scale = 1.0
+    """Radians reported for a radian turned: above 1 where wheels skid."""
+    drift_deg_per_m: Drift = 0.0
+    """Degrees of turn reported for a metre driven straight: wheels of unequal size."""
+    distance_noise_m_per_sqrt_m: Noise = 0.0
+    """Standard deviation of the distance after 1 m, metres."""
+    turn_noise_deg_per_sqrt_m: Noise = 0.0
+    """Standard deviation of the heading after 1 m, degrees."""
+    turn_noise_deg_per_sqrt_rad: Noise = 0.0
+    """Standard deviation of the heading after a turn of 1 rad, degrees."""
+    distance_tick_m: Noise = 0.0
+    """Step of the distance counter in metres; 0: none."""
+    turn_tick_deg: Noise = 0.0
+    """Step of the turn counter in degrees; 0: none."""
+
+
+class _FootprintTable(Table):
+    """Footprint about the base."""
+
+    length_m: Length
+    """Metres along x."""
+    width_m: Length
+    """Metres along y."""
+    height_m: Length
+    """Metres to its highest point, sensors included."""
+    clearance_m: Length | None = None
+    """Metres to its underside: the wheels climb what is lower, the body touches what is higher;
+    left out: 0.05, or half of the height where that is less."""
+
+
+class _PhysicsTable(Table):
+    """Masses and friction, which count with `--physics`."""
+
+    mass_kg: Mass | None = None
+    """Kilograms in all; left out: 100 kg/m³ of the footprint's box."""
+    centre_height_m: Length | None = None
+    """Metres from the ground to the centre of mass; left out: a quarter of the height."""
+    friction: Friction = 0.8
+    """Coefficient of friction between tyres and ground."""
+
+
+class RobotFile(Table):
+    """Keys of a robot file."""
+
+    name: Name
+    """Short name, as in file names."""
+    title: Name | None = None
+    """Name for people; left out: name."""
+    body: Name | None = None
+    """Mesh file of the body, relative to this file; left out: invisible."""
+    body_offset_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Metres from the base, on the ground, to the origin of the body's file."""
+    resources: tuple[Name, ...] = ()
+    """Folders of models and packages that the body names, relative to this file."""
+    kinematics: _KinematicsTable | None = None
+    odometry: _OdometryTable = _OdometryTable()
+    footprint: _FootprintTable | None = None
+    physics: _PhysicsTable = _PhysicsTable()
+    sensors: tuple[dict[str, Any], ...] = ()
+    """Tables of the sensors; their keys depend on type."""
+
+
+def default_clearance_m(height_m: float) -> float:
+    """Clearance of a robot of a height, where its file says none."""
+    return min(DEFAULT_CLEARANCE_M, 0.5 * height_m)
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Footprint of a robot about its base.
+
+    Attributes:
+        length_m, width_m: on the ground, along x and y.
+        height_m: to its highest point.
+        clearance_m: to its underside.
+
+    Raises:
+        TrajectoryError: a clearance that is not below the height.
+    """
+
+    length_m: float
+    width_m: float
+    height_m: float
+    clearance_m: float = DEFAULT_CLEARANCE_M
+
+    def __post_init__(self) -> None:
+        if not self.clearance_m < self.height_m:
+            raise TrajectoryError(
+                f"footprint.clearance_m = {self.clearance_m:g}: expected less than height_m, "
+                f"{self.height_m:g}"
+            )
+
+
+@dataclass(frozen=True)
+class Chassis:
+    """Masses, wheels and friction of a robot; None: by its footprint.
+
+    Attributes:
+        mass_kg: in all.
+        centre_height_m: of the centre of mass, from the ground.
+        friction: coefficient between tyres and ground.
+        track_m: between the middles of the tyres.
+        wheelbase_m: between the axles of a robot that skids.
+        wheel_diameter_m: of its driven wheels.
+    """
+
+    mass_kg: float | None = None
+    centre_height_m: float | None = None
+    friction: float = 0.8
+    track_m: float | None = None
+    wheelbase_m: float | None = None
+    wheel_diameter_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Robot of a robot file.
+
+    Attributes:
+        source: the file, or what the table was called.
+        folder: that its other files are relative to.
+        name: short, as in file names.
+        title: what people call it.
+        body: name of its mesh file, or None: invisible.
+        body_offset_m: from the base to the origin of the body's file.
+        resources: names of the folders of models and packages that the body names.
+        kinematics: its limits, or None: unknown.
+        odometry: the errors of its wheels.
+        footprint: about its base, or None: unknown.
+        chassis: what physics needs beside it.
+        sensors: tables of its sensors; what they describe is built in `omnisim.runs`.
+    """
+
+    source: str
+    folder: Path
+    name: str
+    title: str
+    body: str | None
+    body_offset_m: tuple[float, float, float]
+    resources: tuple[str, ...]
+    kinematics: Kinematics | None
+    odometry: OdometryErrors
+    footprint: Footprint | None
+    chassis: Chassis
+    sensors: tuple[dict[str, Any], ...]
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), *self.sensor_names)
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Names of its sensors."""
+        return tuple(str(table.get("name")) for table in self.sensors)
+
+
+def load_robot(source: str | Path) -> Robot:
+    """Read the robot file of a path, of a folder, or of a built-in name.
+
+    Raises:
+        RobotFileError: naming file, key, value and what was expected.
+    """
+    return read_robot(find_robot(source))
+
+
+def read_robot(path: Path) -> Robot:
+    """Read and check a robot file.
+
+    Raises:
+        RobotFileError: naming file, key, value and what was expected.
+    """
+    return _robot(read_toml(path, RobotFile, RobotFileError), str(path), path.parent)
+
+
+def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Robot:
+    """Check a table with the keys of a robot file; `source` names it in messages.
+
+    Raises:
+        RobotFileError: naming source, key, value and what was expected.
+    """
+    return _robot(parse_table(table, RobotFile, RobotFileError, source), source, folder)
+
+
+def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
+    try:
+        kinematics = None if table.kinematics is None else _kinematics(table.kinematics)
+        odometry = _odometry(table.odometry)
+        footprint = None if table.footprint is None else _footprint(table.footprint)
+    except TrajectoryError as reason:  # such as a tick that is too small
+        raise RobotFileError(f"{source}: {reason}") from None
+    return Robot(
+        source=source,
+        folder=folder,
+        name=table.name,
+        title=table.title or table.name,
+        body=table.body,
+        body_offset_m=table.body_offset_m,
+        resources=table.resources,
+        kinematics=kinematics,
+        odometry=odometry,
+        footprint=footprint,
+        chassis=_chassis(table),
+        sensors=table.sensors,
+    )
+
+
+def _footprint(table: _FootprintTable) -> Footprint:
+    clearance_m = table.clearance_m or default_clearance_m(table.height_m)
+    return Footprint(table.length_m, table.width_m, table.height_m, clearance_m)
+
+
+def _chassis(table: RobotFile) -> Chassis:
+    chassis, wheels = Chassis(**dict(table.physics)), table.kinematics
+    if wheels is None:
+        return chassis
+    return replace(
+        chassis,
+        track_m=wheels.track_m,
+        wheelbase_m=wheels.wheelbase_m,
+        wheel_diameter_m=wheels.wheel_diameter_m,
+    )
+
+
+def _kinematics(table: _KinematicsTable) -> Kinematics:
+    return Kinematics(
+        table.type,
+        max_speed_mps=table.max_speed_mps,
+        max_turn_rate_radps=math.radians(table.max_turn_rate_dps),
+        max_acceleration_mps2=table.max_acceleration_mps2,
+        max_turn_acceleration_radps2=math.radians(table.max_turn_acceleration_dps2),
+    )
+
+
+def _odometry(table: _OdometryTable) -> OdometryErrors:
+    return OdometryErrors(
+        distance_scale=table.distance_scale,
+        turn_scale=table.turn_scale,
+        drift_radpm=math.radians(table.drift_deg_per_m),
+        distance_noise_m_per_sqrt_m=table.distance_noise_m_per_sqrt_m,
+        turn_noise_rad_per_sqrt_m=math.radians(table.turn_noise_deg_per_sqrt_m),
+        turn_noise_rad_per_sqrt_rad=math.radians(table.turn_noise_deg_per_sqrt_rad),
+        distance_tick_m=table.distance_tick_m,
+        turn_tick_rad=math.radians(table.turn_tick_deg),
+    )

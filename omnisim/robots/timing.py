@@ -1,0 +1,90 @@
+"""Time-optimal timing of given poses, within the limits of a robot."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.core.trajectories.trajectory import Trajectory, check_poses
+from omnisim.robots.kinematics import Kinematics, steps_between
+
+# Durations are lengthened until nothing asks for more than this beyond the limits (relative).
+CONVERGED = 1e-9
+
+
+def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> Trajectory:
+    """Give times to poses (n, 4, 4), from rest at 0 s to rest at the last one.
+
+    Each step takes as long as the speed and the turn rate ask for. Then, wherever the mean rates of
+    two neighbouring steps differ by more than the accelerations allow, the faster one is
+    lengthened, until none is left. A neighbour that does not move at all is rest: the robot has to
+    brake before it. Means are all that is known between poses: against `motion_profile`, whose
+    speeds are exact, it is faster by less than the time of a step at each top speed.
+
+    Raises:
+        TrajectoryError: not poses, or two successive ones that are the same.
+    """
+    poses = np.asarray(world_from_base, dtype=np.float64)
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses):
+        raise TrajectoryError(f"trajectory: poses {poses.shape}: expected (n, 4, 4), n ≥ 1")
+    check_poses(poses)
+    steps = steps_between(poses)
+    amounts = np.stack((steps.distances_m, steps.turns_rad))
+    amounts[np.abs(amounts) < 1e-12] = 0.0  # rounding is no motion
+    still = np.all(amounts == 0.0, axis=0)
+    if np.any(still):
+        k = int(np.argmax(still))
+        raise TrajectoryError(
+            f"trajectory: poses {k} and {k + 1} are the same: how long the robot waits there "
+            "is unknown without times: expected one of them"
+        )
+    limits = (
+        (kinematics.max_speed_mps, kinematics.max_acceleration_mps2),
+        (kinematics.max_turn_rate_radps, kinematics.max_turn_acceleration_radps2),
+    )
+    durations = np.zeros(amounts.shape[1])
+    for row, (rate, acceleration) in zip(amounts, limits, strict=True):
+        durations = np.maximum(durations, np.abs(row) / rate)
+        durations = np.maximum(durations, _from_rest_or_to_it(row, acceleration))
+    _lengthen(durations, amounts, [acceleration for _, acceleration in limits])
+    return Trajectory(np.concatenate(((0.0,), np.cumsum(durations))), poses)
+
+
+def _from_rest_or_to_it(amounts: NDArray[np.float64], acceleration: float) -> NDArray[np.float64]:
+    """Durations (n,) of steps that start or end at rest, or both; 0 of all others."""
+    moves = np.concatenate(((False,), amounts != 0.0, (False,)))
+    rests = (~moves[:-2]).astype(int) + ~moves[2:]  # neighbours at rest: none, one or both
+    return np.sqrt(2.0 * rests * np.abs(amounts) / acceleration)
+
+
+def _lengthen(
+    durations: NDArray[np.float64], amounts: NDArray[np.float64], accelerations: list[float]
+) -> None:
+    """Lengthen durations (n,) in place until neighbours' mean rates differ by no more than allowed.
+
+    Args:
+        durations: at least what speed and rest ask for.
+        amounts: (quantities, n), distances and turns.
+        accelerations: allowed, of each quantity.
+    """
+    waiting = deque(range(len(durations) - 1))
+    while waiting:
+        k = waiting.popleft()
+        for row, acceleration in zip(amounts, accelerations, strict=True):
+            if row[k] == 0.0 or row[k + 1] == 0.0:
+                continue  # rest has been seen to
+            rates = row[k : k + 2] / durations[k : k + 2]
+            reach = 0.5 * acceleration * float(durations[k] + durations[k + 1])
+            if abs(rates[1] - rates[0]) <= reach * (1.0 + CONVERGED):
+                continue
+            fast, slow = (k, k + 1) if abs(rates[0]) > abs(rates[1]) else (k + 1, k)
+            # |amount| / t ∓ |rate of the slow one| = acceleration (t + its duration) / 2
+            sign = 1.0 if rates[0] * rates[1] > 0.0 else -1.0
+            b = 0.5 * acceleration * float(durations[slow]) + sign * abs(float(rates[slow - k]))
+            root = math.sqrt(b * b + 2.0 * acceleration * abs(float(row[fast])))
+            durations[fast] = max(durations[fast], (root - b) / acceleration)
+            waiting.extend(near for near in (fast - 1, fast) if 0 <= near < len(durations) - 1)

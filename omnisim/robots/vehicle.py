@@ -1,0 +1,261 @@
+"""Vehicles: robots with their bodies and sensors, ready to be driven through a scene."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeVar
+
+import numpy as np
+
+from omnisim.core.errors import RobotFileError, SceneError, did_you_mean
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import recorded_sources, source_digest
+from omnisim.core.files.toml_file import find_beside
+from omnisim.core.poses import pose_from_rotation
+from omnisim.core.short_repr import short_repr
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.omnicamera import Polygons
+from omnisim.robots.kinematics import Kinematics
+from omnisim.robots.odometry import OdometryErrors
+from omnisim.robots.robot_file import Footprint, Robot, load_robot
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.files.readers import is_mjcf
+from omnisim.scene.model import Scene
+from omnisim.scene.space.enclosure import enclosing_nodes
+from omnisim.scene.space.start_pose import default_start
+from omnisim.sensors.laser_scanner.mounted_scanner import MountedScanner
+from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
+from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.sensor_mount import SensorMount
+from omnisim.sensors.sensor_registry import parse_mounts, sensor_source
+from omnisim.sensors.triggers import sensor_rates
+
+Mounted = TypeVar("Mounted", bound=MountedSensor)
+_PLACES = "source", "folder"  # of a robot file on this machine
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """Robot with its body and its sensors.
+
+    Attributes:
+        name: short, as in file names.
+        title: what people call it.
+        body: in the base frame, or None: invisible.
+        kinematics: its limits, or None: unknown.
+        odometry: the errors of its wheels.
+        footprint: about its base, or None: unknown.
+        sensors: in the order of the robot file.
+        given: digest of what it was made from; None: known by its own content.
+    """
+
+    name: str
+    title: str
+    body: Scene | None
+    kinematics: Kinematics | None
+    odometry: OdometryErrors
+    footprint: Footprint | None
+    sensors: tuple[MountedSensor, ...]
+    given: str | None = field(default=None, init=False)
+
+    def __repr__(self) -> str:
+        return short_repr(
+            self, repr(self.name), *(f"{one.name}: {one.summary()}" for one in self.sensors)
+        )
+
+    @classmethod
+    def load(cls, source: str | Path) -> Vehicle:
+        """Load the vehicle of a robot file, of a folder with one, or of a built-in name.
+
+        Raises:
+            RobotFileError: naming file, sensor or key, and what was expected.
+            SensorFileError: naming the sensor file, key, value and what was expected.
+        """
+        return cls.from_robot(load_robot(source))
+
+    @classmethod
+    def from_robot(cls, robot: Robot) -> Vehicle:
+        """Build what a robot file describes.
+
+        Raises:
+            RobotFileError: a file that is missing or no body, a sensor that cannot be, that stands
+                inside the body, or that hides what the body does not have.
+            SensorFileError: naming the sensor file, key, value and what was expected.
+        """
+        with recorded_sources() as sources:
+            vehicle = cls._of(robot)
+        tables = {key: value for key, value in vars(robot).items() if key not in _PLACES}
+        return vehicle.identified(source_digest(fingerprint(tables), sources.digest(robot.folder)))
+
+    @classmethod
+    def _of(cls, robot: Robot) -> Vehicle:
+        body = _load_body(robot)
+        sensors: list[MountedSensor] = []
+        mounts = parse_mounts(robot)
+        sources = [
+            sensor_source(robot, mount.name if "name" in mount.model_fields_set else index)
+            for index, mount in enumerate(mounts)
+        ]
+        for (mount, rate), where in zip(sensor_rates(mounts, sources), sources, strict=True):
+            _check_hidden(mount, body, where)
+            for built in mount.sensors(robot.folder, where):
+                sensor = dataclasses.replace(built, rate=rate)
+                if any(sensor.name == other.name for other in sensors):
+                    raise RobotFileError(
+                        f"{sensor_source(robot, sensor.name)}: a second sensor of this name: "
+                        "expected each name once"
+                    )
+                _check_outside(body, sensor, sensor_source(robot, sensor.name))
+                sensors.append(sensor)
+        return cls(
+            name=robot.name,
+            title=robot.title,
+            body=body,
+            kinematics=robot.kinematics,
+            odometry=robot.odometry,
+            footprint=robot.footprint,
+            sensors=tuple(sensors),
+        )
+
+    @property
+    def cameras(self) -> tuple[MountedCamera, ...]:
+        """Its omnidirectional cameras."""
+        return tuple(each for each in self.sensors if isinstance(each, MountedCamera))
+
+    @property
+    def scanners(self) -> tuple[MountedScanner, ...]:
+        """Its planar laser scanners."""
+        return tuple(each for each in self.sensors if isinstance(each, MountedScanner))
+
+    def camera(self, name: str | None = None) -> MountedCamera:
+        """Camera of a name; without one, the first.
+
+        Raises:
+            RobotFileError: there is none.
+        """
+        return _named(self.cameras, name, f"robot {self.name!r}: camera")
+
+    def scanner(self, name: str | None = None) -> MountedScanner:
+        """Laser scanner of a name; without one, the first.
+
+        Raises:
+            RobotFileError: there is none.
+        """
+        return _named(self.scanners, name, f"robot {self.name!r}: scanner")
+
+    def with_cameras(
+        self,
+        *,
+        size_px: int | None = None,
+        polygons: Polygons | Literal["same"] = "same",
+        degradation: Degradation | None = None,
+        quality: str | None = None,
+    ) -> Vehicle:
+        """Copy with other camera settings; by default they stay as they are.
+
+        Args:
+            size_px: pixels of the shorter side.
+            polygons: of the mirror's mesh, or "auto"; None: exact.
+            degradation: of all cameras.
+            quality: "fast", "default" or "fine".
+
+        Raises:
+            OpticsError: an impossible size, polygon count or quality.
+        """
+        sensors: list[MountedSensor] = []
+        for mounted in self.sensors:
+            if not isinstance(mounted, MountedCamera):
+                sensors.append(mounted)
+                continue
+            sensor = mounted.sensor
+            if degradation is not None:
+                sensor = sensor.with_degradation(degradation)
+            if size_px is not None:
+                sensor = sensor.resized(size_px)
+            if quality is not None:
+                sensor = sensor.with_quality(quality)
+            if polygons != "same":
+                sensor = sensor.with_polygons(polygons)
+            sensors.append(dataclasses.replace(mounted, sensor=sensor))
+        changed = dataclasses.replace(self, sensors=tuple(sensors))
+        if self.given is None:
+            return changed
+        settings = fingerprint(size_px, polygons, degradation, quality)
+        return changed.identified(source_digest(self.given, settings))
+
+    def identified(self, given: str) -> Vehicle:
+        """The same vehicle, known by a digest of what it was made from."""
+        vehicle = copy.copy(self)
+        object.__setattr__(vehicle, "given", given)
+        return vehicle
+
+
+def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted:
+    if name is None and sensors:
+        return sensors[0]
+    names = [sensor.name for sensor in sensors]
+    if name in names:
+        return sensors[names.index(name)]
+    hint = did_you_mean(name or "", names, "it has")
+    raise RobotFileError(f"{what}{'' if name is None else f' {name!r}'}: not there; {hint}")
+
+
+def _load_body(robot: Robot) -> Scene | None:
+    if robot.body is None:
+        return None
+    path = find_beside(robot.folder, robot.body, f"{robot.source}: body", RobotFileError)
+    try:
+        folders = [robot.folder / name for name in robot.resources]
+        read = read_scene(path, resources=folders, animation="none")
+        if is_mjcf(path):
+            from omnisim.scene.formats.mjcf.robot_body import without_world  # of an extra
+
+            read = without_world(read, path)
+        body = _moved(read, robot.body_offset_m)
+        # pictures and fingerprints name the body: not by where this machine has it; it is no scene
+        # to look around in, and has its middle for a start
+        start = default_start(body.bounds_m())
+        return body.altered("", name=robot.body, start=start)
+    except SceneError as reason:
+        words = str(reason).removeprefix(f"{path}: ")
+        raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
+
+
+def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
+    """Body by an offset."""
+    if not any(offset_m):
+        return body
+    base_from_file = pose_from_rotation(np.eye(3), offset_m)
+    instances = tuple(
+        dataclasses.replace(
+            one,
+            world_from_mesh=base_from_file @ one.world_from_mesh,
+            world_from_node=base_from_file @ one.world_from_node,
+        )
+        for one in body.instances
+    )
+    return body.altered(f"offset {offset_m}", instances=instances)
+
+
+def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:
+    nodes = [] if body is None else list(dict.fromkeys(i.name for i in body.instances))
+    for name in mount.hides:
+        if name not in nodes:
+            hint = did_you_mean(name, nodes, "it has")
+            raise RobotFileError(f"{where}: hides {name!r}: no such node in the body; {hint}")
+
+
+def _check_outside(body: Scene | None, mounted: MountedSensor, where: str) -> None:
+    """Refuse a sensor inside a part that it does not hide."""
+    if body is None:
+        return
+    around = enclosing_nodes(body, mounted.origin_m, mounted.near_m, mounted.hides)
+    if around:
+        x, y, z = mounted.origin_m.tolist()
+        raise RobotFileError(
+            f"{where}: its {mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m is inside of the body's "
+            f"{', '.join(around)}: move it, or name in hides what it does not see"
+        )

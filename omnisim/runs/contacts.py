@@ -1,0 +1,136 @@
+"""Contacts of a vehicle's body with the scene along a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.robots.body_boxes import BodyBoxes
+from omnisim.runs.pose_sweep import Sweep
+from omnisim.scene.model import Scene
+from omnisim.scene.space.triangles import TriangleBvh, bounds_of, triangles_within
+
+NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
+POSES_AT_ONCE = 64  # bounds the memory
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact of the body with an object.
+
+    Attributes:
+        object: name of its node.
+        step: at or before the first contact.
+        time_s: of the first contact.
+        position_m: x, y of the base at it.
+        steps: how many steps have contact, at their pose or on the way to the next.
+    """
+
+    object: str
+    step: int
+    time_s: float
+    position_m: tuple[float, float]
+    steps: int
+
+    def __str__(self) -> str:
+        x, y = self.position_m
+        return (
+            f"contact with {self.object} first at step {self.step}, {self.time_s:.2f} s, "
+            f"({x:.2f}, {y:.2f}) m; {self.steps} step{'' if self.steps == 1 else 's'} in all"
+        )
+
+
+def find_contacts(scene: Scene, sweep: Sweep, boxes: BodyBoxes) -> tuple[Contact, ...]:
+    """Contacts of a body's parts with the scene's triangles, in the order in which they begin.
+
+    Each part is the box around it, from the clearance up: the floor is no contact.
+    """
+    poses, parts = sweep.world_from_base, boxes.parts_m
+    if not len(parts):  # all of it is below the clearance
+        return ()
+    whole = np.array((parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)))
+    centres = poses[:, :3, :3] @ whole.mean(axis=0) + poses[:, :3, 3]
+    extents = np.abs(poses[:, :3, :3]) @ (0.5 * (whole[1] - whole[0]))
+    lows, highs = centres - extents, centres + extents
+    triangles = triangles_within(scene, lows.min(axis=0), highs.max(axis=0))
+    bvh = TriangleBvh(triangles.corners_m)
+    touched = []  # (pose, instance)
+    for begin in range(0, len(poses), POSES_AT_ONCE):
+        end = begin + POSES_AT_ONCE
+        at, hit = bvh.overlaps(lows[begin:end], highs[begin:end])
+        at += begin
+        # in the base frame
+        corners = (triangles.corners_m[hit] - poses[at, None, :3, 3]) @ poses[at, :3, :3]
+        touching = _touching(corners, parts)
+        touched.append(np.stack((at[touching], triangles.instances[hit[touching]]), axis=1))
+    return _contacts(scene, sweep, np.unique(np.concatenate(touched), axis=0))
+
+
+def _touching(corners_m: NDArray[np.float64], parts_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Triangles (n, 3, 3) that meet any of the boxes (k, 2, 3): a mask (n,)."""
+    touching = np.zeros(len(corners_m), dtype=bool)
+    for low, high in parts_m:
+        rest = np.flatnonzero(~touching)
+        touching[rest] = meet_box(corners_m[rest] - 0.5 * (low + high), 0.5 * (high - low))
+    return touching
+
+
+def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
+    """Refuse contacts, and robots of unknown size.
+
+    Raises:
+        TrajectoryError: naming the first.
+    """
+    if contacts is None:
+        raise TrajectoryError(f"{where}: {NO_SIZE}: expected one of them with --no-contact")
+    if contacts:
+        others = f", and with {len(contacts) - 1} more" if len(contacts) > 1 else ""
+        raise TrajectoryError(f"{where}: {contacts[0]}{others}: expected none with --no-contact")
+
+
+def _contacts(scene: Scene, sweep: Sweep, touched: NDArray[np.intp]) -> tuple[Contact, ...]:
+    """Contacts by object, of pairs (n, 2) of a pose and an instance, in order."""
+    first: dict[str, int] = {}
+    steps: dict[str, set[int]] = {}
+    for pose, instance in touched.tolist():
+        name = scene.instances[instance].name
+        first.setdefault(name, pose)
+        steps.setdefault(name, set()).add(int(sweep.steps[pose]))
+    return tuple(
+        Contact(
+            name,
+            int(sweep.steps[pose]),
+            float(sweep.times_s[pose]),
+            (float(sweep.world_from_base[pose, 0, 3]), float(sweep.world_from_base[pose, 1, 3])),
+            len(steps[name]),
+        )
+        for name, pose in first.items()
+    )
+
+
+def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Triangles (n, 3, 3) that meet the box between −half (3,) and half: a mask (n,).
+
+    By separating axes: the box's, the triangle's normal, and the products of their edges.
+
+    Source: Akenine-Möller, "Fast 3D Triangle-Box Overlap Testing", Journal of Graphics Tools 6
+    (2001).
+    """
+    low, high = bounds_of(corners_m)
+    found: NDArray[np.bool_] = np.all((low <= half_m) & (high >= -half_m), axis=1)
+    near = np.flatnonzero(found)
+    if not len(near):
+        return found
+    corners = corners_m[near]
+    edges = np.roll(corners, -1, axis=1) - corners
+    axes = [np.cross(edges[:, 0], edges[:, 1])]
+    axes += [np.cross(unit, edges[:, k]) for unit in np.eye(3) for k in range(3)]
+    for axis in axes:
+        heights = np.einsum("nkj,nj->nk", corners, axis)
+        reach = np.abs(axis) @ half_m
+        found[near] &= (heights.min(axis=1) <= reach) & (heights.max(axis=1) >= -reach)
+    return found

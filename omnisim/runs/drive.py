@@ -1,0 +1,497 @@
+"""Drives: a vehicle along a path through a scene, recorded on disk by its sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import platform
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import RunError, TrajectoryError
+from omnisim.core.extras import is_installed, require_extra
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.number_table import write_table
+from omnisim.core.files.written_files import is_written
+from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.spline_motion import SplineMotion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import read_trajectory, write_trajectory
+from omnisim.core.version import __version__
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.missed_surfaces import near_plane_note
+from omnisim.rendering.stage import BackendName, Stage
+from omnisim.robots.body_boxes import BodyBoxes
+from omnisim.robots.odometry import Odometry, simulate_odometry, with_errors
+from omnisim.robots.odometry_files import write_odometry
+from omnisim.robots.robot_file import Chassis
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.contacts import Contact, find_contacts
+from omnisim.runs.drive_world import DriveWorld, MovingVehicle
+from omnisim.runs.physics.rover import Rover
+from omnisim.runs.physics.simulated_motion import SimulatedMotion
+from omnisim.runs.route import PlannedRoute, Route, plan_route, route_digest
+from omnisim.runs.run_channels import write_boxes, write_labels
+from omnisim.runs.run_folder import (
+    GROUND_TRUTH,
+    OBJECTS,
+    ODOMETRY,
+    STATES,
+    TIME,
+    TIMES,
+    RunFolder,
+    open_run,
+)
+from omnisim.runs.run_manifest import MANIFEST_FORMAT
+from omnisim.runs.true_states import write_states
+from omnisim.scene.labels import BODY, find_labels
+from omnisim.scene.model import Scene
+from omnisim.sensors.omnicamera.mounted_omnicamera import CAMERA_POSES
+from omnisim.sensors.sensor import DriveSettings, Moment, MountedSensor
+
+LARGEST_SEED = 2**63 - 1
+SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding lead further
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Settings of a drive: the run's files follow from them.
+
+    Attributes:
+        scene: where.
+        vehicle: with its sensors.
+        route: path through the scene.
+        seed: of the odometry's and the cameras' noise; a scanner's noise has its own, from the
+            robot file.
+        unlit: show plain base colours.
+        device: EGL's number of the GPU, or None.
+        backend: makes pictures and hits.
+        up_axis, meters_per_unit: that the scene was loaded with, for the record, or None.
+        resources: folders that it was loaded with, for the record.
+        channels: of ground truth, as `check_channels` gives them.
+        channel_format: of their files.
+        boxes_3d: also record the oriented boxes of the visible instances.
+        physics: chassis of the vehicle, which then drives in MuJoCo; None: it drives as planned.
+    """
+
+    scene: Scene
+    vehicle: Vehicle
+    route: Route
+    seed: int = 0
+    unlit: bool = False
+    device: int | None = None
+    backend: BackendName = "cube"
+    up_axis: str | None = None
+    meters_per_unit: float | None = None
+    resources: tuple[Path, ...] = ()
+    channels: tuple[str, ...] = ()
+    channel_format: ChannelFormat = ChannelFormat.AUTO
+    boxes_3d: bool = False
+    physics: Chassis | None = None
+
+    def __repr__(self) -> str:
+        return short_repr(self, f"{self.vehicle.name} in {self.scene.name}", f"seed {self.seed}")
+
+    def plan(self, print_note: Callable[[str], None] | None = None) -> PlannedDrive:
+        """Plan the vehicle's trajectory, and simulate its odometry; see `plan_route`.
+
+        Raises:
+            TrajectoryError: a path that cannot be driven.
+            OmnisimError: physics without its extra.
+            RunError: an impossible seed, or an exposure longer than a step.
+        """
+        return plan_together({BODY: self}, print_note)[BODY]
+
+    def _plan_route(self, print_note: Callable[[str], None] | None) -> PlannedRoute:
+        self._check_seed()
+        if self.physics is not None and self.route.ground_m is not None:
+            raise TrajectoryError("--ground: expected wheels on the scene's floor with --physics")
+        return plan_route(self.scene, self.vehicle, self.route, print_note)
+
+    def _as_planned(self, planned: PlannedRoute) -> PlannedDrive:
+        """Drive along a planned route as it is."""
+        truth, box = planned.trajectory, BodyBoxes.of(self.vehicle)
+        self._check_sensors(truth)
+        odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
+        contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)
+        return PlannedDrive(self, truth, planned.motion, odometry, planned.follows_floor, contacts)
+
+    def _as_simulated(self, planned: PlannedRoute, motion: SimulatedMotion) -> PlannedDrive:
+        """Drive as physics has simulated it."""
+        times_s = planned.trajectory.times_s
+        truth = motion.at(times_s)
+        self._check_sensors(planned.trajectory)  # whose turns between steps no contact widens
+        # wheels that skid do so by themselves
+        errors = dataclasses.replace(self.vehicle.odometry, turn_scale=1.0)
+        odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
+        contacts = motion.contacts_at(truth)
+        return PlannedDrive(
+            self,
+            truth,
+            motion.smooth,
+            odometry,
+            planned.follows_floor,
+            contacts,
+            simulated=motion,
+        )
+
+    def along(self, truth: Trajectory, given: str | None = None) -> PlannedDrive:
+        """Take the vehicle along poses as they are, without wheels: there is no odometry.
+
+        Args:
+            truth: poses of its base.
+            given: digest of what the poses follow from; None: known by themselves.
+
+        Raises:
+            RunError: an impossible seed, or an exposure longer than a step.
+        """
+        self._check_seed()
+        self._check_sensors(truth)
+        digest = given or fingerprint(truth.times_s, truth.world_from_base)
+        return PlannedDrive(self, truth, SplineMotion(truth), route_given=digest)
+
+    def _check_seed(self) -> None:
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
+
+    def _check_sensors(self, truth: Trajectory) -> None:
+        for sensor in self.vehicle.sensors:
+            sensor.check_trajectory(truth, sensor.times_s(truth.times_s, self.seed))
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedDrive:
+    """Drive with its trajectory, ready to be rendered.
+
+    Attributes:
+        drive: its settings.
+        truth: poses of the base at the steps.
+        motion: of the base, between the steps too.
+        odometry: readings of the wheels, or None: it has none.
+        follows_floor: see `PlannedRoute`.
+        contacts: of the body with the scene, in the order in which they begin, or None: not
+            looked for.
+        name: of the vehicle in the world.
+        others: other vehicles in the world, by name.
+        simulated: motion of the robot and of the objects about it in physics, or None.
+        route_given: digest of what the poses follow from; None: of the drive's route.
+    """
+
+    drive: Drive
+    truth: Trajectory
+    motion: BodyMotion
+    odometry: Odometry | None = None
+    follows_floor: bool = False
+    contacts: tuple[Contact, ...] | None = None
+    name: str = BODY
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+    simulated: SimulatedMotion | None = None
+    route_given: str | None = None
+
+    def __repr__(self) -> str:
+        vehicle, scene = self.drive.vehicle.name, self.drive.scene.name
+        return short_repr(self, f"{vehicle} in {scene}", counted(len(self.truth), "pose"))
+
+    @cached_property
+    def world(self) -> DriveWorld:
+        """Motion of the world."""
+        scene = _with_short_name(self.drive.scene)
+        if self.simulated is not None:
+            scene = self.simulated.scene_with_motions(scene)
+        return DriveWorld(scene, self.moving, self.name, self.others)
+
+    @property
+    def moving(self) -> MovingVehicle:
+        """Vehicle on its way."""
+        return MovingVehicle(self.drive.vehicle.body, self.truth, self.motion)
+
+    def record(self, folder: Path, force: bool = False) -> Iterator[int]:
+        """Render what is missing in the folder, step by step; yields how many steps are there.
+
+        The first number is how many were there before. What sensors measure between two steps is
+        recorded with the second. Killed and called again it resumes, and ends with the same bytes
+        as if it had never stopped.
+
+        Args:
+            folder: of the run.
+            force: throw another run away that is there.
+
+        Raises:
+            RunError: another run is there, or another command is writing to it.
+            OmnisimError: OpenGL is not there, or a file cannot be written.
+        """
+        drive, vehicle = self.drive, self.drive.vehicle
+        with ExitStack() as stack:
+            world = self.world
+            stage = stack.enter_context(
+                Stage(
+                    world.scene,
+                    vehicles=world.bodies,
+                    device=drive.device,
+                    backend=drive.backend,
+                )
+            )
+            settings = self._settings
+            instruments = {
+                sensor.name: stack.enter_context(instrument)
+                for sensor in vehicle.sensors
+                if (instrument := sensor.open(stage, settings)) is not None
+            }
+            content = self._manifest(stage.backend.renderer)
+            run = stack.enter_context(open_run(folder, content, force))
+            is_new = not run.has(STATES)
+            self._write_records(run)
+            labels = find_labels(drive.scene, stage.objects, tuple(world.bodies))
+            write_labels(run, labels)
+            missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
+            there = len(self.truth) - len(missing)
+            if is_new and not missing:  # all that is recorded is in files of the whole run
+                yield 0
+            yield there
+            for done, step in enumerate(missing, start=there + 1):
+                for name, instrument in instruments.items():
+                    for index in run.indices_at(name, step):
+                        if run.missing_at(name, index):
+                            moment = self._moment(run, name, index)
+                            instrument.measure(moment).save(run.stem(name, index))
+                yield done
+            write_boxes(run, labels)
+
+    @property
+    def _settings(self) -> DriveSettings:
+        drive = self.drive
+        return DriveSettings(
+            self.name,
+            self.motion,
+            drive.seed,
+            drive.unlit,
+            drive.channel_format,
+            drive.boxes_3d,
+        )
+
+    @cached_property
+    def sensor_times_s(self) -> dict[str, NDArray[np.float64]]:
+        """Times (n,) of each sensor's measurements, by its name."""
+        steps_s, seed = self.truth.times_s, self.drive.seed
+        return {one.name: one.times_s(steps_s, seed) for one in self.drive.vehicle.sensors}
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes on what sensors leave out, and what is too near for cameras at the start."""
+        drive, start = self.drive, self.truth.world_from_base[0]
+        notes = [one.note(self.sensor_times_s[one.name]) for one in drive.vehicle.sensors]
+        for one in drive.vehicle.cameras:
+            note = near_plane_note(drive.scene, one.sensor, start)
+            notes.append(None if note is None else f"{one.name}: {note}")
+        return [note for note in notes if note is not None]
+
+    def _moment(self, run: RunFolder, sensor: str, index: int) -> Moment:
+        """Moment of a measurement, of which all before are in the folder."""
+        times_s = self.sensor_times_s[sensor]
+        return Moment(
+            self.world.state_at,
+            index,
+            float(times_s[index]),
+            float(times_s[index - 1]) if index > 0 else None,
+            float(times_s[index + 1]) if index + 1 < len(times_s) else None,
+            run.channels_at(index, sensor),
+            run.stem(sensor, index - 1) if index > 0 else None,
+        )
+
+    def _manifest(self, renderer: str) -> dict[str, Any]:
+        """Manifest of the run, of JSON's types.
+
+        Args:
+            renderer: its name: others round differently.
+        """
+        drive, vehicle = self.drive, self.drive.vehicle
+        unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}
+        folders = [str(folder.absolute()) for folder in drive.resources]
+        content = {
+            "format": MANIFEST_FORMAT,
+            "omnisim": __version__,
+            "scene": {
+                "name": _with_short_name(drive.scene).name,
+                "file": _file_or_name(drive.scene.name),
+                "up_axis": drive.up_axis,
+                **unit,
+                **({"resources": folders} if folders else {}),
+                "contents": scene_contents(drive.scene),
+            },
+            "sensors": {
+                sensor.name: {"type": sensor.type, **self._timing(sensor), **sensor.settings()}
+                for sensor in vehicle.sensors
+            },
+            "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
+            **self._physics_manifest(),
+            "path": {
+                "name": Path(drive.route.path).name,
+                "route": self.route_given or route_digest(drive.route),
+                "length_m": round(self.truth.path_length_m, 6),
+                "duration_s": round(self.truth.duration_s, 6),
+                "follows_floor": self.follows_floor,
+                "contacts": self.contacts and [dataclasses.asdict(one) for one in self.contacts],
+            },
+            "steps": len(self.truth),
+            "seed": drive.seed,
+            "unlit": drive.unlit,
+            "channels": drive.channels,
+            **({"is_rig": True} if self.odometry is None else {}),
+            **self.world.manifest(),
+            "renderer": renderer,
+            "libraries": {
+                "python": platform.python_version(),
+                **{
+                    name: metadata.version(name)
+                    for name in ("moderngl", "numpy", "trimesh")
+                    if is_installed(name)
+                },
+            },
+        }
+        if drive.channel_format is not ChannelFormat.AUTO:
+            content["channel_format"] = drive.channel_format
+        if drive.boxes_3d:
+            content["boxes_3d"] = True
+        as_read: dict[str, Any] = json.loads(json.dumps(content))
+        return as_read
+
+    def _timing(self, sensor: MountedSensor) -> dict[str, Any]:
+        """Rate of a sensor for the manifest; empty where it measures at each step."""
+        if sensor.rate is None:
+            return {}
+        count = len(self.sensor_times_s[sensor.name])
+        return {"rate_hz": sensor.rate.rate_hz, "measurements": count}
+
+    def _physics_manifest(self) -> dict[str, Any]:
+        """Physics for the manifest; empty without."""
+        if self.simulated is None or self.drive.physics is None:
+            return {}
+        chassis = dataclasses.asdict(self.drive.physics)
+        return {"physics": {**self.simulated.manifest(), "chassis": chassis}}
+
+    def _write_records(self, run: RunFolder) -> None:
+        """Write the files that need no rendering."""
+        if not run.has(GROUND_TRUTH):
+            write_trajectory(run.path / GROUND_TRUTH, self.truth)
+        elif self.simulated is not None:
+            _check_motion(run, self.truth)
+        if self.odometry is not None and not run.has(ODOMETRY):
+            write_odometry(run.path / ODOMETRY, self.odometry)
+        self.world.write_poses(run.path / OBJECTS)
+        times_s = self.sensor_times_s
+        if not run.has(STATES):
+            sensors = self.drive.vehicle.sensors
+            needed_s = (one.state_times_s(times_s[one.name]) for one in sensors)
+            write_states(run.path / STATES, self.motion, (self.truth.times_s, *needed_s))
+        for sensor in self.drive.vehicle.sensors:
+            own_s, folder = times_s[sensor.name], run.path / sensor.name
+            sensor.write_readings(folder, self._settings, own_s)
+            if run.has_own_rate(sensor.name) and not is_written(folder / TIMES):
+                write_table(folder / TIMES, TIME, (own_s[:, None],))
+            for name, text in sensor.documents().items():
+                if not run.has(f"{sensor.name}/{name}"):
+                    write_text(run.path / sensor.name / name, text)
+        for camera in self.drive.vehicle.cameras:
+            if self.odometry is None and not run.has(f"{camera.name}/{CAMERA_POSES}"):
+                own_s = times_s[camera.name]
+                poses = np.stack([self.moving.pose_at(time_s) for time_s in own_s.tolist()])
+                write_trajectory(
+                    run.path / camera.name / CAMERA_POSES,
+                    Trajectory(own_s, poses @ camera.sensor.base_from_optical),
+                )
+
+
+def _check_motion(run: RunFolder, truth: Trajectory) -> None:
+    """Refuse a motion in physics that another processor's rounding has led elsewhere.
+
+    Raises:
+        RunError: the recorded poses are not those of the motion.
+    """
+    recorded = read_trajectory(run.path / GROUND_TRUTH)
+    run.check_steps(GROUND_TRUTH, len(recorded))
+    distance_m = np.linalg.norm(recorded.positions_m - truth.positions_m, axis=1).max()
+    if distance_m > SAME_MOTION_M:
+        raise RunError(
+            f"{run.path / GROUND_TRUTH}: physics leads {distance_m:.2g} m elsewhere on this "
+            "machine: resume the run where it began, or record it anew with --force"
+        )
+
+
+def plan_together(
+    drives: Mapping[str, Drive], print_note: Callable[[str], None] | None = None
+) -> dict[str, PlannedDrive]:
+    """Plan drives through one scene, by the names of their vehicles; in physics they meet.
+
+    Raises:
+        TrajectoryError: a path that cannot be driven.
+        OmnisimError: physics without its extra.
+        RunError: an impossible seed, or an exposure longer than a step.
+    """
+    if any(drive.physics for drive in drives.values()):
+        require_extra("mujoco", "--physics")
+        return _plan_in_physics(drives, print_note)
+    return {name: one._as_planned(one._plan_route(print_note)) for name, one in drives.items()}
+
+
+def _plan_in_physics(
+    drives: Mapping[str, Drive], print_note: Callable[[str], None] | None
+) -> dict[str, PlannedDrive]:
+    """Drive in MuJoCo along the planned trajectories."""
+    from omnisim.runs.physics.driver import Driver
+    from omnisim.runs.physics.simulation import simulate  # an extra
+
+    rovers = {name: Rover.of(one.vehicle, one.physics or Chassis()) for name, one in drives.items()}
+    planned = {name: one._plan_route(print_note) for name, one in drives.items()}
+    drivers = {
+        name: Driver(
+            rovers[name],
+            planned[name].trajectory,
+            planned[name].motion,
+            one.route.path,
+            one.route.ignore_limits,
+        )
+        for name, one in drives.items()
+    }
+    scene = next(iter(drives.values())).scene
+    motions = simulate(scene, drivers)
+    return {name: one._as_simulated(planned[name], motions[name]) for name, one in drives.items()}
+
+
+def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]:
+    """Put planned drives, by the names of their vehicles, into one world: each sees the others.
+
+    All begin at the time 0 s of their trajectories.
+    """
+    vehicles = {name: plan.moving for name, plan in plans.items()}
+    together = {}
+    for name, plan in plans.items():
+        others = {other: vehicle for other, vehicle in vehicles.items() if other != name}
+        together[name] = dataclasses.replace(plan, name=name, others=others)
+    return together
+
+
+def scene_contents(scene: Scene) -> str:
+    """Fingerprint of a scene, wherever its file is, on any machine."""
+    return fingerprint(_with_short_name(scene) if scene.given is None else scene)
+
+
+def _with_short_name(scene: Scene) -> Scene:
+    """Name a scene by its file alone: where this machine has it makes no difference."""
+    return dataclasses.replace(scene, name=Path(scene.name).name or scene.name)
+
+
+def _file_or_name(name: str) -> str:
+    """Absolute path of a scene's file, or its built-in name: valid in any working folder."""
+    path = Path(name)
+    is_there = path.is_file() or (path / "scene.toml").is_file()
+    return str(path.resolve()) if is_there else name

@@ -1,0 +1,104 @@
+"""World of a drive: the vehicle on its trajectory, other vehicles, and the scene's objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.written_files import is_written
+from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.core.world import Pose, WorldState
+from omnisim.scene.labels import BODY
+from omnisim.scene.model import Scene
+from omnisim.sensors.sensor_names import folder_name
+
+
+@dataclass(frozen=True, eq=False)
+class MovingVehicle:
+    """Vehicle on its way through the world.
+
+    Attributes:
+        body: in its base frame, or None: invisible.
+        truth: poses of its base at its steps.
+        motion: of its base, between the steps too.
+    """
+
+    body: Scene | None
+    truth: Trajectory
+    motion: BodyMotion
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4) of its base; at a step the step's, to the last bit."""
+        step = int(np.searchsorted(self.truth.times_s, time_s))
+        if step < len(self.truth) and self.truth.times_s[step] == time_s:
+            return np.array(self.truth.world_from_base[step])
+        return self.motion.pose_at(time_s)
+
+
+@dataclass(frozen=True, eq=False)
+class DriveWorld:
+    """Motion of the world in which a vehicle drives.
+
+    Attributes:
+        scene: with its dynamic objects.
+        own: the vehicle.
+        vehicle: its name in the world.
+        others: other vehicles by name.
+    """
+
+    scene: Scene
+    own: MovingVehicle
+    vehicle: str = BODY
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+
+    @property
+    def bodies(self) -> dict[str, Scene]:
+        """Bodies of all vehicles that have one, by name."""
+        bodies = {name: one.body for name, one in self._vehicles.items()}
+        return {name: body for name, body in bodies.items() if body is not None}
+
+    def state_at(self, time_s: float) -> WorldState:
+        """State of the world; vehicles rest before and after their trajectories."""
+        return WorldState(
+            {
+                **{name: one.pose_at(time_s) for name, one in self._vehicles.items()},
+                **{one.name: one.motion.pose_at(time_s) for one in self.scene.objects},
+            },
+            time_s,
+        )
+
+    @property
+    def _vehicles(self) -> dict[str, MovingVehicle]:
+        return {self.vehicle: self.own, **self.others}
+
+    def manifest(self) -> dict[str, Any]:
+        """Other vehicles for a run's manifest; empty where there are none."""
+        if not self.others:
+            return {}
+        others = {name: fingerprint(one.body) for name, one in self.others.items()}
+        return {"world": {"vehicle": self.vehicle, "others": others}}
+
+    def write_poses(self, folder: Path) -> None:
+        """Write the poses of all that moves beside the vehicle, at its times, where missing.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        times_s = self.own.truth.times_s
+        motions = {name: one.pose_at for name, one in self.others.items()}
+        motions |= {one.name: one.motion.pose_at for one in self.scene.objects}
+        if motions:
+            folder.mkdir(exist_ok=True)
+        for name, pose_at in motions.items():
+            target = folder / f"{folder_name(name)}.tum"
+            if is_written(target):
+                continue
+            poses = np.stack([pose_at(float(time_s)) for time_s in times_s])
+            write_trajectory(target, Trajectory(times_s, poses))

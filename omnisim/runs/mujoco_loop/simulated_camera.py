@@ -1,0 +1,192 @@
+"""Camera in a simulation of MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.errors import OmnisimError
+from omnisim.core.extras import require_extra
+from omnisim.core.poses import check_pose
+from omnisim.core.world import WorldState
+from omnisim.ground_truth.frame import Frame
+from omnisim.ground_truth.label_names import Labels
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import BackendName, Closing, Stage
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+    from omnisim.cameras.calibration.calibration import Calibration
+    from omnisim.cameras.camera import CentralCamera
+
+VISIBLE_GROUPS = (0, 1, 2)  # that MuJoCo's own renderer shows
+NO_GEOM = -1
+
+
+class Camera(Closing):
+    """Any camera of omnisim in a simulation of MuJoCo.
+
+    The model's geometry, materials and lights are taken once; each frame has the poses that the
+    data has by then. Skins and flexible bodies are bent in each frame, without a flow of their own;
+    lamps keep their first place.
+
+    Mount it on a body, a site or a camera of the model, of which it has the front and the top: x is
+    forward and z up; a camera of the model looks along its −z. Without a mount it stands in the
+    world.
+
+    Args:
+        model, data: `mujoco.MjModel` and `mujoco.MjData`; the poses of the data are computed, as
+            after `mj_forward` or `mj_step`.
+        sensor: the camera, as for `omnisim.Renderer`; None: the lens of the model's camera that it
+            is mounted on, or else the paper's.
+        body, site, camera: name of the mount; at most one of them.
+        pose: (4, 4) mount_from_base, or world_from_base without a mount; None: the identity.
+        groups: of the geoms that are drawn.
+        hidden: names of geoms that are not drawn, such as the camera's own housing; see `geoms`.
+        unlit, device, seed, backend: as for `omnisim.Renderer`.
+
+    Attributes:
+        sensor: the camera.
+        notices: one line for each feature of the model that is not drawn.
+
+    Raises:
+        SceneError: a mount or hidden geom that the model does not have, or several mounts.
+        OmnisimError: a pose that is none, or as `omnisim.Renderer`.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        sensor: OmniCamera
+        | CentralCamera
+        | Calibration
+        | CalibratedCamera
+        | str
+        | Path
+        | None = None,
+        *,
+        body: str | None = None,
+        site: str | None = None,
+        camera: str | None = None,
+        pose: ArrayLike | None = None,
+        groups: Collection[int] = VISIBLE_GROUPS,
+        hidden: Collection[str] = (),
+        unlit: bool = False,
+        device: int | None = None,
+        seed: int | str = 0,
+        backend: BackendName = "cube",
+    ):
+        require_extra("mujoco", "omnisim.runs.mujoco_loop.Camera")
+        from omnisim.scene.formats.mjcf.camera_lens import lens_of
+        from omnisim.scene.formats.mjcf.camera_mount import find_mount
+        from omnisim.scene.formats.mjcf.moving_model import split_model
+
+        self._model, self._data, self._groups = model, data, tuple(groups)
+        self._mount = find_mount(model, body=body, site=site, camera=camera)
+        if sensor is None and camera is not None:
+            sensor = lens_of(model, camera)
+        self.sensor = OmniCamera.of(sensor)
+        self._mount_from_base = np.eye(4) if pose is None else check_pose(pose)
+        self._moving = split_model(model, data, groups, hidden)
+        self.notices = self._moving.static.notices
+        self._labels: Labels | None = None
+        self._geoms = np.array([NO_GEOM], dtype=np.int32)
+        self._stage = Stage(
+            self._moving.static,
+            dynamic_objects=self._moving.objects,
+            device=device,
+            backend=backend,
+        )
+        try:
+            self._renderer = Renderer(self._stage, self.sensor, unlit=unlit, seed=seed)
+        except BaseException:
+            self._stage.close()
+            raise
+
+    @property
+    def world_from_base(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the sensor's base at the moment of the data."""
+        if self._mount is None:
+            return self._mount_from_base
+        return self._mount.pose(self._data) @ self._mount_from_base
+
+    def state(self) -> WorldState:
+        """Time and poses of the data, which stay as they are while the data goes on.
+
+        They are what `render` takes for flow: that of the frame before, or of the frame after.
+        """
+        poses = dict(zip(self._moving.objects, self._moving.poses(self._data), strict=True))
+        poses[self._renderer.vehicle] = self.world_from_base
+        return WorldState(poses, float(self._data.time))
+
+    def render(
+        self,
+        state: WorldState | None = None,
+        *,
+        also: Collection[str] = (),
+        linear: bool = False,
+        next_state: WorldState | None = None,
+        previous_state: WorldState | None = None,
+        frame_number: int = 0,
+    ) -> Frame:
+        """Render one frame.
+
+        Args:
+            state: None: as the data is.
+            also, linear, next_state, previous_state, frame_number: as for
+                `omnisim.Renderer.render`.
+
+        Raises:
+            OmnisimError: as `omnisim.Renderer.render`.
+        """
+        if state is None:
+            state = self.state()
+            self._bend()
+        return self._renderer.render(
+            state,
+            linear,
+            also=also,
+            next_state=next_state,
+            previous_state=previous_state,
+            frame_number=frame_number,
+        )
+
+    @property
+    def geoms(self) -> dict[str, int]:
+        """Geoms of the model by the names of their instances, body/geom."""
+        return dict(self._moving.geom_of_instance)
+
+    def geom_ids(self, frame: Frame) -> NDArray[np.int32]:
+        """Geoms (height, width) of a frame's pixels; −1 where there is none.
+
+        Raises:
+            OmnisimError: the frame was rendered without the channel instance.
+        """
+        if "instance" not in frame.channels or frame.labels is None:
+            raise OmnisimError("geom_ids: expected a frame with also=('instance',), got without")
+        if frame.labels is not self._labels:
+            names = (one.name for one in frame.labels.instances)
+            ids = [self._moving.geom_of_instance.get(name, NO_GEOM) for name in names]
+            self._labels, self._geoms = frame.labels, np.array([NO_GEOM, *ids], dtype=np.int32)
+        geoms: NDArray[np.int32] = self._geoms[frame.channels["instance"]]
+        return geoms
+
+    def _bend(self) -> None:
+        """Update the shapes of skins and flexible bodies."""
+        if self._model.nskin or self._model.nflex:
+            from omnisim.scene.formats.mjcf.moving_model import bent
+
+            self._stage.scene = bent(self._stage.scene, self._model, self._data, self._groups)
+
+    def close(self) -> None:
+        """Free the GPU memory; a second time does nothing."""
+        self._renderer.close()
+        self._stage.close()

@@ -1,0 +1,32 @@
+"""Robots with the trajectories that they are to follow in physics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omnisim.core.short_repr import short_repr
+from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.runs.physics.rover import Rover
+
+
+@dataclass(frozen=True, eq=False)
+class Driver:
+    """Robot that follows a planned motion.
+
+    Attributes:
+        rover: that drives.
+        planned: trajectory; the robot begins at its first pose.
+        motion: planned; it rests before and after.
+        where: the path's name in messages.
+        ignores_limits: goes on where it leaves its path or tips over.
+    """
+
+    rover: Rover
+    planned: Trajectory
+    motion: BodyMotion
+    where: str
+    ignores_limits: bool = False
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.rover), repr(self.where))

@@ -1,0 +1,76 @@
+"""Shapes of convex pieces: a ball or a box where a piece is one, else its hull."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.runs.physics.hulls import convex_hull
+
+ROUND = 0.02  # of a ball's radius, by which its vertices may differ
+FULL_BALL = 0.9 * 4.0 / 3.0 * math.pi  # volume of its hull, of a radius of 1
+RIGHT_ANGLE = 1e-3  # largest cosine
+FULL = 0.999  # share of the box that a box's hull fills
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Shape of a piece, in the frame of its vertices.
+
+    Attributes:
+        kind: "ball", "box" or "hull".
+        centre_m: (3,).
+        axes: (3, 3) axes of a box in its columns; else the identity.
+        half_m: (3,) half of a box's sides, or a ball's radius.
+        vertices_m: (n, 3) about the centre; corners of the hull.
+    """
+
+    kind: Literal["ball", "box", "hull"]
+    centre_m: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    half_m: NDArray[np.float64]
+    vertices_m: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, vertices_m: NDArray[np.float64]) -> Shape | None:
+        """Shape of the hull of vertices (n, 3); None: they are in one plane."""
+        hull = convex_hull(vertices_m)
+        if hull is None:
+            return None
+        corners = vertices_m[hull.vertices]
+        return _ball(corners, hull) or _box(corners, hull) or _hull(corners)
+
+
+def _ball(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
+    centre = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
+    radii = np.linalg.norm(corners_m - centre, axis=1)
+    radius = float(radii.max())
+    if radii.min() < (1.0 - ROUND) * radius or hull.volume < FULL_BALL * radius**3:
+        return None
+    return Shape("ball", centre, np.eye(3), np.full(3, radius), corners_m - centre)
+
+
+def _box(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
+    axes: list[NDArray[np.float64]] = []
+    for normal in hull.equations[:, :3]:
+        if all(abs(float(axis @ normal)) < RIGHT_ANGLE for axis in axes):
+            axes.append(normal)
+    if len(axes) < 3:
+        return None
+    rotation = np.stack((axes[0], axes[1], np.cross(axes[0], axes[1])), axis=1)
+    along = corners_m @ rotation
+    low, high = along.min(axis=0), along.max(axis=0)
+    if hull.volume < FULL * float(np.prod(high - low)):
+        return None
+    centre = rotation @ (0.5 * (low + high))
+    return Shape("box", centre, rotation, 0.5 * (high - low), corners_m - centre)
+
+
+def _hull(corners_m: NDArray[np.float64]) -> Shape:
+    centre = corners_m.mean(axis=0)
+    return Shape("hull", centre, np.eye(3), np.zeros(3), corners_m - centre)

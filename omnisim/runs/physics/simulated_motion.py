@@ -1,0 +1,126 @@
+"""Motion of a robot and of the objects about it, as physics has simulated it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.poses import wrap_angles
+from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories.spline_motion import SplineMotion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.robots.odometry import Odometry
+from omnisim.runs.contacts import Contact
+from omnisim.scene.model import Scene
+from omnisim.scene.motion.object_motion import Along
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Slip of the wheels, by their own turns against the robot's motion.
+
+    Attributes:
+        distance: metres that the wheels report more for a metre driven.
+        turn: radians that they report more for a radian turned.
+        end_m: distance between the ends of the motion and of dead reckoning.
+    """
+
+    distance: float
+    turn: float
+    end_m: float
+
+    def __str__(self) -> str:
+        return (
+            f"slip of {100.0 * self.distance:.2g} % ahead and {100.0 * self.turn:.2g} % in turns; "
+            f"dead reckoning by the wheels ends {self.end_m:.2f} m off"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedMotion:
+    """Motion in small steps, from the start of a drive to its end.
+
+    Attributes:
+        base: poses of the robot's base.
+        wheels_m: (n, 2) ways of the left and the right tyres at the base's times, 0 at first.
+        effective_track_m: by which wheels' ways are turns.
+        objects: poses of the objects that are free to move, by name, at the same times.
+        touched_s: times of contacts by the name of the object touched, in the order of the first.
+        engine: name and version of what simulated it.
+        step_s: of the engine.
+    """
+
+    base: Trajectory
+    wheels_m: NDArray[np.float64]
+    effective_track_m: float
+    objects: Mapping[str, Trajectory]
+    touched_s: Mapping[str, NDArray[np.float64]]
+    engine: str
+    step_s: float
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.base), counted(len(self.objects), "free object"))
+
+    @cached_property
+    def smooth(self) -> SplineMotion:
+        """Motion of the base, between the engine's states too."""
+        return SplineMotion(self.base)
+
+    def at(self, times_s: NDArray[np.float64]) -> Trajectory:
+        """Trajectory of the base at times (n,)."""
+        return Trajectory(times_s, self.smooth.at(times_s).world_from_base)
+
+    def readings_at(self, times_s: NDArray[np.float64]) -> Odometry:
+        """Readings of the wheels at times (n,), without errors of their own."""
+        start = self.smooth.pose_at(float(times_s[0]))
+        yaw = float(np.arctan2(start[1, 0], start[0, 0]))
+        ways = [np.interp(times_s, self.base.times_s, way) for way in self.wheels_m.T]
+        left, right = (np.diff(way) for way in ways)
+        turns = (right - left) / self.effective_track_m
+        return Odometry(times_s, 0.5 * (left + right), turns, (*start[:2, 3].tolist(), yaw))
+
+    def contacts_at(self, truth: Trajectory) -> tuple[Contact, ...]:
+        """Contacts by object, at the steps of a trajectory, in the order in which they begin."""
+        found = []
+        for name, touched_s in self.touched_s.items():
+            steps = np.searchsorted(truth.times_s, touched_s, side="right") - 1
+            first_s = float(touched_s[0])
+            x, y = self.base.pose_at(first_s)[:2, 3].tolist()
+            found.append(Contact(name, int(steps[0]), first_s, (x, y), len(np.unique(steps))))
+        return tuple(found)
+
+    @property
+    def slip(self) -> Slip:
+        """Slip over all of the motion."""
+        readings = self.readings_at(self.base.times_s)
+        driven_m = self.base.path_length_m
+        turned = float(np.abs(wrap_angles(np.diff(self.base.yaw_rad))).sum())
+        reported_m = float(np.abs(readings.distances_m).sum())
+        reported_rad = float(np.abs(readings.turns_rad).sum())
+        return Slip(
+            reported_m / driven_m - 1.0 if driven_m > 0.0 else 0.0,
+            reported_rad / turned - 1.0 if turned > 0.0 else 0.0,
+            math.dist(readings.planar_poses[-1, :2], self.base.positions_m[-1, :2]),
+        )
+
+    def manifest(self) -> dict[str, Any]:
+        """Engine and slip, for a run's manifest."""
+        return {
+            "engine": self.engine,
+            "step_s": self.step_s,
+            "slip": {key: round(value, 6) for key, value in asdict(self.slip).items()},
+        }
+
+    def scene_with_motions(self, scene: Scene) -> Scene:
+        """Scene whose free objects move as they were simulated."""
+        objects = tuple(
+            replace(one, motion=Along(self.objects[one.name])) if one.name in self.objects else one
+            for one in scene.objects
+        )
+        return replace(scene, objects=objects)

@@ -1,0 +1,161 @@
+"""Simulation of robots' drives in MuJoCo: the scene collides, wheels slip, objects are pushed.
+
+All of the motion is simulated before anything is rendered, so that a drive that was stopped goes on
+with the same motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.core.poses import pose_from_rotation, rotation_from_quaternion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.runs.physics.driver import Driver
+from omnisim.runs.physics.path_follower import PathFollower
+from omnisim.runs.physics.simulated_motion import SimulatedMotion
+from omnisim.runs.physics.simulated_world import PERIOD_S, SimulatedWorld, without_log
+from omnisim.runs.physics.surroundings import solid_objects, static_pieces
+from omnisim.runs.physics.world_model import STEP_S, WorldModel
+from omnisim.scene.model import Scene
+
+PERIODS_PER_COMMAND = 2  # the wheels are commanded at 100 Hz
+SETTLING = 100  # periods at rest before the start: tyres and objects come to bear
+TIPPED_COSINE = 0.7  # of the base's tilt: 45°
+LOST_M = 0.5  # farthest from the path
+LONGEST_S = 3600.0
+
+
+def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, SimulatedMotion]:
+    """Simulate robots that follow planned trajectories through a scene.
+
+    Args:
+        scene: where; its dynamic objects move, and those with a mass can be pushed.
+        drivers: robots by name, which meet each other.
+
+    Returns:
+        The motion of each, from the first start to the last end.
+
+    Raises:
+        TrajectoryError: a robot cannot follow its path, or tips over; a path that is too long; a
+            scene that is too large.
+    """
+    start_s = min(one.motion.start_s for one in drivers.values())
+    for one in drivers.values():
+        if (duration_s := one.motion.end_s - start_s) > LONGEST_S:
+            raise TrajectoryError(
+                f"{one.where}: expected at most {LONGEST_S:g} s with --physics, got "
+                f"{duration_s:g} s"
+            )
+    objects = solid_objects(scene)
+    pieces = static_pieces(scene, drivers.values(), objects)
+    rovers = {name: one.rover for name, one in drivers.items()}
+    starts = {name: (one.rover, one.planned.world_from_base[0]) for name, one in drivers.items()}
+    model = WorldModel.of(pieces, objects, starts)
+    free = [name for name, one in objects.items() if one.mass_kg is not None]
+    motions = {one.name: one.motion for one in scene.objects if one.name not in free}
+    with without_log():
+        try:
+            world = SimulatedWorld(model, rovers, motions, free)
+        except ValueError as reason:
+            raise TrajectoryError(f"{scene.name}: MuJoCo: {str(reason).splitlines()[0]}") from None
+        return _drive(world, drivers, start_s, free)
+
+
+def _drive(
+    world: SimulatedWorld, drivers: Mapping[str, Driver], start_s: float, free: list[str]
+) -> dict[str, SimulatedMotion]:
+    """Drive all robots until the last has come to the end of its trajectory."""
+    duration_s = max(one.motion.end_s for one in drivers.values()) - start_s
+    count = math.ceil(duration_s / PERIOD_S) + 1
+    times_s = start_s + PERIOD_S * np.arange(count, dtype=np.float64)
+    robots = [_Robot(name, one, times_s) for name, one in drivers.items()]
+    rates = [(0.0, 0.0)] * len(robots)
+    for _ in range(SETTLING):
+        world.advance(start_s, rates)
+    bodies = np.empty((count, len(robots) + len(free), 7))
+    wheels = np.empty((count, len(robots), 2))
+    for k, time_s in enumerate(times_s.tolist()):
+        bodies[k], wheels[k] = world.bodies, world.wheels_rad
+        for robot, names in zip(robots, world.touched(), strict=True):
+            robot.touch(names, time_s)
+        if k % PERIODS_PER_COMMAND == 0:
+            for robot, base in zip(robots, bodies[k], strict=False):
+                robot.check(world, base, k, time_s)
+            rates = [
+                robot.follower.wheel_rates(k, base)
+                for robot, base in zip(robots, bodies[k], strict=False)
+            ]
+        world.advance(time_s + PERIOD_S, rates)
+    objects = {
+        name: _trajectory(times_s, bodies[:, k]) for k, name in enumerate(free, start=len(robots))
+    }
+    return {
+        robot.name: SimulatedMotion(
+            base=_trajectory(times_s, bodies[:, k]),
+            wheels_m=robot.rover.wheel_radius_m * (wheels[:, k] - wheels[0, k]),
+            effective_track_m=robot.rover.effective_track_m,
+            objects=objects,
+            touched_s={name: np.array(times) for name, times in robot.touched_s.items()},
+            engine=f"mujoco {mujoco.__version__}",
+            step_s=STEP_S,
+        )
+        for k, robot in enumerate(robots)
+    }
+
+
+class _Robot:
+    """Robot on its way.
+
+    Attributes:
+        name: in the world.
+        rover: that drives.
+        follower: of its trajectory.
+        touched_s: times of contacts by the name of what is touched.
+    """
+
+    def __init__(self, name: str, driver: Driver, times_s: NDArray[np.float64]):
+        self.name, self.rover, self._driver = name, driver.rover, driver
+        self.follower = PathFollower(driver.motion, driver.rover, times_s)
+        self.touched_s: dict[str, list[float]] = {}
+
+    def touch(self, names: set[str], time_s: float) -> None:
+        """Take note of contacts."""
+        for name in sorted(names):
+            self.touched_s.setdefault(name, []).append(time_s)
+
+    def check(
+        self, world: SimulatedWorld, base: NDArray[np.float64], command: int, time_s: float
+    ) -> None:
+        """Refuse a robot that has tipped over or left its path, and a state that is none."""
+        if self._driver.ignores_limits:
+            return
+        x, y, _, _, i, j, _ = base.tolist()
+        at = f"{self._driver.where}: at {time_s:.2f} s, ({x:.2f}, {y:.2f}) m"
+        if world.has_diverged or not np.all(np.isfinite(base)):
+            raise TrajectoryError(
+                f"{at}: MuJoCo diverges: expected lighter or slower things to collide"
+            )
+        recent_s = time_s - 2.0 * PERIOD_S
+        touching = [name for name, times in self.touched_s.items() if times[-1] > recent_s]
+        against = f" against {', '.join(touching)}" if touching else ""
+        hint = "--ignore-limits drives on all the same"
+        if 1.0 - 2.0 * (i * i + j * j) < TIPPED_COSINE:
+            raise TrajectoryError(f"{at}: the robot tips over{against}: {hint}")
+        distance_m = self.follower.distance_m(command, base)
+        if distance_m > LOST_M:
+            raise TrajectoryError(
+                f"{at}: the robot cannot follow{against}: expected at most {LOST_M:g} m from the "
+                f"path, got {distance_m:.2f} m: {hint}"
+            )
+
+
+def _trajectory(times_s: NDArray[np.float64], bodies: NDArray[np.float64]) -> Trajectory:
+    """Trajectory of positions and quaternions wxyz (n, 7)."""
+    rotations = rotation_from_quaternion(np.roll(bodies[:, 3:], -1, axis=1))
+    return Trajectory(times_s, pose_from_rotation(rotations, bodies[:, :3]))

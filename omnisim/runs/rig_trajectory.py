@@ -1,0 +1,183 @@
+"""Trajectories of rigs: poses of a file, of whichever frame they are, as poses of the rig's body.
+
+| file | its poses are of |
+| --- | --- |
+| TUM, EuRoC | the rig's body (its IMU), or the first camera where the rig has no body |
+| KITTI | the first camera, or one that looks ahead in the place of the first mirror; the world's |
+| | axes are the first pose's: x right, y down, z ahead |
+| nerfstudio's transforms.json | the camera |
+| CSV with headings | the rig's body, or a vehicle on which the first camera looks ahead |
+
+A camera's frame is its optical one: x right, y down, z forward.
+Source: TUM RGB-D and EuRoC MAV data sets, KITTI odometry benchmark, nerfstudio's data conventions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration.rig import WORLD, Rig
+from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
+from omnisim.core.errors import TrajectoryError, did_you_mean
+from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.core.trajectories.formats.parsed_trajectory import Axes
+from omnisim.core.trajectories.formats.text_table import check_printed_times
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import parse_trajectory
+
+BODY, CAMERA = "body", "camera"
+NERFSTUDIO = "nerfstudio"
+OPTICAL_AXES = "x right, y down, z forward"
+AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
+UNTIMED_HZ = 1.0  # poses a second of a file that does not say
+
+
+@dataclass(frozen=True, eq=False)
+class RigRoute:
+    """Poses to take a rig along.
+
+    Attributes:
+        path: file of the poses.
+        frame: that they are of: "body", "camera" (the first), a camera's name, or None: by the
+            file's format.
+        axes: of the world that they are in, or None: KITTI's in a KITTI file, else the world's.
+        rate_hz: poses a second of a file without times, or None: 1.
+        world_from_file: (4, 4) pose of the file's origin in the scene, with z up.
+    """
+
+    path: Path
+    frame: str | None = None
+    axes: Axes | None = None
+    rate_hz: float | None = None
+    world_from_file: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+
+    def read(self, rig: Rig, print_note: Callable[[str], None]) -> tuple[Trajectory, bool]:
+        """Trajectory of the rig's body in the scene, and True if its times are the file's or
+        follow from the rate.
+
+        Args:
+            rig: whose frames the poses are of.
+            print_note: called with the conventions taken.
+
+        Raises:
+            OmnisimError: a file that cannot be read, or a frame that the rig has not.
+        """
+        poses = self._parse(rig)
+        frame = self._frame(rig, poses.format)
+        body_from_posed, label = _posed_frame(rig, frame, self.path)
+        moved = self.world_from_file @ poses.upright() @ inverse(body_from_posed)
+        times_s = poses.times_s
+        if times_s is not None and self.rate_hz is not None:
+            raise TrajectoryError(f"{self.path}: has times of its own: expected no --rate")
+        if self.frame is None:
+            axes = ", in KITTI's axes" if poses.axes == "kitti" else ""
+            print_note(f"{self.path}: poses of {label}{axes}; --trajectory-frame says otherwise")
+        is_timed = times_s is not None or self.rate_hz is not None
+        if times_s is None:
+            times_s = np.arange(len(moved)) / self._checked_rate_hz(print_note)
+        trajectory = Trajectory(times_s, moved)
+        try:
+            check_printed_times(trajectory.times_s)
+        except TrajectoryError as reason:
+            raise TrajectoryError(f"{self.path}: {reason}") from None
+        return trajectory, is_timed
+
+    def _parse(self, rig: Rig) -> _FilePoses:
+        if self.path.suffix.lower() == ".json":
+            if self.axes is not None:
+                raise TrajectoryError(f"{self.path}: --axes: expected a text file of poses")
+            return _FilePoses(NERFSTUDIO, None, _nerfstudio_poses(self.path, rig), "world")
+        parsed = parse_trajectory(self.path, axes="world")
+        axes = self.axes or ("kitti" if parsed.format == "kitti" else "world")
+        if parsed.format == "csv" and axes != "world":
+            raise TrajectoryError(f"{self.path}: --axes: expected world, got {axes}")
+        return _FilePoses(parsed.format, parsed.times_s, parsed.world_from_base, axes)
+
+    def _frame(self, rig: Rig, file_format: str) -> str | None:
+        """Name of the frame; None: a camera that looks ahead, as KITTI's do."""
+        if self.frame is not None:
+            return self.frame
+        if file_format == "kitti":
+            return None
+        if file_format == NERFSTUDIO:
+            return CAMERA
+        return BODY if rig.has_body or file_format == "csv" else CAMERA
+
+    def _checked_rate_hz(self, print_note: Callable[[str], None]) -> float:
+        if self.rate_hz is None:
+            print_note(f"{self.path}: has no times: one pose a second; --rate says otherwise")
+            return UNTIMED_HZ
+        if not 1e-9 < self.rate_hz < 1e9:
+            raise TrajectoryError(f"--rate: expected a finite number above 0, got {self.rate_hz:g}")
+        return self.rate_hz
+
+
+@dataclass(frozen=True, eq=False)
+class _FilePoses:
+    """Poses as their file has them.
+
+    Attributes:
+        format: of the file.
+        times_s: (n,), or None.
+        file_from_posed: (n, 4, 4).
+        axes: of the file's world.
+    """
+
+    format: str
+    times_s: NDArray[np.float64] | None
+    file_from_posed: NDArray[np.float64]
+    axes: Axes
+
+    def upright(self) -> NDArray[np.float64]:
+        """Poses (n, 4, 4) in a world with z up."""
+        if self.axes == "world":
+            return self.file_from_posed
+        upright: NDArray[np.float64] = AHEAD @ self.file_from_posed
+        return upright
+
+
+def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.float64], str]:
+    """Pose (4, 4) of a frame on the rig's body, and the frame in words."""
+    if frame in (BODY, rig.body) and rig.has_body:
+        return np.eye(4), f"the rig's {rig.body}"
+    if not rig.cameras:
+        raise TrajectoryError(f"{path}: --trajectory-frame: expected {BODY}, got no camera")
+    first = rig.cameras[0]
+    optical_from_rig = inverse(pose_from_rotation(first.model.rig_from_optical, np.zeros(3)))
+    body_from_rig = first.body_from_camera @ optical_from_rig  # upright, x forward
+    if frame is None:
+        is_lens = np.array_equal(first.model.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD)
+        place = "" if is_lens else "a camera that looks ahead in the place of "
+        return body_from_rig @ AHEAD, f"{place}{first.name} ({OPTICAL_AXES})"
+    if frame == BODY:
+        return body_from_rig, f"a vehicle (x forward, y left, z up) with {first.name} on it"
+    cameras = {camera.name: camera for camera in rig.cameras}
+    chosen = first if frame == CAMERA else cameras.get(frame)
+    if chosen is None:
+        hint = did_you_mean(frame, dict.fromkeys((BODY, CAMERA, *cameras)))
+        raise TrajectoryError(f"{path}: --trajectory-frame {frame!r}: {hint}")
+    return chosen.body_from_camera, f"{chosen.name} ({OPTICAL_AXES})"
+
+
+def _nerfstudio_poses(path: Path, rig: Rig) -> NDArray[np.float64]:
+    """Poses (n, 4, 4) of the frames; of several cameras' those of the rig's only one."""
+    calibration = load_calibration(path, NERFSTUDIO)
+    camera = calibration.cameras[0]
+    if len(calibration.cameras) > 1:
+        names = [camera.name for camera in rig.cameras]
+        if len(names) > 1 or names[0] not in calibration.names:
+            raise TrajectoryError(
+                f"{path}: expected frames of one camera, got {len(calibration.cameras)} cameras "
+                "with intrinsics of their own: --camera-name takes one"
+            )
+        camera = calibration.camera(names[0])
+    poses = [pose.target_from_source for pose in camera.poses if pose.target == WORLD]
+    if not poses:
+        raise TrajectoryError(f"{path}: frames: expected frames with a transform_matrix, got none")
+    return np.array(poses)

@@ -1,0 +1,399 @@
+"""Folder of a run: its files, which of them are missing, and whether the run may go on.
+
+    manifest.json               what made the run: versions, contents, settings, seeds
+    ground_truth.tum            poses of the base (TUM: s, metres, quaternion xyzw)
+    odometry.csv                what the wheels report, and dead reckoning by it
+    objects/<name>.tum          poses of another vehicle or a dynamic object, at the same times
+    states.csv                  true states of the base at all times at which anything is measured
+    <sensor>/000000.<suffix>    its files of a measurement, see `omnisim.sensors`: of a
+                                step, or with a rate of its own by
+    <sensor>/times.csv          times of its measurements
+    <imu>/readings.csv          all readings, and with them in biases.csv the biases
+    <camera>/sensor.toml        the camera as it was used
+    <camera>/calibration.json   its parameters and its mount on the base
+    <camera>/000000.png ...     a picture a step, with camera and pose inside
+    <scanner>/000000.csv ...    a scan a step
+    <lidar>/000000.ply ...      a point cloud a step, or .pcd
+
+Of a rig, which has no wheels, instead of the odometry:
+
+    <camera>/poses.tum          poses of the camera's optical frame
+
+With channels of ground truth also (the first with a lidar, too):
+
+    labels.json                             numbers, names and colours of classes and instances
+    <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
+    <camera>/000000.range.npy ...           or each in its own, by the format npy, with
+    <camera>/000000.channels.json ...       their units and what they mean
+    <camera>/000000.coco.json ...           boxes of the instances at a step, with `instance`
+    <camera>/coco.json                      boxes of all steps, when all are there
+    <camera>/000000.boxes_3d.json ...       oriented 3-D boxes of the instances at a step
+
+Every file appears only when it is whole, so whatever is there is finished; what a power cut has
+left empty counts as missing.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import RunError, did_you_mean
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.written_files import is_written
+from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories.trajectory import LARGEST_S
+from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.runs.run_manifest import Manifest, first_difference, parse_manifest, read_manifest
+from omnisim.sensors.sensor import MountedSensor
+
+MANIFEST = "manifest.json"
+GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
+OBJECTS = "objects"  # folder of poses
+STATES = "states.csv"
+TIMES, TIME = "times.csv", "t_s"  # of a sensor with a rate of its own, and their column
+LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
+PLOT = "plot.png"  # the run's plot, by default
+PARTIAL = ".omnisim-*.partial"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Folder of one run.
+
+    Attributes:
+        path: the folder.
+        manifest: what made the run.
+    """
+
+    path: Path
+    manifest: Manifest
+
+    def __repr__(self) -> str:
+        manifest = self.manifest
+        steps = counted(manifest.steps, "step")
+        return short_repr(self, repr(str(self.path)), steps, *manifest.sensors, manifest.title)
+
+    @classmethod
+    def read(cls, path: Path) -> RunFolder:
+        """Read the run in a folder.
+
+        Raises:
+            RunError: there is none.
+        """
+        expected = "expected the folder of a run, as drive and render --trajectory make it"
+        if not path.is_dir():
+            raise RunError(f"{path}: no such folder: {expected}")
+        content = read_manifest(path / MANIFEST)
+        if content is None:
+            raise RunError(f"{path}: has no {MANIFEST}: {expected}")
+        return cls(path, parse_manifest(content, f"{path / MANIFEST}: is damaged"))
+
+    @classmethod
+    def read_each(cls, path: Path) -> list[RunFolder]:
+        """Read the run in a folder, or the runs in its folders: of robots that drove together.
+
+        Raises:
+            RunError: there is none.
+        """
+        if path.is_dir() and not (path / MANIFEST).exists():
+            folders = sorted(file.parent for file in path.glob(f"*/{MANIFEST}"))
+            if folders:
+                return [cls.read(folder) for folder in folders]
+        return [cls.read(path)]
+
+    def stem(self, sensor: str, index: int) -> Path:
+        """Path of a sensor's files of a measurement, without their suffixes."""
+        return self.path / sensor / f"{index:06d}"
+
+    def file(self, sensor: str, index: int, suffix: str) -> Path:
+        """Path of a sensor's file of a measurement, present or not."""
+        return self.stem(sensor, index).with_suffix(suffix)
+
+    def has_own_rate(self, sensor: str) -> bool:
+        """A sensor measures at a rate of its own, and not at each step."""
+        return self.manifest.sensors[sensor].measurements is not None
+
+    def measurements(self, sensor: str) -> int:
+        """Number of a sensor's measurements: of the steps, unless it has a rate of its own."""
+        own = self.manifest.sensors[sensor].measurements
+        return self.manifest.steps if own is None else own
+
+    def times_s(self, sensor: str) -> NDArray[np.float64]:
+        """Times (n,) of a sensor's measurements.
+
+        Raises:
+            OmnisimError: a file of times is missing or damaged.
+        """
+        if sensor not in self._times:
+            times = self._step_times_s
+            if self.has_own_rate(sensor):
+                times = read_times(self.path / sensor / TIMES, self.measurements(sensor))
+            self._times[sensor] = times
+        return self._times[sensor]
+
+    def indices_at(self, sensor: str, step: int) -> range:
+        """Numbers of a sensor's measurements after the step before, up to a step's time.
+
+        Raises:
+            OmnisimError: a file of times is missing or damaged.
+        """
+        if not self.has_own_rate(sensor):
+            return range(step, step + 1)
+        steps_s, times_s = self._step_times_s, self.times_s(sensor)
+        last = len(steps_s) - 1
+        begin = 0 if step == 0 else int(np.searchsorted(times_s, steps_s[step - 1], side="right"))
+        end = int(np.searchsorted(times_s, steps_s[step], side="right"))
+        return range(begin, len(times_s) if step == last else end)
+
+    def index_at(self, sensor: str, step: int) -> int:
+        """Number of a sensor's last measurement at a step or before it, else of its first."""
+        return max(self.indices_at(sensor, step).stop - 1, 0)
+
+    def measurements_done(self, sensor: str) -> int:
+        """Count the measurements of a sensor, from the first one on, of the steps that are done."""
+        steps = self.steps_done()
+        return self.indices_at(sensor, steps - 1).stop if steps > 0 else 0
+
+    @cached_property
+    def _step_times_s(self) -> NDArray[np.float64]:
+        truth = read_trajectory(self.path / GROUND_TRUTH)
+        self.check_steps(GROUND_TRUTH, len(truth))
+        return truth.times_s
+
+    @cached_property
+    def _times(self) -> dict[str, NDArray[np.float64]]:
+        return {}
+
+    def has(self, name: str) -> bool:
+        """A file of the run is there, such as `GROUND_TRUTH`."""
+        return is_written(self.path / name)
+
+    def camera(self, name: str | None = None) -> str:
+        """Name of a camera of the run; by default the first.
+
+        Raises:
+            RunError: there is none, or none of this name.
+        """
+        names = self.manifest.cameras
+        if not names:
+            raise RunError(f"{self.path}: this run has no camera")
+        if name is not None and name not in names:
+            hint = did_you_mean(name, names, "it has")
+            raise RunError(f"{self.path}: camera {name!r}: not there; {hint}")
+        return names[0] if name is None else name
+
+    def check_steps(self, name: str, count: int) -> None:
+        """Refuse a file of the run with another number of steps.
+
+        Raises:
+            RunError: naming the file and both numbers.
+        """
+        if count != self.manifest.steps:
+            raise RunError(
+                f"{self.path / name}: has {count} steps, the run has {self.manifest.steps}: "
+                "delete it, and record the run again to have it back"
+            )
+
+    def steps_done(self) -> int:
+        """Count the steps, from the first one on, that have all their files."""
+        steps = range(self.manifest.steps)
+        return next((step for step in steps if not self.is_done(step)), len(steps))
+
+    def unfinished(self) -> str | None:
+        """Notice about a run that is not whole, or None.
+
+        Steps after the first that misses a file are not used, though they may have theirs.
+        """
+        total = self.manifest.steps
+        missing = [file for step in range(total) if (file := self.missing_file(step))]
+        if not missing:
+            return None
+        return (
+            f"{missing[0]}: is missing: the first {self.steps_done()} of {total} steps are looked "
+            f"at; record the run again to have the others, {len(missing)} without all their files"
+        )
+
+    def is_done(self, step: int) -> bool:
+        """A step has all its files."""
+        return self.missing_file(step) is None
+
+    def missing_file(self, step: int) -> Path | None:
+        """Find the first of a step's files that is missing or empty; None: all are there."""
+        sensors = self.manifest.sensors
+        return next((file for name in sensors if (file := self.missing_of(name, step))), None)
+
+    def missing_of(self, sensor: str, step: int) -> Path | None:
+        """Find the first of a sensor's files of a step that is missing; None: all are there."""
+        if self.has_own_rate(sensor) and self.suffixes(sensor, 0):
+            for path in (self.path / GROUND_TRUTH, self.path / sensor / TIMES):
+                if not is_written(path):
+                    return path
+        missing = (self.missing_at(sensor, index) for index in self.indices_at(sensor, step))
+        return next((file for file in missing if file), None)
+
+    def missing_at(self, sensor: str, index: int) -> Path | None:
+        """Find the first of a sensor's files of a measurement that is missing; None: none is."""
+        files = (self.file(sensor, index, suffix) for suffix in self.suffixes(sensor, index))
+        return next((file for file in files if not is_written(file)), None)
+
+    def suffixes(self, sensor: str, index: int) -> tuple[str, ...]:
+        """Suffixes of a sensor's files of a measurement."""
+        manifest = self.manifest
+        return manifest.sensor_class(sensor).suffixes_of(
+            self.channels_at(index, sensor),
+            manifest.channel_format,
+            manifest.boxes_3d,
+            manifest.sensors[sensor].model_extra or {},
+        )
+
+    def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
+        """Channels of a measurement: the first has no previous one, the last no next."""
+        there = {""}
+        there |= {"previous"} if index > 0 else set()
+        there |= {"next"} if index < self.measurements(sensor) - 1 else set()
+        names = self.manifest.channels
+        return tuple(name for name in names if name in CHANNELS and CHANNELS[name].other in there)
+
+
+def read_times(path: Path, count: int) -> NDArray[np.float64]:
+    """Read the times (count,) of a sensor's measurements.
+
+    Raises:
+        RunError: they cannot be read, or do not increase.
+    """
+    try:
+        head, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
+        times_s = np.array([float(line) for line in lines])
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except ValueError:
+        raise RunError(f"{path}: expected the column {TIME}, a number a line") from None
+    is_known = np.all(np.abs(times_s) < LARGEST_S)  # false for NaN, too
+    if head != TIME or len(times_s) != count or not (is_known and np.all(np.diff(times_s) > 0.0)):
+        raise RunError(f"{path}: expected {TIME} and {count} times that increase")
+    return times_s
+
+
+@contextmanager
+def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterator[RunFolder]:
+    """Begin a run, or go on with the one that is there; other drives are locked out meanwhile.
+
+    Args:
+        path: the folder; it is made where it is missing, in a folder that is there.
+        content: manifest of the run.
+        force: throw another run away that is there.
+
+    Raises:
+        RunError: another run is there, or files that are none of ours, another command is writing
+            to it, or it cannot be written to.
+        OutputError: the manifest cannot be written.
+    """
+    run = RunFolder(path, parse_manifest(content, str(path / MANIFEST)))
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(_locked(path))
+            _begin(run, content, force)
+        except OSError as reason:
+            where = reason.filename or path
+            raise RunError(f"{where}: cannot be written to: {reason.strerror}") from None
+        yield run
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Make a folder where it is missing, and lock other drives out of it.
+
+    Raises:
+        RunError: another drive has the lock, or the folder cannot be made.
+    """
+    if path.exists() and not path.is_dir():
+        raise RunError(f"{path}: expected a folder, got a file")
+    if not path.parent.is_dir():
+        raise RunError(f"{path}: the folder {path.parent} does not exist: create it first")
+    if path.is_symlink() and not path.exists():
+        raise RunError(f"{path}: expected a folder, got a link that leads nowhere")
+    path.mkdir(exist_ok=True)
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise RunError(
+                    f"{path}: another command is writing to it: wait for its end"
+                ) from None
+        yield
+    finally:
+        os.close(handle)
+
+
+def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
+    """Write the manifest where there is none, and clear leftovers; refuse another run's folder."""
+    path = run.path
+    old = read_manifest(path / MANIFEST)
+    if old is None:
+        if any(not file.match(PARTIAL) for file in path.iterdir()):
+            raise RunError(
+                f"{path}: is not empty and has no {MANIFEST}: expected a new folder, an empty one, "
+                "or that of a run"
+            )
+    else:
+        there = parse_manifest(old, f"{path / MANIFEST}: is damaged")
+        if force:
+            _clear(RunFolder(path, there))
+        elif difference := first_difference(old, content):
+            raise RunError(
+                f"{path / MANIFEST}: {difference}: another run is in this folder; choose another, "
+                "or throw that one away with --force"
+            )
+    for leftover in path.rglob(PARTIAL):  # of a run that was killed
+        leftover.unlink()
+    if old is None or force:
+        write_text(path / MANIFEST, json.dumps(content, indent=2) + "\n")
+    for name in run.manifest.sensors:
+        (path / name).mkdir(exist_ok=True)
+
+
+def _clear(run: RunFolder) -> None:
+    """Remove a run's own files, and nothing else; its manifest stays until another's."""
+    folders = {run.path / name: run.manifest.sensor_class(name) for name in run.manifest.sensors}
+    for folder in folders:
+        if folder.is_symlink():
+            raise RunError(f"{folder}: is a link: --force removes no files elsewhere")
+    for folder in filter(Path.is_dir, folders):
+        for file in folder.iterdir():
+            if _is_own(file.name, folders[folder]):
+                file.unlink()
+        if not any(folder.iterdir()):
+            folder.rmdir()
+    objects = run.path / OBJECTS
+    if objects.is_symlink():
+        raise RunError(f"{objects}: is a link: --force removes no files elsewhere")
+    for file in objects.glob("*.tum"):
+        file.unlink()
+    if objects.is_dir() and not any(objects.iterdir()):
+        objects.rmdir()
+    for name in (GROUND_TRUTH, ODOMETRY, STATES, PLOT, LABELS):
+        (run.path / name).unlink(missing_ok=True)
+
+
+def _is_own(name: str, sensor: type[MountedSensor]) -> bool:
+    """A file of this name in a sensor's folder is the run's."""
+    if name in (*sensor.document_names, BOXES, TIMES) or fnmatch(name, PARTIAL):
+        return True
+    step, dot, suffix = name.partition(".")
+    is_of_sensor = any(fnmatch(dot + suffix, pattern) for pattern in sensor.suffixes)
+    return len(step) >= 6 and step.isdecimal() and is_of_sensor

@@ -1,0 +1,142 @@
+"""Labels of a run's pictures: the ground truth that colour histograms are trained on.
+
+They come from the run's own channel `instance`, as `omnisim drive ... --also instance` records it:
+the scenes' nodes are named after their landmark, `goal_yellow`, and where it has bands of several
+colours also after those, `beacon_left_yellow_pink`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import RunError
+from omnisim.ground_truth.label_names import Labels
+from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.perception.landmarks.color_model import Costs
+from omnisim.perception.landmarks.color_training import (
+    VALIDATE_EVERY,
+    LabelledPixels,
+    Training,
+    train_colors,
+)
+from omnisim.runs.run_data import RunData
+from omnisim.runs.run_folder import LABELS
+from omnisim.scene.model import Landmark
+from omnisim.sensors.omnicamera.mounted_omnicamera import PICTURE_SUFFIX
+
+# Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's colour:
+# white lines, walls and paper are everywhere.
+LEAST_SATURATION = 0.5
+Track = Callable[[Iterable[int]], Iterable[int]]
+
+
+def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
+    """Names of the saturated colours of landmarks, in alphabetical order."""
+    found = set()
+    for landmark in landmarks:
+        for band in landmark.bands:
+            brightest = max(band.linear_rgb)
+            if brightest > 0.0 and 1.0 - min(band.linear_rgb) / brightest >= LEAST_SATURATION:
+                found.add(band.color)
+    return tuple(sorted(found))
+
+
+class RunLabels:
+    """Classes of the pixels of a run's pictures.
+
+    Args:
+        run: with the channel `instance`.
+        colors: names of the landmark colours; their classes are 1, 2, ...
+
+    Raises:
+        RunError: the run has no such channel, or its table of labels is damaged.
+    """
+
+    def __init__(self, run: RunData, colors: Sequence[str]):
+        path = run.folder.path
+        if "instance" not in run.folder.manifest.channels:
+            raise RunError(
+                f"{path}: has no labels to learn from: drive it again into a new folder with "
+                "--also instance"
+            )
+        self._run = run
+        self._class_of_instance = _class_of_instance(run, colors)
+
+    def __call__(self, step: int) -> NDArray[np.uint8]:
+        """Class of each pixel (height, width): 0, or 1 + the index of a colour.
+
+        Raises:
+            RunError: the step's file has unknown instances.
+            OutputError: it is missing or damaged.
+        """
+        picture = self._run.folder.file(self._run.camera, step, PICTURE_SUFFIX)
+        ids: NDArray[np.uint32]
+        ids = StoredChannels(picture, {}).read(["instance"])["instance"]
+        if ids.max(initial=0) >= len(self._class_of_instance):
+            raise RunError(f"{picture}: its channel has instances that are not in {LABELS}")
+        return self._class_of_instance[ids]
+
+    def pixels(self, track: Track = iter) -> Iterator[LabelledPixels]:
+        """Pixels that show the scene and their classes, picture by picture.
+
+        Args:
+            track: wraps the steps, for progress.
+        """
+        covered = self._run.mount.covered
+        shown = slice(None) if covered is None else covered.ravel()
+        for step in track(range(self._run.steps)):
+            yield self._run.picture(step).reshape(-1, 3)[shown], self(step).ravel()[shown]
+
+
+def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
+    """Train a colour model on a run's landmarks.
+
+    Args:
+        run: with the channel `instance`.
+        costs: of mistakes.
+        track: wraps the steps, for progress.
+
+    Raises:
+        RunError: a run without labels, or of too few pictures.
+        LocalizationError: a colour that no picture shows.
+    """
+    colors = landmark_colors(run.landmarks)
+    labels = RunLabels(run, colors)
+    if run.steps < VALIDATE_EVERY:
+        raise RunError(
+            f"{run.folder.path}: expected at least {VALIDATE_EVERY} pictures to train on some and "
+            f"choose Θ by others, got {run.steps}"
+        )
+    return train_colors(colors, labels.pixels(track), costs)
+
+
+def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]:
+    """Classes (n,) by instance ID."""
+    path = run.folder.path / LABELS
+    classes = {
+        name: index
+        for landmark in run.landmarks
+        for band in landmark.bands
+        for index, color in enumerate(colors, start=1)
+        if color == band.color
+        for name in _node_names(landmark, color)
+    }
+    try:
+        labels = Labels.from_json(json.loads(path.read_text(encoding="utf-8")))
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except (KeyError, TypeError, ValueError, RecursionError):
+        raise RunError(f"{path}: is damaged: not a table of labels") from None
+    # what moves with the vehicle is no landmark, whatever its name
+    fixed = (0 if one.object_name else classes.get(one.name, 0) for one in labels.instances)
+    return np.array([0, *fixed], dtype=np.uint8)
+
+
+def _node_names(landmark: Landmark, color: str) -> tuple[str, ...]:
+    if len(landmark.bands) == 1:
+        return (landmark.name, f"{landmark.name}_{color}")
+    return (f"{landmark.name}_{color}",)

@@ -1,0 +1,178 @@
+"""Manifest of a run: what made it, and what of it may differ when the run goes on."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, ConfigDict, Field
+
+from omnisim.core.errors import RunError, did_you_mean
+from omnisim.core.files.parameters import Table, parse_table
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.model import Scene
+from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.sensor_names import SensorName
+from omnisim.sensors.sensor_registry import MOUNT_TYPES
+
+MANIFEST_FORMAT = 2
+RAYS = "embreex "  # begins the name of the back end that casts rays
+LONG = 16  # a list that is compared value by value
+# For the record: other versions of these, or from elsewhere, may go on with a run; and what follows
+# from its poses.
+FOR_THE_RECORD = (
+    "libraries",
+    "scene.file",
+    "scene.resources",
+    "path.name",
+    "path.poses",
+    "path.length_m",
+    "path.duration_s",
+    "path.follows_floor",
+    "path.contacts",
+    "physics.motion",
+    "physics.slip",
+)
+# Numbers computed on another processor differ in their last bits, and by more where they cancel;
+# no setting that somebody writes differs from another by so little.
+ROUNDING = 1e-9
+
+
+class _OpenTable(Table):
+    """Table with further keys, kept as they are."""
+
+    model_config = ConfigDict(extra="allow", strict=True, str_strip_whitespace=False)
+
+
+class _Scene(_OpenTable):
+    name: str
+    file: str
+    up_axis: str | None
+    meters_per_unit: float | None = None
+    resources: tuple[str, ...] = Field(default=(), strict=False)
+    contents: str
+
+    def load(self, moved_to: str | None = None) -> Scene:
+        """Load the scene as the run did, from where it was or has moved to.
+
+        Raises:
+            SceneError: it cannot be read.
+        """
+        return read_scene(moved_to or self.file, self.up_axis, self.meters_per_unit, self.resources)
+
+
+class _Named(_OpenTable):
+    name: str
+
+
+def _check_type(kind: str) -> str:
+    if kind not in MOUNT_TYPES:
+        raise ValueError(f"unknown sensor type; {did_you_mean(kind, MOUNT_TYPES)}")
+    return kind
+
+
+class _Sensor(_OpenTable):
+    type: Annotated[str, AfterValidator(_check_type)]
+    measurements: int | None = Field(default=None, ge=1, le=10**9)  # at a rate of its own
+
+
+class Manifest(_OpenTable):
+    """Keys of a manifest that readers rely on."""
+
+    format: Literal[2]
+    scene: _Scene
+    robot: _Named
+    path: _Named
+    steps: int = Field(ge=1, le=10**9)
+    sensors: dict[SensorName, _Sensor]
+    channels: tuple[str, ...] = Field(default=(), strict=False)
+    channel_format: ChannelFormat = Field(default=ChannelFormat.AUTO, strict=False)
+    boxes_3d: bool = False
+    is_rig: bool = False
+
+    @property
+    def cameras(self) -> list[str]:
+        """Names of the cameras, which have ground truth."""
+        return [name for name in self.sensors if self.sensor_class(name).has_ground_truth]
+
+    def sensor_class(self, name: str) -> type[MountedSensor]:
+        """Class of a sensor."""
+        return MOUNT_TYPES[self.sensors[name].type].sensor_class
+
+    @property
+    def title(self) -> str:
+        """Robot, scene and path."""
+        return f"{self.robot.name} in {self.scene.name}, {self.path.name}"
+
+
+def parse_manifest(content: dict[str, Any], source: str) -> Manifest:
+    """Check a manifest.
+
+    Raises:
+        RunError: naming the first key that is wrong, in one line.
+    """
+    try:
+        return parse_table(content, Manifest, RunError, source)
+    except RunError as faults:
+        raise RunError(str(faults).partition("\n")[0]) from None
+
+
+def read_manifest(path: Path) -> dict[str, Any] | None:
+    """Content of a manifest file, or None: there is no such file.
+
+    Raises:
+        RunError: it is damaged.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except (ValueError, RecursionError):
+        raise RunError(f"{path}: is damaged: not JSON") from None
+    if not isinstance(content, dict) or "steps" not in content:
+        raise RunError(f"{path}: is damaged: not the manifest of a run")
+    return content
+
+
+def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> str:
+    """Describe the first key whose values differ; empty where none does.
+
+    A missing table counts as an empty one, so that the key in it is named and not the table; so are
+    the values of long lists, by their numbers.
+    """
+    for key in dict.fromkeys((*new, *old)):
+        if f"{at}{key}" in FOR_THE_RECORD:
+            continue
+        before, after = _by_key(old.get(key)), _by_key(new.get(key))
+        if isinstance(before, dict | None) and isinstance(after, dict | None):
+            difference = first_difference(before or {}, after or {}, f"{at}{key}.")
+            if difference:
+                return difference
+        elif not _equal(f"{at}{key}", before, after):
+            return f"{at}{key} was {before!r}, is {after!r}"
+    return ""
+
+
+def _equal(key: str, before: Any, after: Any) -> bool:
+    """Compare values, numbers but for rounding, and renderers by their back ends alone."""
+    if key == "renderer":  # OpenGL's names driver and processor, on which pictures hardly depend
+        return str(before).startswith(RAYS) == str(after).startswith(RAYS)
+    if isinstance(before, list) and isinstance(after, list):
+        return len(before) == len(after) and all(
+            _equal(key, one, other) for one, other in zip(before, after, strict=True)
+        )
+    if isinstance(before, float) and isinstance(after, float):
+        return math.isclose(before, after, rel_tol=ROUNDING, abs_tol=ROUNDING**2)
+    return bool(before == after)
+
+
+def _by_key(value: Any) -> Any:
+    """A list of tables, or one too long for a message, as a table by numbers."""
+    if isinstance(value, list) and (len(value) > LONG or any(isinstance(v, dict) for v in value)):
+        return {str(number): one for number, one in enumerate(value)}
+    return value

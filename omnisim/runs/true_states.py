@@ -1,0 +1,75 @@
+"""True states of a run's base: at all times at which anything is measured, in one file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import RunError
+from omnisim.core.files.number_table import BLOCK, write_table
+from omnisim.core.poses import (
+    pose_from_rotation,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
+from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
+from omnisim.core.trajectories.trajectory import LARGEST_S
+from omnisim.sensors.rate import printed_s
+
+COLUMNS = (
+    "t_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,ax_mps2,ay_mps2,az_mps2,"
+    "wx_radps,wy_radps,wz_radps"
+)
+
+
+def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.float64]]) -> None:
+    """Write position and orientation in the world, velocity and acceleration in the world, and the
+    angular rate in the base's frame.
+
+    Args:
+        path: the file.
+        motion: of the base.
+        times_s: of the steps and of each sensor; those before the motion are left out.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    times = np.unique(np.concatenate([printed_s(one) for one in times_s]))
+    times = times[times >= printed_s(np.array([motion.start_s]))]
+    write_table(path, COLUMNS, _blocks(motion, times))
+
+
+def _blocks(motion: BodyMotion, times_s: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    for first in range(0, len(times_s), BLOCK):
+        part = times_s[first : first + BLOCK]
+        states = motion.at(part)
+        quaternions = quaternion_from_rotation(states.world_from_base[:, :3, :3])
+        yield np.column_stack((part, states.world_from_base[:, :3, 3], quaternions, *states[1:]))
+
+
+def read_states(path: Path) -> tuple[NDArray[np.float64], MotionStates]:
+    """Read times (n,) and states.
+
+    Raises:
+        RunError: the file cannot be read, or is damaged.
+    """
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = file.readline().rstrip("\n")
+            table = np.array([line.split(",") for line in file], dtype=np.float64)
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except ValueError:
+        raise RunError(f"{path}: is damaged: expected numbers between commas") from None
+    width = len(COLUMNS.split(","))
+    is_known = table.shape == (len(table), width) and np.all(np.abs(table) < LARGEST_S)
+    if head != COLUMNS or not len(table) or not is_known:  # false for NaN, too
+        raise RunError(f"{path}: expected the columns {COLUMNS} and finite numbers")
+    norms = np.linalg.norm(table[:, 4:8], axis=1)
+    if not np.all(np.diff(table[:, 0]) > 0.0) or np.any(np.abs(norms - 1.0) > 1e-6):
+        raise RunError(f"{path}: expected times that increase, and unit quaternions")
+    poses = pose_from_rotation(rotation_from_quaternion(table[:, 4:8]), table[:, 1:4])
+    return table[:, 0], MotionStates(poses, table[:, 8:11], table[:, 11:14], table[:, 14:17])

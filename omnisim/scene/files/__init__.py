@@ -1,0 +1,1 @@
+"""Scene files: sources, tables, search paths, and the reader of each format."""

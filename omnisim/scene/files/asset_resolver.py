@@ -1,0 +1,106 @@
+"""Resolver of the files that a scene file refers to."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from urllib.parse import unquote
+
+from omnisim.core.files.sources import read_source
+
+
+class AssetResolver(Mapping[str, bytes]):
+    """Content of the files beside a scene file, by the names that its author meant them by.
+
+    Scene files from Windows write `Textures\\Wood.JPG` for `textures/wood.jpg`; names with
+    spaces arrive percent-encoded. Both are found. Files outside the scene's folder are read too:
+    scenes refer to `../textures` all the time. (trimesh takes a mapping for a resolver.)
+
+    Attributes:
+        file_name: the scene file's; trimesh names the meshes of an OBJ by it.
+        given: content of files that need not be found, by name.
+        read: names of the files that were asked for and read.
+        faults: reasons by the names of the files that were asked for and cannot be read.
+    """
+
+    def __init__(self, scene_file: Path, also: Sequence[Path] = ()):
+        """Resolve names in the scene file's folder, then in others."""
+        self.file_name = scene_file.name
+        self.given: dict[str, bytes] = {}
+        self.read: set[str] = set()
+        self.faults: dict[str, str] = {}
+        self._folders = (scene_file.parent, *also)
+
+    def __contains__(self, name: object) -> bool:
+        try:
+            return name in self.given or self._find(str(name)) is not None
+        except OSError:  # a folder without permission, a name too long
+            return False
+
+    def __getitem__(self, name: str) -> bytes:
+        if name in self.given:
+            return self.given[name]
+        try:
+            data = self._read(name)
+        except FileNotFoundError as reason:
+            self.faults.setdefault(name, str(reason))
+            raise
+        self.read.add(name)
+        return data
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each file that cannot be read."""
+        return [f"{name} {reason}: drawn without it" for name, reason in self.faults.items()]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.given)
+
+    def __len__(self) -> int:
+        return len(self.given)
+
+    def _read(self, name: str) -> bytes:
+        """Content of a file; a FileNotFoundError with the reason for whatever keeps it unread."""
+        try:
+            found = self._find(name)
+            data = b"" if found is None else read_source(found)
+        except OSError as reason:  # no permission, a bad disk, a name too long
+            raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None
+        if found is None:
+            raise FileNotFoundError("is not there")
+        if not data:
+            raise FileNotFoundError("is an empty file")
+        return data
+
+    def _find(self, name: str) -> Path | None:
+        plain = unquote(name).strip().removeprefix("file://").replace("\\", "/")
+        for candidate in (name.strip(), plain, plain.lstrip("/"), Path(plain).name):
+            for folder in self._folders:
+                exact = folder / candidate
+                if exact.is_file():
+                    return exact
+                other_case = find_ignoring_case(folder, candidate)
+                if other_case is not None:
+                    return other_case
+        return None
+
+
+def find_ignoring_case(folder: Path, name: str) -> Path | None:
+    """File by its path in a folder, in upper or lower case, or None."""
+    for part in Path(name).parts:
+        if part in ("..", ".", "/"):
+            folder = folder / part
+            continue
+        if not folder.is_dir():
+            return None
+        same = [entry for entry in folder.iterdir() if _folded(entry.name) == _folded(part)]
+        if not same:
+            return None
+        folder = min(same)
+    return folder if folder.is_file() else None
+
+
+def _folded(name: str) -> str:
+    """Name without case, its accents composed."""
+    return unicodedata.normalize("NFC", name).casefold()

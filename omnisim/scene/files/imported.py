@@ -1,0 +1,180 @@
+"""Contents of mesh files, checked, before they are placed in the world."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.bounds import bounds_of
+from omnisim.core.errors import SceneError
+from omnisim.core.short_repr import counted
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.scene.motion.object_motion import ObjectMotion
+from omnisim.scene.parts import (
+    CameraPose,
+    Instance,
+    LabelRule,
+    Light,
+    Lighting,
+    Material,
+    Mesh,
+    StartPose,
+)
+
+# A surface without any colour: a light grey of 80 % on the screen.
+PLAIN_GREY = float(linear_from_srgb(0.8))
+# Beyond, products of coordinates overflow a float32.
+LARGEST_COORDINATE = 1e15
+
+
+class ImportedObject(NamedTuple):
+    """Instances of a file that move together.
+
+    Attributes:
+        name: distinct within the file.
+        motion: in the world frame.
+        instances: indices; they are where they are at 0 s.
+    """
+
+    name: str
+    motion: ObjectMotion
+    instances: tuple[int, ...]
+
+
+class ImportedScene(NamedTuple):
+    """Contents of a mesh file.
+
+    Attributes:
+        meshes, materials: as in the scene.
+        instances: `world_from_mesh` is still file_from_mesh and `world_from_node` file_from_node,
+            in the file's axes and unit.
+        notices: one line for each feature that is not drawn.
+        lights: in the world frame.
+        lighting: in place of lights, where the file has levels of its own; None: it has not.
+        background: linear RGB where nothing is hit; None: the file has none.
+        dome: linear RGB luminance of light from everywhere, in cd/m².
+        environment: luminance (rows, 2 rows, 3) of the dome by direction, in axes of the world;
+            None: it is the same from everywhere.
+        start: of the file's camera.
+        cameras: in the world frame.
+        labels: classes that the file states.
+        objects: instances that move by the world's time.
+    """
+
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    instances: tuple[Instance, ...]
+    notices: list[str]
+    lights: tuple[Light, ...] = ()
+    lighting: Lighting | None = None
+    background: tuple[float, float, float] | None = None
+    dome: tuple[float, float, float] | None = None
+    environment: NDArray[np.float32] | None = None
+    start: StartPose | None = None
+    cameras: tuple[CameraPose, ...] = ()
+    labels: tuple[LabelRule, ...] = ()
+    objects: tuple[ImportedObject, ...] = ()
+
+
+def texture_notices(read: ImportedScene) -> list[str]:
+    """One line for each material whose texture is on meshes that have no coordinates for it."""
+    shown = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
+    bare = Counter(mesh.material for mesh in shown if mesh.texture_coordinates is None)
+    return [
+        f"texture of {read.materials[index].name!r} is not drawn on "
+        f"{counted(count, 'mesh', 'meshes')} without texture coordinates"
+        for index, count in bare.items()
+        if read.materials[index].texture is not None
+    ]
+
+
+def make_mesh(
+    name: str,
+    positions: ArrayLike,
+    triangles: ArrayLike,
+    material: int,
+    normals: ArrayLike | None = None,
+    texture_coordinates: ArrayLike | None = None,
+    colors: ArrayLike | None = None,
+    second_texture_coordinates: ArrayLike | None = None,
+) -> tuple[Mesh, NDArray[np.float64]]:
+    """Make a mesh about the centre of its bounding box, and that centre (3,).
+
+    Moving it there in float64 lets float32 hold a town in map coordinates to a micrometre.
+    Normals or texture coordinates that are not finite, or of another count than the positions,
+    are dropped: the mesh is then flat, or in its plain colour.
+
+    Arrays are as in `Mesh`, with at least one triangle.
+    """
+    points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
+    corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
+    if corners.min() < 0 or corners.max() >= len(points):
+        worst = corners.min() if corners.min() < 0 else corners.max()
+        raise SceneError(f"mesh {name!r}: expected vertices below {len(points)}, got {worst}")
+    bad = ~(np.abs(points) < LARGEST_COORDINATE).all(axis=1)  # also true for NaN
+    if bad.any():
+        raise SceneError(
+            f"mesh {name!r}: vertex {int(np.argmax(bad))}: expected finite numbers below "
+            f"{LARGEST_COORDINATE:g}, got {points[np.argmax(bad)].tolist()} "
+            f"({int(bad.sum())} of {len(points)} vertices)"
+        )
+    center = 0.5 * bounds_of(points).sum(axis=0)
+    mesh = Mesh(
+        name=name,
+        positions=np.ascontiguousarray(points - center, dtype=np.float32),
+        triangles=np.ascontiguousarray(corners, dtype=np.uint32),
+        material=material,
+        normals=_per_vertex(normals, len(points), 3),
+        texture_coordinates=_per_vertex(texture_coordinates, len(points), 2),
+        colors=_per_vertex(colors, len(points), 4),
+        second_texture_coordinates=_per_vertex(second_texture_coordinates, len(points), 2),
+    )
+    return mesh, center
+
+
+def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[Instance, ...]:
+    """Instances of a file in the world; frames of nodes get the world's axes and unit.
+
+    Raises:
+        SceneError: poses or colours that a float32 cannot hold.
+    """
+    file_from_world = np.linalg.inv(world_from_file)
+    placed = []
+    for one in read.instances:
+        world_from_mesh = world_from_file @ one.world_from_mesh
+        if not np.abs(world_from_mesh).max() < LARGEST_COORDINATE:  # false for NaN, too
+            raise SceneError(f"node {one.name!r}: expected a pose below {LARGEST_COORDINATE:g}")
+        world_from_node = world_from_file @ one.world_from_node @ file_from_world
+        placed.append(Instance(one.name, one.mesh, world_from_mesh, world_from_node))
+    for material in read.materials:
+        if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
+            raise SceneError(f"material {material.name!r}: expected finite colours")
+    return tuple(placed)
+
+
+def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:
+    if values is None:
+        return None
+    with np.errstate(all="ignore"):
+        array = np.ascontiguousarray(values, dtype=np.float32)
+    if array.shape != (count, width) or not np.isfinite(array).all():
+        return None
+    return array
+
+
+def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32]:
+    """Colours (n, 3 or 4) as RGBA float32, divided by `scale`."""
+    values = np.asarray(colors, dtype=np.float32) / np.float32(scale)
+    if values.shape[1] == 3:
+        values = np.concatenate((values, np.ones((len(values), 1), dtype=np.float32)), axis=1)
+    return np.ascontiguousarray(values[:, :4])
+
+
+def translate(matrix: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pose (4, 4) times a translation by `offset` (3,)."""
+    result = np.array(matrix, dtype=np.float64)
+    result[:3, 3] += result[:3, :3] @ offset
+    return result

@@ -1,0 +1,373 @@
+"""Loads a scene, from a file or by the name of a built-in one, into the world frame."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import NoticeWarning, SceneError, printable
+from omnisim.core.files.sources import recorded_sources, source_digest
+from omnisim.scene.files.extension import apart, extend, with_objects
+from omnisim.scene.files.file_axes import FileAxes, overruled
+from omnisim.scene.files.given import Given
+from omnisim.scene.files.imported import ImportedScene, place
+from omnisim.scene.files.readers import check_format, read_file
+from omnisim.scene.files.scene_file import SceneFile
+from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
+from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
+from omnisim.scene.labels import label_rules
+from omnisim.scene.light.light_tables import SkyTable
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, around, expose
+from omnisim.scene.light.lit_scene import lit_scene
+from omnisim.scene.model import (
+    MAX_LIGHTS,
+    ColorBand,
+    Landmark,
+    Lighting,
+    NamedStart,
+    Scene,
+    ScenePath,
+    StartPose,
+    bounds_m,
+)
+from omnisim.scene.motion.dynamic_objects import load_objects
+from omnisim.scene.space.start_pose import default_start, find_start
+
+MAX_NOTICE = 300
+_LIGHT_KEYS = {"background", "light", "lamps", "sun", "sky"}
+NO_BAKED_LIGHT = "none"  # in place of a folder
+
+
+def load_scene(
+    source: str | Path,
+    up_axis: str | None = None,
+    meters_per_unit: float | None = None,
+    resources: Sequence[str | Path] = (),
+    animation: str | None = None,
+    sky: str | Path | None = None,
+    baked: str | Path | None = None,
+) -> Scene:
+    """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
+
+    The world is in metres with z up: a Y-up point (x, y, z) becomes (x, −z, y).
+
+    Args:
+        source: path or name.
+        up_axis: the file's axis that points up, "x", "y" or "z"; by default its format's
+            (glTF and OBJ: y; COLLADA: as it states; others: z).
+        meters_per_unit: metres in a unit of the file, by default its format's (COLLADA: as it
+            states; 3MF: 0.001; others: 1). Poses of a scene's TOML stay in metres.
+        resources: folders of models and packages that the scene names by URI, before those of the
+            environment.
+        animation: name of the animation of a glTF file that is played, "none" for none; by default
+            that of its TOML, or else the first. What it moves are dynamic objects.
+        sky: "clear", or an environment map (.hdr, .exr), instead of the sky and the sun of its
+            TOML; "none" for neither. A clear sky stands around the sun of its TOML, if it has one.
+        baked: folder of its baked light, "none" for none; by default that of its TOML, if any.
+
+    Each of the scene's notices is also a `NoticeWarning`.
+
+    Raises:
+        SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
+    """
+    scene = read_scene(source, up_axis, meters_per_unit, resources, animation, sky, baked)
+    for notice in scene.notices:
+        warnings.warn(notice, NoticeWarning, stacklevel=2)
+    return scene
+
+
+def read_scene(
+    source: str | Path,
+    up_axis: str | None = None,
+    meters_per_unit: float | None = None,
+    resources: Sequence[str | Path] = (),
+    animation: str | None = None,
+    sky: str | Path | None = None,
+    baked: str | Path | None = None,
+) -> Scene:
+    """Load a scene as `load_scene` does, without warnings: for callers that print its notices.
+
+    Raises:
+        SceneError: as `load_scene`.
+    """
+    options = _Options(
+        FileAxes(up_axis, meters_per_unit),
+        tuple(map(Path, resources)),
+        animation,
+        sky=None if sky is None or str(sky) == NO_SKY else sky_table(sky),
+        keeps_sky=sky is None,
+        takes_baked=baked is None and sky is None,
+    )
+    with recorded_sources() as sources:
+        scene = _load_source(source, options, ())
+    assert scene.given is not None
+    content = source_digest(sources.digest(_folder(source)), options)
+    scene = scene.identified(Given(content, scene.given.light))
+    if baked is None or str(baked) == NO_BAKED_LIGHT:
+        return scene
+    return _with_baked_light(scene, Path(baked))
+
+
+def _folder(source: str | Path) -> Path:
+    """Folder that the files of a scene are in."""
+    file = resolve_source(source)
+    path = file.toml or file.mesh_file
+    assert path is not None
+    return path.parent
+
+
+class _Options(NamedTuple):
+    """Choices that overrule the files: axes, folders of resources, and the animation.
+
+    Attributes:
+        is_shape: of an object, in which nobody stands and no other object moves.
+        sky: instead of those of the TOMLs.
+        keeps_sky: the TOMLs' skies and suns shine.
+        takes_baked: the light that its TOML names.
+    """
+
+    axes: FileAxes
+    resources: tuple[Path, ...]
+    animation: str | None
+    is_shape: bool = False
+    sky: SkyTable | None = None
+    keeps_sky: bool = True
+    takes_baked: bool = False
+
+
+def _load_source(
+    source: str | Path,
+    options: _Options,
+    outer: tuple[Path, ...],
+) -> Scene:
+    """Load a scene that those of the outer TOMLs extend, or have as the shape of an object."""
+    try:
+        found = resolve_source(source)
+    except OSError as reason:  # a name too long, a folder without permission
+        raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
+    if not options.keeps_sky:
+        found = _under_option(found, None if outer else options.sky)
+    folder = Path() if options.sky is not None or found.toml is None else found.toml.parent
+    if found.toml is None:
+        return _lit(_load_mesh_file(source, found, options), found, folder)
+    path = found.toml.resolve()
+    if path in outer:
+        raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
+    outer = (*outer, path)
+    if found.settings.extends is None:
+        scene = _load_mesh_file(source, found, options)
+    else:
+        scene = _load_extended(str(source), found, options, outer)
+
+    scene = _lit(scene, found, folder)
+
+    def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
+        played = animation or NO_ANIMATION
+        shape = _Options(FileAxes(axis), options.resources, played, is_shape=True, keeps_sky=False)
+        return _load_source(path, shape, outer)
+
+    try:
+        objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
+    except SceneError as reason:
+        raise SceneError(f"{found.toml}: {reason}") from None
+    given, scene = scene.given, with_objects(scene, objects, str(found.toml))
+    scene = scene if given is None else scene.identified(given)
+    if found.settings.light.baked is None or not options.takes_baked:
+        return scene
+    return _with_baked_light(scene, found.toml.parent / found.settings.light.baked)
+
+
+def _under_option(found: SceneSource, sky: SkyTable | None) -> SceneSource:
+    """Source under another sky, over all that it extends: a clear one is around their sun."""
+    is_clear = sky is not None and sky.file is None
+    return found.under(sky, shining_sun(found) if is_clear else None)
+
+
+def _with_baked_light(scene: Scene, folder: Path) -> Scene:
+    from omnisim.scene.light.baked import with_baked_light  # reads pictures, slow to import
+
+    given = scene.given
+    assert given is not None
+    with recorded_sources() as sources:
+        lit = with_baked_light(scene, folder)
+    return lit.identified(Given(source_digest(given.content, sources.digest(folder)), given.light))
+
+
+def _lit(scene: Scene, found: SceneSource, folder: Path) -> Scene:
+    """Scene in the light of its settings, known by their keys and the map of its sky."""
+    given = scene.given
+    assert given is not None
+    with recorded_sources() as sources:
+        lit = _under_sky(lit_scene(scene, found.settings), found, folder)
+    keys = _light_keys(found.settings)
+    if not keys:
+        return lit.identified(given)
+    light = source_digest(given.light, keys, sources.digest(folder))
+    return lit.identified(Given(light, light))
+
+
+def _light_keys(settings: SceneFile) -> dict[str, Any]:
+    """Keys of a scene file that the light of surfaces depends on, where they are not as by default.
+
+    A map's path is left out: its content counts.
+    """
+    keys = settings.model_dump(
+        mode="json", include=_LIGHT_KEYS, exclude_defaults=True, exclude={"light": {"baked"}}
+    )
+    if settings.sky is not None:
+        keys["sky"] = settings.sky.model_dump(mode="json", exclude={"file"})
+    return {key: value for key, value in keys.items() if value or key == "sky"}
+
+
+def _under_sky(scene: Scene, found: SceneSource, folder: Path) -> Scene:
+    """Scene under the sky of its settings, if they have one, whose map is beside a folder."""
+    if found.settings.sky is None:
+        return scene
+    from omnisim.scene.light.sky import under_sky  # reads pictures, slow to import
+
+    return under_sky(scene, found.settings, str(found.toml or found.mesh_file), folder)
+
+
+def _load_extended(
+    name: str,
+    found: SceneSource,
+    options: _Options,
+    outer: tuple[Path, ...],
+) -> Scene:
+    """Load the scene that a TOML extends, and add what the TOML has."""
+    settings, toml = found.settings, found.toml
+    assert found.base is not None
+    assert toml is not None
+    if settings.has_own_light:
+        options = options._replace(takes_baked=False)
+    if settings.has_own_sky:
+        options = options._replace(keeps_sky=False)
+    try:
+        base = _load_source(found.base, options, outer)
+    except SceneError as reason:
+        raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
+    assert base.given is not None
+    extended = extend(
+        base,
+        dataclasses.replace(
+            base,
+            name=name,
+            lighting=_lighting(base.lighting, settings),
+            background=settings.background or base.background,
+            start=_start(settings) or base.start,
+            starts=_starts(settings),
+            paths=_paths(settings),
+            landmarks=_landmarks(settings),
+            labels=label_rules(settings.labels) or base.labels,
+        ),
+        str(toml),
+    )
+    return extended.identified(base.given)
+
+
+def _load_mesh_file(
+    source: str | Path,
+    found: SceneSource,
+    options: _Options,
+) -> Scene:
+    path, settings = found.mesh_file, found.settings
+    assert path is not None
+    try:
+        check_format(path)
+        if path.stat().st_size == 0:
+            raise SceneError(f"{path}: is an empty file")
+        try:
+            axes, animation = overruled(settings, options.axes), settings.animation
+            if options.animation is not None:
+                animation = options.animation
+            choice = AnimationChoice(animation, moves_objects=not options.is_shape)
+            with recorded_sources() as sources:
+                read, matrix = read_file(path, axes, options.resources, choice)
+            scene = _scene(str(source), path, read, matrix, settings, options.is_shape)
+            moving = choice.name or True if read.objects else None
+            given = source_digest(sources.digest(path.parent), axes, moving)
+            return apart(scene, read.objects).identified(Given(given, given))
+        except SceneError as reason:
+            raise SceneError(f"{path}: {reason}") from None
+    except OSError as reason:  # no permission, a name too long
+        raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
+    except MemoryError:
+        raise SceneError(f"{path}: asks for more memory than there is") from None
+
+
+def _scene(
+    name: str,
+    path: Path,
+    read: ImportedScene,
+    matrix: NDArray[np.float64],
+    settings: SceneFile,
+    is_shape: bool,
+) -> Scene:
+    """Scene of a file's contents and the settings of its TOML."""
+    instances = place(read, matrix)
+    if len(read.lights) > MAX_LIGHTS:
+        read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
+    # nobody stands in a shape
+    start = (
+        default_start(bounds_m(read.meshes, instances))
+        if is_shape or settings.start is not None or read.start is not None
+        else find_start(read.meshes, instances)
+    )
+    lighting = read.lighting or expose(read.lights, read.meshes, instances, read.dome)
+    background = read.background or (lighting.ambient if read.dome else DEFAULT_BACKGROUND)
+    if read.environment is not None:
+        lighting = around(lighting, read.environment)
+    return Scene(
+        name=name,
+        meshes=read.meshes,
+        materials=read.materials,
+        instances=instances,
+        lighting=_lighting(lighting, settings),
+        background=settings.background or background,
+        start=_start(settings) or read.start or start,
+        notices=tuple(printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in read.notices),
+        starts=_starts(settings),
+        paths=_paths(settings),
+        landmarks=_landmarks(settings),
+        labels=label_rules(settings.labels) or read.labels,
+        cameras=read.cameras,
+    )
+
+
+def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
+    """Lighting with the shading of a TOML."""
+    if settings.light.shading is None:
+        return lighting
+    return dataclasses.replace(lighting, is_matte=settings.light.shading == "matte")
+
+
+def _start(settings: SceneFile) -> StartPose | None:
+    start = settings.start
+    return None if start is None else StartPose(start.position_m, start.yaw_deg)
+
+
+def _starts(settings: SceneFile) -> tuple[NamedStart, ...]:
+    return tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts)
+
+
+def _paths(settings: SceneFile) -> tuple[ScenePath, ...]:
+    return tuple(ScenePath(p.name, p.waypoints_m, p.start_yaw_deg) for p in settings.paths)
+
+
+def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
+    """Landmarks with the colours of the palette; each band begins at the top of the one below."""
+    landmarks = []
+    for table in settings.landmarks:
+        bottoms_m = (0.0, *(band.top_m for band in table.bands[:-1]))
+        bands = tuple(
+            ColorBand(band.color, settings.palette[band.color], bottom_m, band.top_m)
+            for bottom_m, band in zip(bottoms_m, table.bands, strict=True)
+        )
+        landmarks.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
+    return tuple(landmarks)

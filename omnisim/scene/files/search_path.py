@@ -1,0 +1,143 @@
+"""Search path of the models and packages that scene files name by URI; nothing is fetched."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from omnisim.scene.files.asset_resolver import find_ignoring_case
+
+# Of Gazebo, newer names first, and of ROS.
+VARIABLES = (
+    "GZ_SIM_RESOURCE_PATH",
+    "IGN_GAZEBO_RESOURCE_PATH",
+    "SDF_PATH",
+    "GAZEBO_MODEL_PATH",
+    "GAZEBO_RESOURCE_PATH",
+    "ROS_PACKAGE_PATH",
+)
+PREFIXES = "AMENT_PREFIX_PATH"  # packages are in their share/
+_HOME = (".gazebo/models",)
+_FUEL = (".gz/fuel", ".ignition/fuel")  # what Gazebo has downloaded
+_PARENTS = 3  # folders above a scene file that are searched
+
+
+class ResourcePath:
+    """Folders of models and packages, in the order in which they are searched.
+
+    Attributes:
+        folders: those that exist, each once: given ones, those of the environment, the home's, the
+            scene file's own and those above it, each with its `models`.
+    """
+
+    def __init__(self, scene_file: Path, given: Sequence[str | Path] = ()):
+        stated = [*map(Path, given), *_environment(), *_homes(_HOME)]
+        self._stated = _distinct(stated)
+        self.folders = _distinct([*stated, *_around(scene_file)])
+
+    def find(self, uri: str, *beside: Path) -> Path | None:
+        """File or folder of a URI or path, or None.
+
+        Args:
+            uri: `model://name/…`, `package://name/…`, `file://…`, a path, or an address of Gazebo
+                Fuel, whose models are found where they have been downloaded, or by their name.
+            beside: folders that a path is relative to, before those of the search path; folders
+                around the scene's file are for URIs.
+        """
+        places = list(self._places(uri.strip(), *beside))
+        is_model = re.fullmatch(r"model://[^/]+/?", uri.strip()) is not None  # which is a folder
+        for folder, name in places:
+            if _exists(folder / name) and not (is_model and (folder / name).is_file()):
+                return folder / name
+        for folder, name in () if is_model else places:
+            with suppress(OSError, ValueError):  # no permission, a name too long
+                found = find_ignoring_case(folder, name) if name else None
+                if found is not None:
+                    return found
+        return None
+
+    def used(self, uris: Iterable[str]) -> tuple[Path, ...]:
+        """Folders in which URIs are found, of those given, the environment's and the home's."""
+        found = [path.absolute() for uri in uris if (path := self.find(uri)) is not None]
+        return tuple(
+            folder
+            for folder in self._stated
+            if any(path.is_relative_to(folder.absolute()) for path in found)
+        )
+
+    def _places(self, uri: str, *beside: Path) -> Iterator[tuple[Path, str]]:
+        """Folders, and the path in each."""
+        scheme, separator, rest = uri.partition("://")
+        if not separator:
+            scheme, rest = "", uri
+        if not rest.strip("/"):
+            return
+        if scheme in ("http", "https"):
+            yield from self._downloaded(uri)
+            return
+        for name in dict.fromkeys((rest, unquote(rest))):
+            relative = name.lstrip("/")
+            if scheme in ("", "file"):
+                for folder in (Path("/"),) if name.startswith("/") else beside:
+                    yield folder, relative
+            for folder in self.folders if scheme else self._stated:
+                yield folder, relative
+                first, _, inner = relative.partition("/")
+                if folder.name == first:  # the model's own folder
+                    yield folder, inner
+
+    def _downloaded(self, uri: str) -> Iterator[tuple[Path, str]]:
+        """Places of a model of Gazebo Fuel: https://host/1.0/owner/models/name/version/files/…."""
+        address = urlsplit(uri)
+        parts = [unquote(part) for part in address.path.split("/") if part]
+        if "models" not in parts[1:-1]:
+            return
+        at = parts.index("models", 1)
+        owner, name, rest = parts[at - 1], parts[at + 1], parts[at + 2 :]
+        version = rest.pop(0) if rest and (rest[0].isdecimal() or rest[0] == "tip") else "tip"
+        inner = "/".join(rest[1:] if rest[:1] == ["files"] else rest)
+        for cache in _homes(_FUEL):
+            model = cache / (address.hostname or "") / owner.lower() / "models" / name.lower()
+            if version != "tip":
+                yield model / version, inner
+            elif _exists(model):
+                versions = (entry for entry in model.iterdir() if entry.name.isdecimal())
+                for entry in sorted(versions, key=lambda entry: -int(entry.name)):
+                    yield entry, inner
+        for folder in self.folders:
+            for same in dict.fromkeys((name, name.lower(), name.replace(" ", "_"))):
+                yield folder / same, inner
+
+
+def _environment() -> Iterator[Path]:
+    for variable in VARIABLES:
+        yield from map(Path, filter(None, os.environ.get(variable, "").split(os.pathsep)))
+    for prefix in filter(None, os.environ.get(PREFIXES, "").split(os.pathsep)):
+        yield Path(prefix, "share")
+
+
+def _homes(names: Sequence[str]) -> Iterator[Path]:
+    home = os.environ.get("HOME", "")
+    return (Path(home, name) for name in names if home)
+
+
+def _around(scene_file: Path) -> Iterator[Path]:
+    folder = scene_file.absolute().parent
+    for parent in (folder, *folder.parents[:_PARENTS]):
+        yield parent
+        yield parent / "models"
+
+
+def _distinct(folders: Sequence[Path]) -> tuple[Path, ...]:
+    return tuple(dict.fromkeys(folder for folder in folders if _exists(folder)))
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.is_file() or path.is_dir()
+    except (OSError, ValueError):  # a name too long, or with a zero byte
+        return False

@@ -1,0 +1,119 @@
+"""Scene sources: mesh files, scene TOMLs, and the names of the built-in scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from omnisim.core.errors import SceneError, did_you_mean
+from omnisim.core.files.toml_file import find_beside, read_toml
+from omnisim.core.package_files import SCENES, built_in
+from omnisim.scene.files.scene_file import SceneFile
+from omnisim.scene.light.light_tables import SkyTable, SunTable
+
+CLEAR_SKY = "clear"
+NO_SKY = "none"  # in place of a sky: even light
+
+
+def builtin_scenes() -> list[str]:
+    """Names of the built-in scenes, sorted; each is a folder with a `scene.toml`."""
+    return built_in("scene.toml")
+
+
+class SceneSource(NamedTuple):
+    """Files of a scene.
+
+    Attributes:
+        mesh_file: path; None: the scene extends another.
+        settings: of its TOML; without one, none.
+        toml: path; None: there is none.
+    """
+
+    mesh_file: Path | None
+    settings: SceneFile
+    toml: Path | None
+
+    @property
+    def base(self) -> str | Path | None:
+        """Source that it extends; None: it has a mesh file."""
+        if self.toml is None or self.settings.extends is None:
+            return None
+        beside = self.toml.parent / self.settings.extends
+        return beside if beside.exists() else self.settings.extends
+
+    def under(self, sky: SkyTable | None, sun: SunTable | None) -> SceneSource:
+        """Source with another sky and sun, or without them."""
+        return self._replace(settings=self.settings.model_copy(update={"sky": sky, "sun": sun}))
+
+
+def shining_sun(source: SceneSource) -> SunTable | None:
+    """Sun of a source, or of those that it extends; None: there is none, or files are faulty."""
+    seen = set()
+    while not source.settings.has_own_sky and source.base is not None and source.toml not in seen:
+        seen.add(source.toml)
+        try:
+            source = resolve_source(source.base)
+        except (SceneError, OSError):  # which loading it reports
+            return None
+    return source.settings.sun
+
+
+def sky_table(sky: str | Path) -> SkyTable:
+    """Table of a sky by its name, "clear", or by the path of an environment map.
+
+    Raises:
+        SceneError: neither.
+    """
+    if sky == CLEAR_SKY:
+        return SkyTable()
+    path = Path(sky)
+    if not path.is_file():
+        raise SceneError(
+            f"sky {str(sky)!r}: expected {CLEAR_SKY!r}, {NO_SKY!r} or an environment map (.hdr, "
+            ".exr), got no file"
+        )
+    return SkyTable(file=str(path))
+
+
+def resolve_source(source: str | Path) -> SceneSource:
+    """Find the files of a path or built-in name.
+
+    Raises:
+        SceneError: a file that is missing, or a TOML that is faulty.
+    """
+    if not isinstance(source, str | Path):
+        raise SceneError(f"scene: expected a path or a name, got {type(source).__name__}")
+    path, name = Path(source), str(source)
+    if (path / "scene.toml").is_file():
+        path = path / "scene.toml"
+    if not path.is_file() and name in builtin_scenes():
+        path = SCENES / name / "scene.toml"
+    if path.is_dir():
+        path = _gazebo_model(path)
+    try:
+        path.stat()  # from Python 3.14 on, `exists` is false for whatever the reason is
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        hint = did_you_mean(name, builtin_scenes(), "built-in:")
+        raise SceneError(f"{name}: no such scene file, and no built-in scene; {hint}") from None
+    if not path.is_file():
+        raise SceneError(f"{path}: is not a regular file")
+    if path.suffix.lower() != ".toml":
+        return SceneSource(path, SceneFile(file=path.name), None)
+    settings = read_toml(path, SceneFile, SceneError)
+    if settings.file is None:
+        return SceneSource(None, settings, path)
+    mesh_file = find_beside(path.parent, settings.file, f"{path}: file", SceneError)
+    return SceneSource(mesh_file, settings, path)
+
+
+def _gazebo_model(folder: Path) -> Path:
+    """File of a folder with a model of Gazebo."""
+    from omnisim.scene.formats.sdf.model_folder import MANIFESTS, model_file  # with an XML parser
+
+    manifests = (*MANIFESTS, "model.sdf")
+    found = model_file(folder) if any((folder / name).is_file() for name in manifests) else None
+    if found is None:
+        raise SceneError(
+            f"{folder}: expected a scene file, got a folder without a scene.toml or model.config"
+        )
+    return found

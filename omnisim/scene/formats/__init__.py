@@ -1,0 +1,1 @@
+"""Formats of scenes, a folder each."""

@@ -1,0 +1,152 @@
+"""Buffers, buffer views and accessors: arrays out of bytes."""
+
+from __future__ import annotations
+
+import base64
+import math
+from typing import Any
+from urllib.parse import unquote_to_bytes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError, printable
+from omnisim.scene.files.asset_resolver import AssetResolver
+from omnisim.scene.formats.gltf import meshopt
+from omnisim.scene.formats.gltf.json_object import JsonObject
+
+_INDEX_TYPES: dict[int | str, str] = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
+_COMPONENT_TYPES = {5120: "<i1", 5122: "<i2", 5126: "<f4"} | _INDEX_TYPES
+_SHAPES: dict[int | str, tuple[int, ...]] = {
+    "SCALAR": (1,), "VEC2": (2,), "VEC3": (3,), "VEC4": (4,),
+    "MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4),
+}  # fmt: skip
+# Elements of an accessor without a bufferView: a short file must not ask for all memory.
+MAX_UNBACKED_ELEMENTS = 1 << 22
+
+
+def read_uri(uri: str, assets: AssetResolver) -> bytes:
+    """Bytes of a data URI, or of a file beside the scene.
+
+    Raises:
+        OSError, ValueError: there is no such file, or the data URI is damaged.
+    """
+    if not uri.startswith("data:"):
+        return assets[uri]
+    media_type, _, payload = uri.partition(",")
+    return base64.b64decode(payload) if ";base64" in media_type else unquote_to_bytes(payload)
+
+
+class Accessors:
+    """Arrays of a file, read when they are asked for. All methods raise SceneErrors."""
+
+    def __init__(self, root: JsonObject, chunk: memoryview, assets: AssetResolver):
+        """Read all buffers; one without a URI is the GLB file's `chunk`."""
+        self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
+        self._decoded: dict[int, NDArray[Any]] = {}
+        self._decompressed: dict[int, memoryview] = {}
+        self._buffers: list[memoryview] = []
+        for index, buffer in enumerate(root.objects("buffers")):
+            # the chunk is the first buffer's; others without a URI are empty
+            data, uri = chunk if index == 0 else memoryview(b""), buffer.text("uri", "")
+            if uri:
+                try:
+                    data = memoryview(read_uri(uri, assets))
+                except OSError as reason:
+                    raise SceneError(f"{buffer.place}.uri: {printable(uri, 80)} {reason}") from None
+                except ValueError as reason:
+                    raise SceneError(f"{buffer.place}: cannot be read: {reason!s:.80}") from None
+            self._buffers.append(data[: buffer.integer("byteLength")])
+
+    def view(self, owner: JsonObject) -> memoryview:
+        """Bytes of the bufferView that an object refers to."""
+        index = owner.index("bufferView", self._views)
+        view = self._views[index]
+        compressed = meshopt.compression(view)
+        if compressed is None or (not meshopt.is_readable() and self._has_plain(view)):
+            return self._slice(view)
+        if index not in self._decompressed:
+            self._decompressed[index] = meshopt.decode(compressed, self._slice(compressed))
+        return self._decompressed[index]
+
+    def _has_plain(self, view: JsonObject) -> bool:
+        """True for a compressed view beside which the file has the plain data."""
+        end = view.integer("byteOffset", 0) + view.integer("byteLength")
+        return end <= len(self._buffers[view.index("buffer", self._buffers)])
+
+    def _slice(self, view: JsonObject) -> memoryview:
+        """Bytes of a part of a buffer."""
+        buffer = self._buffers[view.index("buffer", self._buffers)]
+        start = view.integer("byteOffset", 0)
+        end = start + view.integer("byteLength")
+        if end > len(buffer):
+            raise SceneError(f"{view.place}: expected {end} bytes in its buffer, got {len(buffer)}")
+        return buffer[start:end]
+
+    def replace(self, owner: JsonObject, key: str, values: NDArray[Any]) -> None:
+        """Store decompressed values for the accessor that a property refers to."""
+        self._decoded[owner.index(key, self._accessors)] = values
+
+    def floats(self, owner: JsonObject, key: str) -> NDArray[np.float64]:
+        """Values (count, …) of the accessor that a property refers to.
+
+        Source: glTF 2.0, section 3.6.2.2: normalized integers stand for fractions.
+        """
+        values = self._values(owner, key)
+        with np.errstate(invalid="ignore"):  # signalling NaNs
+            floats = values.astype(np.float64)
+        accessor = self._accessors[owner.index(key, self._accessors)]
+        if accessor.flag("normalized") and values.dtype.kind in "iu":
+            # by the accessor's type: Draco's decoder widens 16 bits to 32
+            stored = np.dtype(accessor.choice("componentType", _COMPONENT_TYPES))
+            if stored.kind in "iu":
+                return np.maximum(floats / np.iinfo(stored).max, -1.0)
+        return floats
+
+    def integers(self, owner: JsonObject, key: str) -> NDArray[np.int64]:
+        """Values (count, …) of the accessor of integers that a property refers to."""
+        values = self._values(owner, key)
+        if values.dtype.kind == "f":
+            raise owner.error(key, "an accessor of integers")
+        return values.astype(np.int64)
+
+    def _values(self, owner: JsonObject, key: str) -> NDArray[Any]:
+        index = owner.index(key, self._accessors)
+        if index in self._decoded:
+            return self._decoded[index]
+        accessor = self._accessors[index]
+        count, shape = accessor.integer("count"), accessor.choice("type", _SHAPES)
+        dtype = accessor.choice("componentType", _COMPONENT_TYPES)
+        if accessor.has("bufferView"):
+            values = self._elements(accessor, count, dtype, shape)
+        elif count <= MAX_UNBACKED_ELEMENTS:
+            values = np.zeros((count, *shape), dtype)
+        else:
+            raise accessor.error("bufferView", f"one for {count} elements")
+        if not accessor.has("sparse"):
+            return values
+        sparse = accessor.object("sparse")
+        where, replaced = sparse.object("indices"), sparse.integer("count")
+        index_type = where.choice("componentType", _INDEX_TYPES)
+        indices = self._elements(where, replaced, index_type, ())
+        if replaced and indices.max() >= count:
+            raise SceneError(f"{where.place}: expected indices below {count}, got {indices.max()}")
+        values = values.copy()
+        values[indices] = self._elements(sparse.object("values"), replaced, dtype, shape)
+        return values
+
+    def _elements(
+        self, owner: JsonObject, count: int, component: str, shape: tuple[int, ...]
+    ) -> NDArray[Any]:
+        """Elements (count, *shape) in an object's bufferView, without a copy."""
+        data, offset, dtype = self.view(owner), owner.integer("byteOffset", 0), np.dtype(component)
+        size = dtype.itemsize * math.prod(shape)
+        view = self._views[owner.index("bufferView", self._views)]
+        stride = view.integer("byteStride", size)
+        if count == 0:
+            return np.zeros((0, *shape), dtype)
+        end = offset + (count - 1) * stride + size
+        if end > len(data) or stride == 0:
+            raise SceneError(f"{owner.place}: expected {end} bytes in a view of {len(data)}")
+        strides = (stride, *np.empty(shape, dtype).strides)
+        return np.ndarray((count, *shape), dtype, data, offset, strides)

@@ -1,0 +1,89 @@
+"""Objects that an animation moves, nodes that it reshapes, and parts of it that are not played."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.poses import nearest_rotation
+from omnisim.scene.files.imported import ImportedObject
+from omnisim.scene.formats.gltf.animations import Animation, MovedNode
+from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.labels import BODY
+from omnisim.scene.motion.node_motion import NodeMotion
+
+_LIGHTS = "KHR_lights_punctual"
+_CHECKS = 32  # of a node's shape, over the animation
+Moved = Mapping[int, MovedNode]
+Matrix = NDArray[np.float64]
+
+
+def moving_objects(
+    nodes: list[JsonObject],
+    owners: Sequence[int | None],
+    moved: Moved,
+    world_from_file: Matrix,
+) -> tuple[ImportedObject, ...]:
+    """Objects of the instances, one for each node that moves and has some.
+
+    Args:
+        nodes: of the file.
+        owners: index of each instance's node; None: it rests.
+        moved: see `animated_nodes`.
+        world_from_file: (4, 4).
+    """
+    instances: dict[int, list[int]] = {}
+    for number, owner in enumerate(owners):
+        if owner is not None and owner in moved:
+            instances.setdefault(moved[owner].owner, []).append(number)
+    taken, objects = {BODY}, []
+    for index, numbers in instances.items():
+        name = _free_name(nodes[index].text("name", f"node {index}"), taken)
+        taken.add(name)
+        node = moved[index].node
+        axes = _axes(node.transform_at(0.0)[:3, :3] @ np.linalg.inv(world_from_file[:3, :3]))
+        objects.append(ImportedObject(name, NodeMotion(node, axes), tuple(numbers)))
+    return tuple(objects)
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    number, free = 0, name
+    while free in taken:
+        number += 1
+        free = f"{name}_{number}"
+    return free
+
+
+def _axes(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation (3, 3) of a node's frame: without scale, shear and mirroring."""
+    axes = nearest_rotation(linear)
+    return axes if np.linalg.det(axes) > 0.0 else -axes
+
+
+def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) -> set[int]:
+    """Indices of nodes with a mesh whose motion is not rigid: scale or shear changes."""
+    times_s = np.linspace(0.0, animation.period_s, _CHECKS, endpoint=False).tolist()
+    is_rigid: dict[int, bool] = {}
+    found = set()
+    for index, (owner, node, _) in moved.items():
+        if not nodes[index].has("mesh"):
+            continue
+        if owner not in is_rigid:
+            motion = NodeMotion(node, np.eye(3))
+            is_rigid[owner] = all(map(motion.is_rigid_at, times_s))
+        if not is_rigid[owner]:
+            found.add(index)
+    return found
+
+
+def unplayed_parts(
+    nodes: list[JsonObject], animation: Animation, moved: Moved
+) -> dict[str, Sequence[JsonObject]]:
+    """Parts of an animation that rest, by their names in `DrawnObjects`."""
+    return {
+        "animations": animation.others,
+        "channels": animation.channels,
+        "shining": [nodes[index] for index in moved if nodes[index].extension(_LIGHTS)],
+    }

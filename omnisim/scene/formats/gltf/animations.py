@@ -1,0 +1,234 @@
+"""Animations: keyframes of nodes and weights, and the nodes that move by them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError, did_you_mean
+from omnisim.scene.formats.gltf.accessors import Accessors
+from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.nodes import parent_from_node
+from omnisim.scene.motion.keyframes import Interpolation, Keyframes
+from omnisim.scene.motion.node_motion import AnimatedNode, local_transform
+
+NO_ANIMATION = "none"
+_WEIGHTS = "weights"
+_WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
+_REST = {"translation": (0.0,) * 3, "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0,) * 3}
+_INTERPOLATIONS: dict[int | str, Interpolation] = {one.value: one for one in Interpolation}
+Properties = dict[str, Keyframes]
+
+
+class AnimationChoice(NamedTuple):
+    """Choice of the animation that is played.
+
+    Attributes:
+        name: of it; None: the first, and `NO_ANIMATION`: none.
+        moves_objects: nodes that it moves are objects; False: it deforms their meshes alone.
+    """
+
+    name: str | None = None
+    moves_objects: bool = True
+
+
+FIRST_ANIMATION = AnimationChoice()
+
+
+@dataclass
+class Animation:
+    """Animation that is played.
+
+    Attributes:
+        nodes: keyframes of translation, rotation and scale, by the index of a node.
+        weights: keyframes of the weights of morph targets, likewise.
+        period_s: after which it begins again.
+        channels: of the file.
+        others: animations of the file that are not played, where none was chosen by its name.
+    """
+
+    nodes: dict[int, Properties] = field(default_factory=dict)
+    weights: dict[int, Keyframes] = field(default_factory=dict)
+    period_s: float = 0.0
+    channels: Sequence[JsonObject] = ()
+    others: Sequence[JsonObject] = ()
+
+    @property
+    def moving(self) -> list[int]:
+        """Indices of the nodes whose keyframes move them."""
+        return [
+            index
+            for index, properties in self.nodes.items()
+            if not all(one.is_constant for one in properties.values())
+        ]
+
+
+def read_animation(
+    root: JsonObject, nodes: list[JsonObject], accessors: Accessors, name: str | None
+) -> Animation:
+    """Read an animation by its name; None: the first.
+
+    Raises:
+        SceneError: there is none of this name, or it is damaged.
+    """
+    entries = root.objects("animations")
+    if name == NO_ANIMATION or (name is None and not entries):
+        return Animation(others=entries)
+    names = [entry.text("name", f"animation {index}") for index, entry in enumerate(entries)]
+    if name is not None and name not in names:
+        hint = did_you_mean(name, [*names, NO_ANIMATION], "the file has")
+        raise SceneError(f"animation = {name!r}: unknown; {hint}")
+    chosen = 0 if name is None else names.index(name)
+    entry = entries[chosen]
+    animation = Animation(channels=entry.objects("channels"))
+    if name is None:
+        animation.others = entries[1:]
+    samplers, meshes = entry.objects("samplers"), root.objects("meshes")
+    for channel in animation.channels:
+        target = channel.object("target")
+        path = target.text("path", "")
+        if path not in (*_WIDTHS, _WEIGHTS) or not target.has("node"):
+            continue
+        index = target.index("node", nodes)
+        width = _WIDTHS.get(path) or _target_count(nodes[index], meshes)
+        if not width:  # weights of a mesh without targets
+            continue
+        sampler = samplers[channel.index("sampler", samplers)]
+        keyframes = _keyframes(sampler, accessors, path, width)
+        animation.period_s = max(animation.period_s, float(keyframes.times_s[-1]))
+        if path == _WEIGHTS:
+            animation.weights[index] = keyframes
+        else:
+            animation.nodes.setdefault(index, {})[path] = keyframes
+    return animation
+
+
+def _target_count(node: JsonObject, meshes: list[JsonObject]) -> int:
+    """Number of morph targets of a node's mesh."""
+    if not node.has("mesh"):
+        return 0
+    primitives = meshes[node.index("mesh", meshes)].objects("primitives")
+    return max((len(one.array("targets")) for one in primitives), default=0)
+
+
+def _keyframes(sampler: JsonObject, accessors: Accessors, path: str, width: int) -> Keyframes:
+    times_s = accessors.floats(sampler, "input").ravel()
+    if not len(times_s) or not (np.isfinite(times_s) & (times_s >= 0.0)).all():
+        raise sampler.error("input", "an accessor of finite times ≥ 0")
+    if (np.diff(times_s) < 0.0).any():
+        raise sampler.error("input", "an accessor of times that increase")
+    interpolation = Interpolation.LINEAR
+    if sampler.has("interpolation"):
+        interpolation = sampler.choice("interpolation", _INTERPOLATIONS)
+    is_spline = interpolation is Interpolation.CUBIC_SPLINE
+    rows = len(times_s) * (3 if is_spline else 1)
+    values, what = accessors.floats(sampler, "output"), f"{rows} finite VEC{width}"
+    if path == _WEIGHTS:
+        what = f"{rows * width} finite SCALAR"
+        if values.shape == (rows * width, 1):
+            values = values.reshape(rows, width)
+    if values.shape != (rows, width) or not np.isfinite(values).all():
+        raise sampler.error("output", f"an accessor of {what}")
+    before = after = None
+    if is_spline:
+        before, values, after = values[::3], values[1::3], values[2::3]
+    is_rotation = path == "rotation"
+    return Keyframes(times_s, values, interpolation, before, after, are_rotations=is_rotation)
+
+
+def transforms_at_start(
+    nodes: list[JsonObject], parents: Mapping[int, int | None], animation: Animation
+) -> dict[int, NDArray[np.float64]]:
+    """Own transforms (4, 4) of the scene's nodes at 0 s."""
+    return {
+        index: _before(nodes[index]) @ local_transform(*_start(nodes[index], properties))
+        if (properties := animation.nodes.get(index))
+        else parent_from_node(nodes[index])
+        for index in parents
+    }
+
+
+class MovedNode(NamedTuple):
+    """Node that an animation moves, itself or with one above it.
+
+    Attributes:
+        owner: index of the nearest node with keyframes, itself or above it.
+        node: that one.
+        owner_from_node: (4, 4).
+    """
+
+    owner: int
+    node: AnimatedNode
+    owner_from_node: NDArray[np.float64]
+
+
+def animated_nodes(
+    nodes: list[JsonObject],
+    parents: Mapping[int, int | None],
+    local: Mapping[int, NDArray[np.float64]],
+    animation: Animation,
+    world_from_file: NDArray[np.float64],
+) -> dict[int, MovedNode]:
+    """Nodes that move, by their indices.
+
+    Args:
+        nodes: of the file.
+        parents: of those of the scene, see `scene_parents`.
+        local: their own transforms at 0 s.
+        animation: that is played.
+        world_from_file: (4, 4).
+    """
+    moving = set(animation.moving)
+    found: dict[int, MovedNode] = {}
+    offsets: dict[int | None, NDArray[np.float64]] = {None: world_from_file}
+    for index, parent in parents.items():
+        above = None if parent is None else found.get(parent)
+        # from the nearest node above that moves, or from the world
+        offset = offsets[parent]
+        if index in moving:
+            node = nodes[index]
+            properties = animation.nodes[index]
+            translation, rotation, scale = (
+                keyframes
+                if (keyframes := properties.get(key)) and not keyframes.is_constant
+                else constant
+                for key, constant in zip(_WIDTHS, _start(node, properties), strict=True)
+            )
+            made = AnimatedNode(
+                None if above is None else above.node,
+                offset @ _before(node),
+                translation,
+                rotation,
+                scale,
+                animation.period_s,
+            )
+            offsets[index] = np.eye(4)
+            found[index] = MovedNode(index, made, offsets[index])
+        else:
+            offsets[index] = offset @ local[index]
+            if above is not None:
+                found[index] = MovedNode(above.owner, above.node, offsets[index])
+    return found
+
+
+def _before(node: JsonObject) -> NDArray[np.float64]:
+    """Matrix (4, 4) of a node, which one that is animated should not have."""
+    matrix = node.numbers("matrix", 16)
+    return np.eye(4) if matrix is None else np.reshape(matrix, (4, 4)).T
+
+
+def _start(
+    node: JsonObject, properties: Properties
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Translation, rotation and scale at 0 s."""
+    translation, rotation, scale = (
+        properties[key].at(0.0)
+        if key in properties
+        else np.array(node.numbers(key, width) or _REST[key])
+        for key, width in _WIDTHS.items()
+    )
+    return translation, rotation, scale

@@ -1,0 +1,230 @@
+"""Meshes of nodes that are skinned, morphed or reshaped, at rest or by an animation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.core.short_repr import counted
+from omnisim.scene.files.imported import LARGEST_COORDINATE, make_mesh, translate
+from omnisim.scene.formats.gltf.accessors import Accessors
+from omnisim.scene.formats.gltf.animations import Animation, MovedNode
+from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.morph_targets import Morphed, morph, resting_weights
+from omnisim.scene.formats.gltf.primitives import Primitive
+from omnisim.scene.formats.gltf.skins import (
+    JointWeights,
+    inverse_binds,
+    joint_weights,
+    joints_of,
+    singular_count,
+    skin_vertices,
+)
+from omnisim.scene.motion.deformation import Deformation, Skeleton
+from omnisim.scene.parts import Mesh
+
+Matrix = NDArray[np.float64]
+_CHECKS = 32  # of a mesh's size, over the animation
+
+
+class DeformedMesh(NamedTuple):
+    """Mesh of a node's primitive, and its pose.
+
+    Attributes:
+        mesh: at 0 s.
+        file_from_mesh: (4, 4).
+        owner: index of the node that it moves with; None: it has its place by itself.
+    """
+
+    mesh: Mesh
+    file_from_mesh: Matrix
+    owner: int | None
+
+
+@dataclass(frozen=True)
+class PlayedNodes:
+    """Nodes of the scene and what an animation makes of them.
+
+    Attributes:
+        nodes: of the file.
+        poses: (4, 4) file_from_node at 0 s, of those of the scene.
+        moved: those that move.
+        reshaped: those with a mesh whose motion is not rigid.
+        animation: that is played.
+        world_from_file: (4, 4).
+    """
+
+    nodes: list[JsonObject]
+    poses: Mapping[int, Matrix]
+    moved: Mapping[int, MovedNode]
+    reshaped: set[int]
+    animation: Animation
+    world_from_file: Matrix
+
+
+class DeformingMeshes:
+    """Makes meshes of nodes; all methods raise SceneErrors.
+
+    Attributes:
+        notices: one line for each kind of fault that was mended.
+    """
+
+    def __init__(self, root: JsonObject, accessors: Accessors, played: PlayedNodes):
+        self._skins, self._meshes = root.objects("skins"), root.objects("meshes")
+        self._accessors, self._played = accessors, played
+        self._skeletons: dict[int, Skeleton] = {}
+        self._mended = self._singular = 0
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each kind of fault that was mended."""
+        found = []
+        if self._mended:
+            vertices = counted(self._mended, "vertex", "vertices")
+            found.append(f"weights of joints do not add up to 1: they are divided ({vertices})")
+        if self._singular:
+            joints = counted(self._singular, "joint")
+            found.append(f"inverse bind matrices are singular: meshes are flattened ({joints})")
+        return found
+
+    def make(self, index: int, primitive: Primitive, plain: Mesh) -> DeformedMesh | None:
+        """Make the mesh of a node's primitive; None: it is the plain one."""
+        node = self._played.nodes[index]
+        is_skinned = node.has("skin") and primitive.has("JOINTS_0")
+        morphed = self._morph(index, primitive)
+        if is_skinned:
+            number = node.index("skin", self._skins)
+            skeleton = self._skeleton(number)
+            weights = joint_weights(primitive, len(skeleton.nodes))
+            self._mended += weights.mended
+        elif index in self._played.reshaped:
+            _, moving, owner_from_node = self._played.moved[index]
+            skeleton = Skeleton((moving,), owner_from_node[None])
+            weights = _one_joint(len(primitive.required("POSITION", 3)))
+        elif morphed is not None:
+            return self._by_its_node(index, plain, morphed)
+        else:
+            return None
+        if morphed is None:
+            morphed = Morphed(primitive.required("POSITION", 3), _normals(primitive), None)
+        if is_skinned and not skeleton.moves and morphed.targets is None:
+            world_from_bind = skeleton.matrices_at(0.0)
+            file_from_bind = np.linalg.inv(self._played.world_from_file) @ world_from_bind
+            skinned = skin_vertices(morphed.positions, morphed.normals, weights, file_from_bind)
+            mesh, centre = _remade(plain, *skinned)
+            return DeformedMesh(mesh, translate(np.eye(4), centre), None)
+        if not is_skinned and np.linalg.det(self._played.poses[index][:3, :3]) < 0.0:
+            plain = replace(plain, triangles=plain.triangles[:, (0, 2, 1)])
+        return self._by_itself(plain, morphed, weights, skeleton)
+
+    def _morph(self, index: int, primitive: Primitive) -> Morphed | None:
+        """Vertices by morph targets; None: it has none that count."""
+        if not primitive.targets:
+            return None
+        node, animation = self._played.nodes[index], self._played.animation
+        weights = resting_weights(node, self._meshes[node.index("mesh", self._meshes)])
+        animated = animation.weights.get(index)
+        if animated is None and not any(weights):
+            return None
+        return morph(primitive, weights, animated, animation.period_s)
+
+    def _by_its_node(self, index: int, plain: Mesh, morphed: Morphed) -> DeformedMesh:
+        """Morphed mesh, where its node is."""
+        pose = self._played.poses[index]
+        if morphed.targets is None:
+            mesh, centre = _remade(plain, morphed.positions, morphed.normals)
+            return DeformedMesh(mesh, translate(pose, centre), index)
+        rest = Skeleton((None,), np.eye(4)[None])
+        weights = _one_joint(len(morphed.positions))
+        mesh, centre = _deforming(plain, morphed, weights, rest, np.eye(4))
+        return DeformedMesh(mesh, translate(pose, centre), index)
+
+    def _by_itself(
+        self, plain: Mesh, morphed: Morphed, weights: JointWeights, skeleton: Skeleton
+    ) -> DeformedMesh:
+        """Mesh that its joints place in the file's frame."""
+        file_from_world = np.linalg.inv(self._played.world_from_file).astype(np.float64)
+        mesh, centre = _deforming(plain, morphed, weights, skeleton, file_from_world)
+        self._check(mesh)
+        return DeformedMesh(mesh, translate(np.eye(4), centre), None)
+
+    def _check(self, mesh: Mesh) -> None:
+        """Refuse a mesh that becomes too large."""
+        times_s = np.linspace(0.0, self._played.animation.period_s, _CHECKS).tolist()
+        assert mesh.deformation is not None
+        for time_s in times_s:
+            centre, radius = mesh.deformation.sphere_at(time_s)
+            if not np.abs(centre).max() + radius < LARGEST_COORDINATE:  # also NaN
+                raise SceneError(
+                    f"mesh {mesh.name!r}: expected finite coordinates below "
+                    f"{LARGEST_COORDINATE:g} in its animation, got others at {time_s:g} s"
+                )
+
+    @np.errstate(all="ignore")
+    def _skeleton(self, number: int) -> Skeleton:
+        if number in self._skeletons:
+            return self._skeletons[number]
+        skin, played = self._skins[number], self._played
+        joints = joints_of(skin, played.poses)
+        binds = inverse_binds(skin, self._accessors, len(joints))
+        self._singular += singular_count(binds)
+        moved = [played.moved.get(joint) for joint in joints]
+        offsets = [
+            played.world_from_file @ played.poses[joint] if one is None else one.owner_from_node
+            for joint, one in zip(joints, moved, strict=True)
+        ]
+        nodes = tuple(None if one is None else one.node for one in moved)
+        made = Skeleton(nodes, np.array(offsets).reshape(-1, 4, 4) @ binds)
+        self._skeletons[number] = made
+        return made
+
+
+def _normals(primitive: Primitive) -> Matrix | None:
+    normals = primitive.attribute("NORMAL")
+    if normals is None or normals.shape != primitive.required("POSITION", 3).shape:
+        return None
+    return normals
+
+
+def _one_joint(count: int) -> JointWeights:
+    return JointWeights(np.zeros((count, 1), dtype=np.int64), np.ones((count, 1)), 0)
+
+
+@np.errstate(all="ignore")  # what is not finite is refused with the mesh
+def _deforming(
+    plain: Mesh,
+    morphed: Morphed,
+    weights: JointWeights,
+    skeleton: Skeleton,
+    file_from_world: Matrix,
+) -> tuple[Mesh, Matrix]:
+    """Mesh at 0 s with its deformation, and its origin (3,)."""
+    normals = morphed.normals
+    deformation = Deformation(
+        morphed.positions.astype(np.float32),
+        None if normals is None else normals.astype(np.float32),
+        weights.joints.astype(np.uint32),
+        weights.shares.astype(np.float32),
+        file_from_world,
+        skeleton,
+        morphed.targets,
+    )
+    mesh, centre = _remade(plain, deformation.positions_at(0.0), deformation.normals_at(0.0))
+    if mesh.normals is None:
+        deformation = replace(deformation, normals=None)
+    shift = translate(np.eye(4), -centre)
+    deformation = replace(deformation, mesh_from_world=shift @ file_from_world)
+    return replace(mesh, deformation=deformation), centre
+
+
+def _remade(plain: Mesh, positions: Matrix, normals: Matrix | None) -> tuple[Mesh, Matrix]:
+    """Mesh of other positions and normals, and its origin (3,)."""
+    return make_mesh(
+        plain.name, positions, plain.triangles, plain.material,
+        normals, plain.texture_coordinates, plain.colors, plain.second_texture_coordinates,
+    )  # fmt: skip

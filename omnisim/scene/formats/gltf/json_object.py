@@ -1,0 +1,125 @@
+"""JSON of a glTF file: properties of their types, and errors that name their place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeVar
+
+from omnisim.core.errors import SceneError
+
+Value = TypeVar("Value")
+LARGEST_NUMBER = 1e15  # beyond, products overflow a float32
+
+
+class JsonObject:
+    """Object in a glTF file; properties are checked when they are read.
+
+    Every method raises a SceneError where a property is of another type, or, if it has no default,
+    missing. A null is as good as missing.
+
+    Attributes:
+        place: its path in the JSON, `nodes[3]`.
+    """
+
+    def __init__(self, value: object, place: str):
+        if not isinstance(value, dict):
+            raise _error(place, "an object", value)
+        self.place = place
+        self._values: dict[str, object] = value
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def has(self, key: str) -> bool:
+        """True where the property is there."""
+        return self._values.get(key) is not None
+
+    def error(self, key: str, expected: str) -> SceneError:
+        """Error that names a property, what was expected and what was got."""
+        return _error(self._path(key), expected, self._values.get(key))
+
+    def integer(self, key: str, default: int | None = None) -> int:
+        """Integer ≥ 0."""
+        value = self._values[key] if self.has(key) else default
+        if type(value) is not int or value < 0:
+            raise self.error(key, "an integer ≥ 0")
+        return value
+
+    def index(self, key: str, entries: Sequence[object]) -> int:
+        """Index of one of `entries`."""
+        return _index(self._values.get(key), entries, self._path(key))
+
+    def indices(self, key: str, entries: Sequence[object]) -> list[int]:
+        """Indices of some of `entries`; none where missing."""
+        path = self._path(key)
+        return [_index(v, entries, f"{path}[{i}]") for i, v in enumerate(self.array(key))]
+
+    def number(self, key: str, default: float) -> float:
+        """Finite number."""
+        value = self._values[key] if self.has(key) else default
+        return _number(value, self._path(key))
+
+    def numbers(self, key: str, count: int) -> tuple[float, ...] | None:
+        """`count` finite numbers, or None where missing."""
+        if not self.has(key):
+            return None
+        values = self.array(key)
+        if len(values) != count:
+            raise self.error(key, f"{count} numbers")
+        return tuple(_number(value, f"{self._path(key)}[{i}]") for i, value in enumerate(values))
+
+    def choice(self, key: str, choices: Mapping[int | str, Value]) -> Value:
+        """The one of `choices` that the property names."""
+        value = self._values.get(key)
+        if not isinstance(value, int | str) or value not in choices:
+            raise self.error(key, f"one of {', '.join(map(str, choices))}")
+        return choices[value]
+
+    def text(self, key: str, default: str) -> str:
+        """Text; numbers count as such."""
+        return str(self._values[key]) if self.has(key) else default
+
+    def flag(self, key: str) -> bool:
+        """True where the property is there, and true."""
+        return bool(self._values.get(key))
+
+    def array(self, key: str) -> list[object]:
+        """Array of anything; empty where missing."""
+        value = self._values.get(key) or []
+        if not isinstance(value, list):
+            raise self.error(key, "an array")
+        return value
+
+    def object(self, key: str) -> JsonObject:
+        """Object; empty where missing."""
+        return JsonObject(self._values[key] if self.has(key) else {}, self._path(key))
+
+    def objects(self, key: str) -> list[JsonObject]:
+        """Array of objects; empty where missing."""
+        path = self._path(key)
+        return [JsonObject(value, f"{path}[{i}]") for i, value in enumerate(self.array(key))]
+
+    def extension(self, name: str) -> JsonObject | None:
+        """Object of an extension, if any."""
+        extensions = self.object("extensions")
+        return extensions.object(name) if extensions.has(name) else None
+
+    def _path(self, key: str) -> str:
+        return f"{self.place}.{key}" if self.place else key
+
+
+def _index(value: object, entries: Sequence[object], place: str) -> int:
+    if type(value) is not int or not 0 <= value < len(entries):
+        raise _error(place, f"an index below {len(entries)}", value)
+    return value
+
+
+def _number(value: object, place: str) -> float:
+    if not isinstance(value, int | float) or not abs(value) < LARGEST_NUMBER:  # also NaN
+        raise _error(place, "a finite number", value)
+    return float(value)
+
+
+def _error(place: str, expected: str, value: object) -> SceneError:
+    got = "nothing" if value is None else repr(value)[:80]
+    return SceneError(f"{place}: expected {expected}, got {got}")

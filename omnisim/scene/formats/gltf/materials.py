@@ -1,0 +1,245 @@
+"""Materials, their textures and images."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from omnisim.scene.files.asset_resolver import AssetResolver
+from omnisim.scene.files.imported import LARGEST_COORDINATE
+from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
+from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.packed_maps import PackedMaps
+from omnisim.scene.formats.gltf.primitives import Primitive
+from omnisim.scene.formats.gltf.reflectance import with_reflectance
+from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
+from omnisim.scene.textures import NO_PICTURE, TextureStore, unreadable_image
+
+_REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's numbers
+_ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
+
+
+class _Place(NamedTuple):
+    """Placement of a texture: its set of coordinates, and their affine transform (2, 3)."""
+
+    channel: int
+    transform: NDArray[np.float64]
+
+
+class Materials:
+    """Materials of a file; after the last comes the default of primitives without any.
+
+    Attributes:
+        entries: their JSON.
+        notices: one line for each texture that cannot be decoded.
+    """
+
+    def __init__(
+        self, root: JsonObject, accessors: Accessors, textures: TextureStore, assets: AssetResolver
+    ):
+        """Open all images; those that cannot be read are then in `assets.faults`."""
+        self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
+        self.notices: list[str] = []
+        self._packs = PackedMaps()
+        self._store, self._assets = textures, assets
+        self._textures, self._samplers = root.objects("textures"), root.objects("samplers")
+        self._image_entries = root.objects("images")
+        self._reasons: dict[str, str] = {}
+        self._images = [self._open(entry, accessors) for entry in self._image_entries]
+
+    def uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
+        """Texture coordinates (n, 2) of a primitive for its material's texture, if any."""
+        place = self._place(_base_color(self.entries[material])[1])
+        uv = _coordinates(primitive, place.channel)
+        return None if uv is None else uv @ place.transform[:, :2].T + place.transform[:, 2]
+
+    def second_uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
+        """Texture coordinates (n, 2) for maps of the material that have another set."""
+        channel = self._second_channel(self.entries[material])
+        return None if channel is None else _coordinates(primitive, channel)
+
+    def _place(self, info: JsonObject) -> _Place:
+        """Placement of a texture.
+
+        Source: KHR_texture_transform, translation · rotation · scale.
+        """
+        transform = info.extension("KHR_texture_transform")
+        channel, matrix = info.integer("texCoord", 0), np.eye(2, 3)
+        if transform is not None:
+            channel = transform.integer("texCoord", channel)
+            angle = transform.number("rotation", 0.0)
+            rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            matrix[:, :2] = rotation * (transform.numbers("scale", 2) or (1.0, 1.0))
+            matrix[:, 2] = transform.numbers("offset", 2) or (0.0, 0.0)
+        # a mirrored texture is stored with its mirror image beside it
+        mirrored = np.where([wrap == _MIRRORED_REPEAT for wrap in self._wraps(info)], 0.5, 1.0)
+        return _Place(channel, matrix * mirrored[:, None])
+
+    def _second_channel(self, entry: JsonObject) -> int | None:
+        """Set of texture coordinates beside the base colour's; maps have one at most."""
+        first = self._place(_base_color(entry)[1]).channel
+        others = [self._place(info).channel for info, _ in _maps(entry)]
+        return next((channel for channel in others if channel != first), None)
+
+    def read(self, used: set[int]) -> tuple[Material, ...]:
+        """All materials; textures of the used ones only."""
+        return tuple(self._read(index, index in used) for index in range(len(self.entries)))
+
+    def _read(self, index: int, is_used: bool) -> Material:
+        entry = self.entries[index]
+        name, (factor, info) = entry.text("name", f"material {index}"), _base_color(entry)
+        red, green, blue, alpha = factor or (1.0, 1.0, 1.0, 1.0)
+        plain = Material(
+            name=name,
+            base_color=(red, green, blue, alpha),
+            texture=self._decode(info, name) if is_used and info.has("index") else None,
+            alpha_mode=_ALPHA_MODES.get(entry.text("alphaMode", ""), AlphaMode.OPAQUE),
+            alpha_cutoff=entry.number("alphaCutoff", 0.5),
+            double_sided=entry.flag("doubleSided"),
+            unlit=is_unlit(entry),
+        )
+        if plain.unlit or index == len(self.entries) - 1:
+            return plain  # what states no material is no metal, as by the defaults of one
+        maps = [self._map(entry, info, linear, name) for info, linear in _maps(entry)]
+        return with_reflectance(plain, entry, self._packed(maps if is_used else [None] * 9, name))
+
+    def _packed(self, maps: Sequence[Texture | None], material: str) -> list[Texture | None]:
+        """Maps in the order of `Material.maps`, of those in the order of `_maps`."""
+        *plain, strength, color, coat, coat_roughness, coat_normal = maps
+        gloss, clear = (
+            ((color, (0, 1, 2)), (strength, (3,))),
+            ((coat, (0,)), (coat_roughness, (1,))),
+        )
+        found = list(plain)
+        for what, parts in (("specular", gloss), ("clearcoat", clear)):
+            try:
+                found.append(self._packs.pack(parts))
+            except ValueError:
+                found.append(None)
+                self.notices.append(
+                    f"{what} maps of {material!r} are placed differently: not drawn"
+                )
+        return [*found, coat_normal]
+
+    def _map(
+        self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str
+    ) -> Texture | None:
+        """Texture of a map, placed by the coordinates of the base colour or by the second ones."""
+        texture = self._decode(info, material, is_linear) if info.has("index") else None
+        if texture is None:
+            return None
+        base, own = self._place(_base_color(entry)[1]), self._place(info)
+        matrix = own.transform
+        if own.channel == base.channel:
+            matrix = _relative(own.transform, base.transform)
+        elif own.channel != self._second_channel(entry):
+            self.notices.append(f"third set of texture coordinates of {material!r} is not read")
+            return None
+        if not np.abs(matrix).max() < LARGEST_COORDINATE:  # also false for NaN
+            self.notices.append(f"map of {material!r} cannot be placed: it is not drawn")
+            return None
+        (a, b, c), (d, e, f) = matrix.tolist()
+        return replace(
+            texture, uv_set=int(own.channel != base.channel), uv_transform=((a, b, c), (d, e, f))
+        )
+
+    def _texture(self, info: JsonObject) -> JsonObject:
+        return self._textures[info.index("index", self._textures)]
+
+    def _wraps(self, info: JsonObject) -> tuple[int, int]:
+        """OpenGL's numbers of the wrapping modes along u and v."""
+        if not info.has("index") or not self._texture(info).has("sampler"):
+            return _REPEAT, _REPEAT
+        sampler = self._samplers[self._texture(info).index("sampler", self._samplers)]
+        return sampler.integer("wrapS", _REPEAT), sampler.integer("wrapT", _REPEAT)
+
+    def _decode(self, info: JsonObject, material: str, is_linear: bool = False) -> Texture | None:
+        texture, image, uri, reason = self._texture(info), None, "", "has no image"
+        source = texture.extension("EXT_texture_webp") or texture
+        if not source.has("source"):  # the plain image is left out where KTX 2 is required
+            source = texture.extension("KHR_texture_basisu") or texture
+        if source.has("source"):
+            index = source.index("source", self._images)
+            image, uri = self._images[index], self._image_entries[index].text("uri", "")
+            reason = self._reasons.get(self._image_entries[index].place, NO_PICTURE)
+        if image is not None:
+            u, v = self._wraps(info)
+            mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
+            return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored, is_linear)
+        if uri not in self._assets.faults:
+            self.notices.append(f"texture of {material!r} {reason}: its plain colour is drawn")
+        return None
+
+    def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
+        """Image, not yet decoded; None where it is missing or of an unknown format."""
+        uri, data = entry.text("uri", ""), b""
+        with suppress(Exception):  # Pillow's readers raise all kinds
+            if entry.has("bufferView"):
+                data = bytes(accessors.view(entry))
+            elif uri:
+                data = read_uri(uri, self._assets)
+            return Image.open(io.BytesIO(data))
+        if uri in self._assets.read:
+            self._assets.faults[uri] = unreadable_image(data)
+        elif data:
+            self._reasons[entry.place] = unreadable_image(data)
+        return None
+
+
+def is_unlit(material: JsonObject) -> bool:
+    """True for a material that is drawn in its base colour, without lights."""
+    return material.extension("KHR_materials_unlit") is not None
+
+
+def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObject]:
+    """Factor and texture of a material's base colour."""
+    if glossy := material.extension("KHR_materials_pbrSpecularGlossiness"):
+        return glossy.numbers("diffuseFactor", 4), glossy.object("diffuseTexture")
+    metallic = material.object("pbrMetallicRoughness")
+    return metallic.numbers("baseColorFactor", 4), metallic.object("baseColorTexture")
+
+
+def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
+    """Textures of all maps, see `Materials._packed`, and true for linear ones."""
+    specular, coat = (
+        material.extension(f"KHR_materials_{name}") or JsonObject({}, material.place)
+        for name in ("specular", "clearcoat")
+    )
+    metallic = material.object("pbrMetallicRoughness")
+    if material.extension("KHR_materials_pbrSpecularGlossiness") is not None:
+        metallic = JsonObject({}, metallic.place)
+    return (
+        (metallic.object("metallicRoughnessTexture"), True),
+        (material.object("normalTexture"), True),
+        (material.object("occlusionTexture"), True),
+        (material.object("emissiveTexture"), False),
+        (specular.object("specularTexture"), False),
+        (specular.object("specularColorTexture"), False),
+        (coat.object("clearcoatTexture"), True),
+        (coat.object("clearcoatRoughnessTexture"), True),
+        (coat.object("clearcoatNormalTexture"), True),
+    )
+
+
+def _coordinates(primitive: Primitive, channel: int) -> NDArray[np.float64] | None:
+    uv = primitive.attribute(f"TEXCOORD_{channel}")
+    return None if uv is None or uv.shape[1] != 2 else uv
+
+
+@np.errstate(all="ignore")
+def _relative(own: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Affine map (2, 3) from coordinates that one map (2, 3) has placed to those of another."""
+    a, b, c, d = base[:, :2].ravel()
+    linear: NDArray[np.float64] = own[:, :2] @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    return np.column_stack((linear, own[:, 2] - linear @ base[:, 2]))
+
+
+def _wrap(number: int) -> Wrap:
+    return Wrap.CLAMP_TO_EDGE if number == _CLAMP_TO_EDGE else Wrap.REPEAT

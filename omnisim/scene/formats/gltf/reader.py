@@ -1,0 +1,210 @@
+"""Importer: meshes, materials, instances and lights, exactly as a glTF file states them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.asset_resolver import AssetResolver
+from omnisim.scene.files.imported import ImportedScene, colors_rgba, make_mesh, translate
+from omnisim.scene.formats.gltf.accessors import Accessors
+from omnisim.scene.formats.gltf.animated_objects import (
+    moving_objects,
+    reshaped_nodes,
+    unplayed_parts,
+)
+from omnisim.scene.formats.gltf.animations import (
+    FIRST_ANIMATION,
+    AnimationChoice,
+    animated_nodes,
+    read_animation,
+    transforms_at_start,
+)
+from omnisim.scene.formats.gltf.cameras import read_cameras
+from omnisim.scene.formats.gltf.container import read_container
+from omnisim.scene.formats.gltf.deforming_meshes import DeformingMeshes, PlayedNodes
+from omnisim.scene.formats.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
+from omnisim.scene.formats.gltf.instancing import read_copies
+from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.lights import read_lights
+from omnisim.scene.formats.gltf.materials import Materials, is_unlit
+from omnisim.scene.formats.gltf.nodes import file_from_nodes, scene_parents
+from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
+from omnisim.scene.model import Instance, Mesh
+from omnisim.scene.textures import TextureStore
+
+
+def read_gltf(
+    data: bytes,
+    textures: TextureStore,
+    assets: AssetResolver,
+    world_from_file: NDArray[np.float64],
+    choice: AnimationChoice = FIRST_ANIMATION,
+) -> ImportedScene:
+    """Read a glTF or GLB file, which plays an animation.
+
+    Raises:
+        SceneError: it is damaged, requires an extension that is not supported, or has no animation
+            of the name.
+    """
+    root, chunk = read_container(data)
+    unsupported = set(map(str, root.array("extensionsRequired"))) - SUPPORTED_EXTENSIONS
+    if unsupported:
+        raise SceneError(
+            f"requires the glTF extension {', '.join(sorted(unsupported))}, which omnisim does not "
+            "read: export the scene without it"
+        )
+    nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
+    parents = scene_parents(root, nodes)
+    animation = read_animation(root, nodes, accessors, choice.name)
+    local = transforms_at_start(nodes, parents, animation)
+    poses = file_from_nodes(parents, local)
+    moved = animated_nodes(nodes, parents, local, animation, world_from_file)
+    reshaped = reshaped_nodes(nodes, moved, animation) if choice.moves_objects else set(moved)
+    played = PlayedNodes(nodes, poses, moved, reshaped, animation, world_from_file)
+    materials = Materials(root, accessors, textures, assets)
+    deforming = DeformingMeshes(root, accessors, played)
+    meshes = _Meshes(root, accessors, materials)
+    placed = list(meshes.instantiate(nodes, poses, deforming))
+    drawn = dataclasses.replace(
+        _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]),
+        **unplayed_parts(nodes, animation, moved),
+    )
+    in_world = {index: world_from_file @ pose for index, pose in poses.items()}
+    extensions = [str(name) for name in root.array("extensionsUsed")]
+    return ImportedScene(
+        tuple(meshes.meshes),
+        materials.read({mesh.material for mesh in meshes.meshes}),
+        tuple(instance for _, instance in placed),
+        [*materials.notices, *deforming.notices, *feature_notices(drawn, extensions)],
+        read_lights(root, nodes, in_world),
+        cameras=read_cameras(root, nodes, in_world),
+        objects=moving_objects(nodes, [owner for owner, _ in placed], moved, world_from_file),
+    )
+
+
+def _drawn_objects(
+    root: JsonObject, nodes: list[JsonObject], materials: list[JsonObject]
+) -> DrawnObjects:
+    """Objects that the nodes of the scene draw."""
+    meshes = root.objects("meshes")
+    drawn = [(node, meshes[node.index("mesh", meshes)]) for node in nodes if node.has("mesh")]
+    primitives = [
+        entry
+        for mesh in {mesh.place: mesh for _, mesh in drawn}.values()
+        for entry in mesh.objects("primitives")
+    ]
+    used = {entry.index("material", materials) for entry in primitives if entry.has("material")}
+    lit = [index for index in sorted(used) if not is_unlit(materials[index])]
+    return DrawnObjects(
+        nodes=nodes,
+        primitives=primitives,
+        materials=[materials[index] for index in lit],
+        samplers=root.objects("samplers"),
+    )
+
+
+class _Part(NamedTuple):
+    """Primitive of a glTF mesh as a mesh of the scene, and that mesh's origin."""
+
+    primitive: Primitive
+    mesh: int
+    center: NDArray[np.float64]
+
+
+class _Meshes:
+    """Meshes of a file, one for each primitive. All methods raise SceneErrors.
+
+    Attributes:
+        meshes: those of the file; `instantiate` adds skinned, morphed and reshaped ones.
+    """
+
+    def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
+        self.meshes: list[Mesh] = []
+        self._accessors, self._materials = accessors, materials
+        self._name_counts: dict[str, int] = {}
+        self._parts = [
+            list(self._read(mesh, mesh.text("name", f"mesh {index}")))
+            for index, mesh in enumerate(root.objects("meshes"))
+        ]
+
+    def instantiate(
+        self,
+        nodes: list[JsonObject],
+        poses: dict[int, NDArray[np.float64]],
+        deforming: DeformingMeshes,
+    ) -> Iterator[tuple[int | None, Instance]]:
+        """Instances of the nodes at their poses, with the indices of those that they move with.
+
+        Their `world_from_mesh` is still file_from_mesh.
+        """
+        for index, pose in poses.items():
+            node = nodes[index]
+            if not node.has("mesh"):
+                continue
+            copies = read_copies(node, self._accessors)
+            if copies is not None:
+                yield from self._copy(node, index, pose, copies)
+                continue
+            name = node.text("name", f"node {index}")
+            for part in self._parts[node.index("mesh", self._parts)]:
+                made = deforming.make(index, part.primitive, self.meshes[part.mesh])
+                if made is None:
+                    yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
+                    continue
+                self.meshes.append(made.mesh)
+                number = len(self.meshes) - 1
+                if made.owner is None:
+                    yield None, Instance(name, number, made.file_from_mesh)
+                else:
+                    yield made.owner, Instance(name, number, made.file_from_mesh, pose)
+
+    def _copy(
+        self, node: JsonObject, index: int, pose: NDArray[np.float64], copies: NDArray[np.float64]
+    ) -> Iterator[tuple[int | None, Instance]]:
+        """Instances of a node's copies, numbered, which neither bend nor morph."""
+        name = node.text("name", f"node {index}")
+        parts = self._parts[node.index("mesh", self._parts)]
+        for number, file_from_copy in enumerate(pose @ copies):
+            for part in parts:
+                placed = translate(file_from_copy, part.center)
+                yield index, Instance(f"{name}_{number}", part.mesh, placed, file_from_copy)
+
+    def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
+        entries = self._materials.entries
+        for entry in mesh.objects("primitives"):
+            if entry.integer("mode", TRIANGLES) in POINTS_AND_LINES:
+                continue
+            primitive, material = Primitive(entry, self._accessors), len(entries) - 1
+            if entry.has("material"):
+                material = entry.index("material", entries[:-1])
+            positions, colors = primitive.required("POSITION", 3), primitive.attribute("COLOR_0")
+            triangles = primitive.triangles(len(positions))
+            if not len(triangles):
+                continue
+            made, center = make_mesh(
+                self._unique(name),
+                positions,
+                triangles,
+                material,
+                normals=primitive.attribute("NORMAL"),
+                texture_coordinates=self._materials.uv(primitive, material),
+                colors=None if colors is None else colors_rgba(colors, 1.0),
+                second_texture_coordinates=self._materials.second_uv(primitive, material),
+            )
+            self.meshes.append(made)
+            yield _Part(primitive, len(self.meshes) - 1, center)
+
+    def _unique(self, name: str) -> str:
+        """The name, numbered where another mesh has it."""
+        unique, number = name, self._name_counts.get(name, 0)
+        while unique in self._name_counts:
+            number += 1
+            unique = f"{name}_{number}"
+        self._name_counts |= {unique: 0, name: number}
+        return unique

@@ -1,0 +1,102 @@
+"""Skins: joints of vertices, their weights, and their transforms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.formats.gltf.accessors import Accessors
+from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.primitives import Primitive
+
+Matrix = NDArray[np.float64]
+_SUM_TOLERANCE = 0.01  # of weights, above the rounding of 8 bits, four times
+_SINGULAR = 1e-12  # determinant of a bind matrix, of its scale cubed
+
+
+class JointWeights(NamedTuple):
+    """Joints of a primitive's vertices, up to eight.
+
+    Attributes:
+        joints: (n, k).
+        shares: (n, k), of the sum 1; of a vertex without weights the first joint has all.
+        mended: number of vertices whose weights in the file have another sum.
+    """
+
+    joints: NDArray[np.int64]
+    shares: Matrix
+    mended: int
+
+
+@np.errstate(all="ignore")  # what is not finite is refused with the mesh
+def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
+    """Joints and weights of a primitive, whose skin has so many joints."""
+    sets = ["0", "1"] if primitive.has("JOINTS_1") and primitive.has("WEIGHTS_1") else ["0"]
+    count = len(primitive.required("POSITION", 3))
+    joints, weights = (
+        np.concatenate([primitive.required(f"{name}_{one}", 4) for one in sets], axis=1)
+        if _lengths(primitive, name, sets) == {count}
+        else None
+        for name in ("JOINTS", "WEIGHTS")
+    )
+    if joints is None or weights is None:
+        raise primitive.entry.error("attributes", "as many JOINTS and WEIGHTS as POSITION")
+    if not ((joints >= 0) & (joints < joint_count)).all():  # also NaN
+        raise primitive.entry.error("attributes", f"JOINTS below {joint_count}")
+    if not np.isfinite(weights).all():
+        raise primitive.entry.error("attributes", "finite WEIGHTS")
+    total = weights.sum(axis=1, keepdims=True)
+    shares = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0.0)
+    shares[~(total[:, 0] > 0.0), 0] = 1.0
+    mended = int((np.abs(total - 1.0) > _SUM_TOLERANCE).sum())
+    return JointWeights(joints.astype(np.int64), shares, mended)
+
+
+def _lengths(primitive: Primitive, name: str, sets: list[str]) -> set[int]:
+    return {len(primitive.required(f"{name}_{one}", 4)) for one in sets}
+
+
+@np.errstate(all="ignore")
+def skin_vertices(
+    positions: Matrix, normals: Matrix | None, weights: JointWeights, matrices: Matrix
+) -> tuple[Matrix, Matrix | None]:
+    """Positions (n, 3) and normals (n, 3) of a skin that rests, by matrices (joints, 4, 4)."""
+    blended = np.einsum("nj,njab->nab", weights.shares, matrices[weights.joints])
+    skinned = np.einsum("nab,nb->na", blended[:, :3, :3], positions) + blended[:, :3, 3]
+    if normals is None or normals.shape != positions.shape:
+        return skinned, None
+    return skinned, np.einsum("nab,nb->na", blended[:, :3, :3], normals)
+
+
+def joints_of(skin: JsonObject, nodes: Mapping[int, Matrix]) -> list[int]:
+    """Indices of a skin's joints, which `nodes` of the scene have."""
+    joints = skin.indices("joints", range(1 + max(nodes)))
+    if not nodes.keys() >= set(joints):
+        raise skin.error("joints", "nodes of the scene")
+    return joints
+
+
+def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Matrix:
+    """Inverse bind matrices (count, 4, 4) of a skin's joints.
+
+    Source: glTF 2.0, section 3.7.3.3: a joint's global transform times its inverse bind matrix;
+    the node of the mesh does not count.
+    """
+    if not skin.has("inverseBindMatrices"):
+        return np.tile(np.eye(4), (count, 1, 1))
+    # stored column after column
+    matrices = accessors.floats(skin, "inverseBindMatrices").swapaxes(1, -1)
+    if matrices.shape != (count, 4, 4):
+        raise skin.error("inverseBindMatrices", f"an accessor of {count} MAT4")
+    return matrices
+
+
+@np.errstate(all="ignore")
+def singular_count(matrices: Matrix) -> int:
+    """Number of matrices (n, 4, 4) that flatten what they transform."""
+    linear = matrices[:, :3, :3]
+    scales = np.abs(linear).max(axis=(1, 2))
+    return int((~(np.abs(np.linalg.det(linear)) > _SINGULAR * scales**3)).sum())

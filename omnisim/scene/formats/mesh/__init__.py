@@ -1,0 +1,1 @@
+"""Meshes by trimesh: OBJ, PLY, STL, COLLADA and others."""

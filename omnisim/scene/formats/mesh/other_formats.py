@@ -1,0 +1,118 @@
+"""OBJ, PLY, STL, COLLADA and all other formats that trimesh reads, with simpler materials.
+
+Their meshes and materials are imported by `omnisim.scene.formats.mesh.trimesh_import`.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import warnings
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from PIL import Image
+
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.asset_resolver import AssetResolver
+from omnisim.scene.files.conversions import conversion_hint
+from omnisim.scene.files.imported import ImportedScene
+from omnisim.scene.formats.mesh.mesh_faults import early_end, mesh_fault
+from omnisim.scene.formats.mesh.obj_text import (
+    MATERIAL_FILES,
+    plain_mtl,
+    plain_obj,
+    undefined_materials,
+)
+from omnisim.scene.formats.mesh.trimesh_import import import_trimesh
+from omnisim.scene.textures import TextureStore, unreadable_image
+
+# trimesh also reads paths without surfaces, voxels, and archives of files.
+_NOT_SCENES = {"dxf", "svg", "binvox", "zip", "tar.gz", "tar.bz2", "tgz", "bz2", "gz"}
+_DAMAGED = "is damaged, or of another format than its name says"
+# What it would write to standard error is said by errors and notices.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
+
+def check_format(path: Path) -> None:
+    """Check that trimesh reads surfaces from files with the suffix of `path`."""
+    if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
+        if hint := conversion_hint(path):
+            raise SceneError(f"{path}: {hint}")
+        raise SceneError(
+            f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae .sdf "
+            f".world .urdf .xml .usd, or a scene's .toml, got {path.suffix or '(no suffix)'!r}"
+        )
+
+
+def read_other(
+    path: Path, data: bytes, textures: TextureStore, assets: AssetResolver
+) -> ImportedScene:
+    """Read a file of any format but glTF."""
+    plain = None
+    if path.suffix.lower() == ".obj":
+        plain, names = plain_obj(data)
+        assets.given[MATERIAL_FILES] = _material_files(names, assets)
+    kind = path.suffix[1:].lower()
+    if fault := early_end(kind, data):
+        raise SceneError(f"cannot be read as {kind}: {fault}")
+    texts = set(assets.read)
+    imported = import_trimesh(_load_with_trimesh(kind, data, plain, assets), textures, assets)
+    if not imported.instances and (fault := mesh_fault(kind, data)):
+        raise SceneError(f"cannot be read as {kind}: {fault}")
+    if plain is not None:
+        imported.notices.extend(undefined_materials(plain, assets.given[MATERIAL_FILES]))
+    for asset in sorted(assets.read - texts):
+        _check_picture(asset, assets)
+    return imported
+
+
+def _load_with_trimesh(
+    kind: str, data: bytes, plain: bytes | None, assets: AssetResolver
+) -> trimesh.Scene:
+    """Load a file, or the plain form that is read in its place."""
+    try:
+        # without NumPy's warnings of a damaged file, and Pillow's of a large picture
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            file = io.BytesIO(data if plain is None else plain)
+            return trimesh.load_scene(file, file_type=kind, resolver=assets, process=False)
+    except MemoryError:
+        raise
+    except Exception as reason:  # a damaged file can make trimesh's readers fail in any way
+        if isinstance(reason, ImportError) and reason.name != "charset_normalizer":
+            message = f"it needs {reason.name}: pip install {reason.name}"
+        else:  # trimesh guesses encodings with charset_normalizer
+            message = mesh_fault(kind, data) or _DAMAGED
+        faults = "".join(f"{name} {fault}; " for name, fault in [*assets.faults.items()][-1:])
+        raise SceneError(f"cannot be read as {kind}: {faults}{message}") from None
+
+
+def _check_picture(name: str, assets: AssetResolver) -> None:
+    """Note a picture that cannot be opened: trimesh goes on without a word."""
+    data = b""
+    try:
+        data = assets[name]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a large picture
+            Image.open(io.BytesIO(data)).close()
+    except MemoryError:
+        raise
+    except Exception:  # Pillow's readers raise all kinds
+        assets.faults[name] = unreadable_image(data)
+
+
+def _material_files(names: list[str], assets: AssetResolver) -> bytes:
+    """All material files that an OBJ's `mtllib` lines name, as one."""
+    parts = []
+    for line in names:
+        # "a.mtl b.mtl" is two files, "my file.mtl" is one
+        for name in [line] if line in assets else line.split():
+            with suppress(FileNotFoundError):
+                part = plain_mtl(assets[name])
+                if b"newmtl" not in part:
+                    assets.faults[name] = "has no materials"
+                parts.append(part)
+    return b"\n".join(parts)

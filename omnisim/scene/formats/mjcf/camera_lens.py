@@ -1,0 +1,48 @@
+"""Lenses of a model's own cameras."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.core.errors import SceneError
+from omnisim.scene.formats.mjcf.camera_mount import find_mount
+
+_DEFAULT_SIZE_PX = (640, 480)  # of a camera that states no resolution
+
+
+def lens_of(
+    model: mujoco.MjModel, camera: str, size_px: tuple[int, int] | None = None
+) -> PerspectiveCamera | UnifiedCamera:
+    """Lens of a camera of the model: a pinhole, with which omnisim's pictures are MuJoCo's.
+
+    Args:
+        model: of MuJoCo.
+        camera: name.
+        size_px: (width, height); None: the camera's resolution, or 640 × 480 where it has none.
+
+    Raises:
+        SceneError: there is no such camera, or it is orthographic.
+        OpticsError: a size below 1.
+    """
+    mount = find_mount(model, camera=camera)
+    assert mount is not None
+    index = mount.number
+    if int(model.cam_projection[index]) != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
+        raise SceneError(f"camera = {camera!r}: expected a perspective camera, got an orthographic")
+    stated = (int(model.cam_resolution[index][0]), int(model.cam_resolution[index][1]))
+    width, height = size_px or (stated if min(stated) > 1 else _DEFAULT_SIZE_PX)
+    middle = (0.5 * (width - 1), 0.5 * (height - 1))
+    sensor_x, sensor_y = (float(size) for size in model.cam_sensorsize[index])
+    if min(sensor_x, sensor_y) <= 0.0:
+        half_rad = math.radians(0.5 * float(model.cam_fovy[index]))
+        return PerspectiveCamera(width, height, 0.5 * height / math.tan(half_rad), middle)
+    focal_x, focal_y, off_x, off_y = (float(value) for value in model.cam_intrinsic[index])
+    per_x, per_y = width / sensor_x, height / sensor_y  # pixels to a unit of the sensor
+    axis = (middle[0] - off_x * per_x, middle[1] - off_y * per_y)  # as MuJoCo draws it
+    if math.isclose(focal_x * per_x, focal_y * per_y, rel_tol=1e-6):
+        return PerspectiveCamera(width, height, focal_x * per_x, axis)
+    return UnifiedCamera(width, height, (focal_x * per_x, focal_y * per_y), axis, xi=0.0)

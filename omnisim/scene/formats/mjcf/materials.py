@@ -1,0 +1,136 @@
+"""Materials of a model, with the colours of the geoms that have them.
+
+Colours of a model are display values, sRGB, as its own renderer shows them.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.short_repr import counted
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.scene.formats.mjcf.textures import Textures
+from omnisim.scene.parts import AlphaMode, Material, Texture
+
+NO_MATERIAL = -1
+_OPAQUE_FROM = 0.995  # as for MuJoCo's renderer
+_GEOM_GREY = (0.5, 0.5, 0.5, 1.0)  # of a geom that states no colour
+_Role = mujoco.mjtTextureRole
+_COLORS = (_Role.mjTEXROLE_RGB, _Role.mjTEXROLE_RGBA)
+
+Rgba = tuple[float, float, float, float]
+
+
+def own_or_material_rgba(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> Rgba:
+    """Colour (4,) that counts: the material's, unless the geom or skin states another."""
+    own = tuple(rgba.tolist())
+    if material != NO_MATERIAL and own == _GEOM_GREY:
+        own = tuple(model.mat_rgba[material].tolist())
+    red, green, blue, alpha = own
+    return red, green, blue, alpha
+
+
+class Materials:
+    """Materials of a model, each made once for each colour and face of a cube.
+
+    Attributes:
+        entries: made so far.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        self.entries: list[Material] = []
+        self.textures = Textures(model)
+        self._model = model
+        self._index_of: dict[tuple[int, Rgba, int | None, bool], int] = {}
+
+    def color_texture(self, material: int) -> int | None:
+        """Texture of a material's base colour."""
+        if material == NO_MATERIAL:
+            return None
+        found = [int(self._model.mat_texid[material, role]) for role in _COLORS]
+        return next((texture for texture in found if texture >= 0), None)
+
+    def index(self, material: int, rgba: Rgba, face: int | None, is_solid: bool) -> int:
+        """Index of a material.
+
+        Args:
+            material: of the model, or `NO_MATERIAL`.
+            rgba: colour that counts.
+            face: of the cube that its texture is; None: a picture, or no texture.
+            is_solid: seen from outside only.
+        """
+        key = (material, rgba, face, is_solid)
+        if key not in self._index_of:
+            self._index_of[key] = len(self.entries)
+            self.entries.append(self._make(material, rgba, face, is_solid))
+        return self._index_of[key]
+
+    def _make(self, material: int, rgba: Rgba, face: int | None, is_solid: bool) -> Material:
+        red, green, blue = np.asarray(linear_from_srgb(np.clip(rgba[:3], 0.0, 1.0))).tolist()
+        alpha = float(np.clip(rgba[3], 0.0, 1.0))
+        mode = AlphaMode.OPAQUE if alpha >= _OPAQUE_FROM else AlphaMode.BLEND
+        if material == NO_MATERIAL:
+            return Material("", (red, green, blue, alpha), None, mode, double_sided=not is_solid)
+        model = self._model
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MATERIAL, material)
+        texture = self.color_texture(material)
+        if texture is not None and face is None and self.textures.is_cube(texture):
+            plain = self.textures.plain_color(texture) or (1.0, 1.0, 1.0)
+            red, green, blue = (a * b for a, b in zip((red, green, blue), plain, strict=True))
+        emission = max(float(model.mat_emission[material]), 0.0)
+        metallic, roughness = (
+            float(values[material]) for values in (model.mat_metallic, model.mat_roughness)
+        )
+        return Material(
+            name or f"material_{material}",
+            (red, green, blue, alpha),
+            self._color_texture(material, face),
+            mode,
+            double_sided=not is_solid,
+            metallic=min(max(metallic, 0.0), 1.0),  # negative: not stated
+            roughness=min(roughness, 1.0) if roughness >= 0.0 else 1.0,
+            emissive=(emission * red, emission * green, emission * blue),
+            normal_map=self._map(material, _Role.mjTEXROLE_NORMAL),
+            emissive_map=self._map(material, _Role.mjTEXROLE_EMISSIVE),
+            metallic_roughness_map=self._map(material, _Role.mjTEXROLE_ORM),
+            occlusion_map=self._map(material, _Role.mjTEXROLE_ORM),
+        )
+
+    def _color_texture(self, material: int, face: int | None) -> Texture | None:
+        texture = self.color_texture(material)
+        if texture is None:
+            return None
+        if self.textures.is_cube(texture):
+            return None if face is None else self.textures.face(texture, face)
+        return self.textures.picture(texture)
+
+    def _map(self, material: int, role: int) -> Texture | None:
+        texture = int(self._model.mat_texid[material, role])
+        if texture < 0 or self.textures.is_cube(texture):
+            return None
+        return self.textures.picture(texture, is_linear=role != _Role.mjTEXROLE_EMISSIVE)
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each feature of the materials made that is not drawn."""
+        used = sorted({material for material, _, _, _ in self._index_of if material != NO_MATERIAL})
+        model = self._model
+        mirrors = sum(model.mat_reflectance[material] > 0.0 for material in used)
+        roles = (
+            _Role.mjTEXROLE_OCCLUSION, _Role.mjTEXROLE_ROUGHNESS,
+            _Role.mjTEXROLE_METALLIC, _Role.mjTEXROLE_OPACITY,
+        )  # fmt: skip
+        single = sum(
+            int(model.mat_texid[material, role]) >= 0 for material in used for role in roles
+        )
+        notices = []
+        if mirrors:
+            notices.append(f"not drawn: mirror images in {counted(int(mirrors), 'material')}")
+        if single:
+            notices.append(
+                f"not drawn: {counted(single, 'texture')} of occlusion, roughness, metallic or "
+                "opacity alone; those of role orm are"
+            )
+        return notices

@@ -1,0 +1,93 @@
+"""Meshes of a model's geoms, each made once for each shape and appearance."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.files.imported import make_mesh
+from omnisim.scene.formats.mjcf.geometry import Geom, Shape, geom_shape
+from omnisim.scene.formats.mjcf.materials import Materials, Rgba, own_or_material_rgba
+from omnisim.scene.formats.mjcf.texture_mapping import Mapped, map_cube, map_plane
+from omnisim.scene.parts import Mesh
+
+# Geoms with an inside; what meshes and height fields are is not known.
+_SOLIDS = (
+    Geom.mjGEOM_PLANE, Geom.mjGEOM_SPHERE, Geom.mjGEOM_CAPSULE, Geom.mjGEOM_ELLIPSOID,
+    Geom.mjGEOM_CYLINDER, Geom.mjGEOM_BOX,
+)  # fmt: skip
+# Meshes of a geom by their index, and where their middles are in its frame.
+Parts = tuple[tuple[int, NDArray[np.float64]], ...]
+
+
+class Meshes:
+    """Meshes of a model.
+
+    Attributes:
+        entries: made so far.
+        materials: of them.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        self.entries: list[Mesh] = []
+        self.materials = Materials(model)
+        self._model = model
+        self._shapes: dict[tuple[object, ...], Shape] = {}
+        self._parts: dict[tuple[object, ...], Parts] = {}
+
+    def rgba(self, geom: int) -> Rgba:
+        """Colour of a geom, display values."""
+        model = self._model
+        return own_or_material_rgba(model, model.geom_rgba[geom], int(model.geom_matid[geom]))
+
+    def of_geom(self, geom: int, name: str) -> Parts:
+        """Meshes of a geom; of a name if they are new."""
+        model = self._model
+        kind, material = int(model.geom_type[geom]), int(model.geom_matid[geom])
+        shape_key = (kind, int(model.geom_dataid[geom]), *model.geom_size[geom].tolist())
+        key = (*shape_key, material, self.rgba(geom))
+        if key not in self._parts:
+            if shape_key not in self._shapes:
+                self._shapes[shape_key] = geom_shape(model, geom)
+            mapped = self._map(self._shapes[shape_key], material, model.geom_size[geom])
+            self._parts[key] = tuple(
+                self._add(name, part, material, self.rgba(geom), kind in _SOLIDS) for part in mapped
+            )
+        return self._parts[key]
+
+    def add(self, name: str, mapped: Mapped, material: int, rgba: Rgba) -> Parts:
+        """Meshes of what is no geom, and seen from both sides."""
+        return (self._add(name, mapped, material, rgba, False),)
+
+    def _map(self, shape: Shape, material: int, sizes: NDArray[np.float64]) -> list[Mapped]:
+        """Parts of a shape with texture coordinates, as far as the material has a texture."""
+        model = self._model
+        texture = self.materials.color_texture(material)
+        plain = Mapped(None, shape.surface, shape.texture_coordinates)
+        if texture is None:
+            return [plain]
+        is_uniform = bool(model.mat_texuniform[material])
+        if not self.materials.textures.is_cube(texture):
+            if shape.texture_coordinates is not None:
+                return [plain]
+            return [map_plane(shape, model.mat_texrepeat[material], sizes, is_uniform)]
+        if self.materials.textures.plain_color(texture) is not None:
+            return [plain]
+        return map_cube(shape, sizes, is_uniform)
+
+    def _add(
+        self, name: str, mapped: Mapped, material: int, rgba: Rgba, is_solid: bool
+    ) -> tuple[int, NDArray[np.float64]]:
+        surface = mapped.surface
+        index = self.materials.index(material, rgba, mapped.face, is_solid)
+        mesh, center = make_mesh(
+            name,
+            surface.positions,
+            surface.triangles,
+            index,
+            surface.normals,
+            mapped.texture_coordinates,
+        )
+        self.entries.append(mesh)
+        return len(self.entries) - 1, center

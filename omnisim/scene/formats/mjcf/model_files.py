@@ -1,0 +1,38 @@
+"""Files that a MuJoCo model names, which MuJoCo reads by itself, recorded as sources."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from omnisim.core.files.sources import note_file
+
+_FOLDERS = ("assetdir", "meshdir", "texturedir")
+
+
+def note_model_files(path: Path) -> None:
+    """Record the files of a model: those that it includes, its meshes, textures and heights."""
+    names, folders = {""}, {""}
+    waiting, seen = [path], set()
+    while waiting:
+        file = waiting.pop()
+        if file in seen:
+            continue
+        seen.add(file)
+        note_file(file)
+        try:
+            elements = list(ElementTree.parse(file).iter())
+        except (OSError, ElementTree.ParseError):  # MuJoCo has read it, or says why not
+            continue
+        for element in elements:
+            folders |= {element.get(key, "") for key in _FOLDERS}
+            # of cubes the sides have a file each: fileright, fileleft, …
+            given = {value for key, value in element.items() if key.startswith("file")}
+            names |= given
+            if element.tag == "include":
+                waiting += [path.parent / name for name in given]
+    for name in names - {""}:
+        for folder in folders:
+            candidate = path.parent / folder / name
+            if candidate.is_file():
+                note_file(candidate)

@@ -1,0 +1,167 @@
+"""Importer of MuJoCo models, from files and from memory."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.core.poses import pose_from_rotation
+from omnisim.core.short_repr import counted
+from omnisim.scene.files.imported import ImportedScene, translate
+from omnisim.scene.formats.mjcf.deformables import visible_deformables
+from omnisim.scene.formats.mjcf.geometry import Geom
+from omnisim.scene.formats.mjcf.lights import read_background, read_lighting, turned
+from omnisim.scene.formats.mjcf.meshes import Meshes, Parts
+from omnisim.scene.formats.mjcf.model_files import note_model_files
+from omnisim.scene.formats.mjcf.names import geom_names
+from omnisim.scene.formats.mjcf.viewpoint import find_viewpoint
+from omnisim.scene.parts import Instance
+
+# Groups of geoms that MuJoCo's own viewer shows; others mostly are collision shapes.
+VISIBLE_GROUPS = (0, 1, 2)
+
+
+def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene:
+    """Read a model's file, in its first keyframe, or else in its initial configuration.
+
+    Raises:
+        SceneError: MuJoCo cannot read it.
+    """
+    model, data, warnings = load_model(path)
+    note_model_files(path)
+    try:
+        read = ModelReader(model, data, VISIBLE_GROUPS).read()
+    except UnicodeDecodeError as reason:
+        raise SceneError(f"expected names in UTF-8, got {bytes(reason.object)!r:.40}") from None
+    notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
+    lighting = None if read.lighting is None else turned(read.lighting, world_from_file)
+    start = find_viewpoint(model, data, world_from_file)
+    return read._replace(notices=notices, lighting=lighting, start=start)
+
+
+def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
+    """Model of a file and its data, in its first keyframe or else initially, and its warnings.
+
+    Raises:
+        SceneError: MuJoCo cannot read it.
+    """
+    with _warnings() as warnings:
+        try:
+            model = mujoco.MjModel.from_xml_path(str(path))
+        except (ValueError, mujoco.FatalError) as reason:
+            raise SceneError(f"cannot be read by MuJoCo: {_one_line(str(reason))}") from None
+        data = mujoco.MjData(model)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, data, 0)
+        update_poses(model, data)
+    return model, data, warnings
+
+
+@contextmanager
+def _warnings() -> Iterator[list[str]]:
+    """Collect MuJoCo's warnings, which it else writes to the console and a log file."""
+    before, texts = mujoco.get_mju_user_warning(), list[str]()
+    mujoco.set_mju_user_warning(texts.append)
+    try:
+        yield texts
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Compute poses from the joints, as the first part of mj_forward."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)  # of which lights and cameras are in the tracking modes
+    mujoco.mj_camlight(model, data)
+    mujoco.mj_flex(model, data)
+
+
+class ModelReader:
+    """Importer of a model at the moment of its data, whose poses are computed.
+
+    Args:
+        model, data: of MuJoCo.
+        groups: of the geoms, skins and flexible bodies that are drawn.
+
+    Attributes:
+        geoms: that are drawn.
+        names: of all geoms.
+        meshes: of those that became instances.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]):
+        self._model, self._data, self._groups = model, data, groups
+        self.meshes, self.names = Meshes(model), geom_names(model)
+        self.geoms = [
+            geom
+            for geom in range(model.ngeom)
+            if int(model.geom_group[geom]) in groups and self.meshes.rgba(geom)[3] > 0.0
+        ]
+
+    def read(self) -> ImportedScene:
+        """Import everything that is drawn."""
+        return self.content([*self.instances(self.geoms, np.eye(4)), *self.deformables()])
+
+    def content(self, instances: Iterable[Instance]) -> ImportedScene:
+        """Import some instances that were made here."""
+        lighting, lights = read_lighting(self._model, self._data)
+        background, sky = read_background(self._model, self.meshes.materials.textures)
+        return ImportedScene(
+            tuple(self.meshes.entries),
+            tuple(self.meshes.materials.entries),
+            tuple(instances),
+            [*self._notices(), *self.meshes.materials.notices, *lights, *sky],
+            lighting=lighting,
+            background=background,
+        )
+
+    def instances(
+        self, geoms: Iterable[int], frame_from_world: NDArray[np.float64]
+    ) -> list[Instance]:
+        """Instances of geoms in a frame, whose pose (4, 4) is that at the moment of the data."""
+        instances = []
+        for geom in geoms:
+            rotation = self._data.geom_xmat[geom].reshape(3, 3)
+            pose = frame_from_world @ pose_from_rotation(rotation, self._data.geom_xpos[geom])
+            parts = self.meshes.of_geom(geom, self.names[geom])
+            instances += _place(self.names[geom], parts, pose)
+        return instances
+
+    def deformables(self) -> list[Instance]:
+        """Instances of the skins and flexible bodies in the world."""
+        instances = []
+        for one in visible_deformables(self._model, self._data, self._groups):
+            parts = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
+            instances += _place(one.name, parts, np.eye(4))
+        return instances
+
+    def _notices(self) -> list[str]:
+        """One line for each kind of geom that is not drawn, or not as it is."""
+        model, groups, notices = self._model, self._groups, []
+        hidden = sum(int(group) not in groups for group in model.geom_group)
+        if hidden:
+            others = sorted({int(group) for group in model.geom_group} - set(groups))
+            listed = ", ".join(map(str, others))
+            notices.append(f"not drawn, as in MuJoCo: {counted(hidden, 'geom')} of group {listed}")
+        fields = sum(int(model.geom_type[geom]) == Geom.mjGEOM_SDF for geom in self.geoms)
+        if fields:
+            notices.append(f"drawn as meshes: {counted(fields, 'signed distance field')}")
+        ropes = int((model.flex_dim == 1).sum())
+        if ropes:
+            notices.append(f"not drawn: {counted(ropes, 'flexible line')} without a surface")
+        return notices
+
+
+def _place(name: str, parts: Parts, pose: NDArray[np.float64]) -> list[Instance]:
+    """Instances of meshes at the pose of what they belong to."""
+    return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

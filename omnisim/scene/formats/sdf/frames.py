@@ -1,0 +1,134 @@
+"""Frames of a world or model: poses relative to others, by name.
+
+Source: SDFormat, pose frame semantics; https://github.com/gazebosim/sdformat.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError, did_you_mean
+from omnisim.core.poses import inverse
+from omnisim.scene.formats.sdf.element import SdfElement
+
+_OWN = frozenset(("", "__model__", "world", "__root__"))
+
+
+class _Frame(NamedTuple):
+    """Frame in a scope.
+
+    Attributes:
+        element: has its pose.
+        default: frame of that pose where it names none.
+        inner: scope of a nested model.
+        placement: frame of the inner scope that the pose is of.
+    """
+
+    element: SdfElement
+    default: str
+    inner: Scope | None
+    placement: str
+
+
+class UnplacedError(SceneError):
+    """Error of a pose that is relative to a model that is not found."""
+
+
+class Scope:
+    """Named frames of the world, or of a model; the empty name is its own frame."""
+
+    def __init__(self) -> None:
+        self._frames: dict[str, _Frame] = {}
+        self._missing: set[str] = set()
+        self._poses: dict[str, NDArray[np.float64]] = {}
+        self._aliases: dict[str, str] = {}
+        self._active: list[str] = []
+
+    def add(self, name: str, element: SdfElement, default: str = "") -> None:
+        """Add a link, frame or joint, unless the name is taken.
+
+        Args:
+            name: its own.
+            element: with its pose.
+            default: frame of that pose where it names none.
+        """
+        self._frames.setdefault(name, _Frame(element, default, None, ""))
+
+    def add_model(self, name: str, element: SdfElement, inner: Scope, placement: str = "") -> None:
+        """Add a nested model.
+
+        Args:
+            name: its own.
+            element: with its pose, of the `<include>` or the `<model>`.
+            inner: its frames.
+            placement: frame in it that the pose is of.
+        """
+        self._frames.setdefault(name, _Frame(element, "", inner, placement))
+
+    def add_missing(self, name: str) -> None:
+        """Add a nested model that is not found: what is relative to it has no pose."""
+        self._missing.add(name)
+
+    def add_alias(self, name: str, frame: str) -> None:
+        """Make a frame of a merged model known by its own name."""
+        self._aliases.setdefault(name, frame)
+
+    def place(self, name: str, scope_from_frame: NDArray[np.float64]) -> None:
+        """Put a link or model elsewhere than its file does."""
+        self._poses[name] = scope_from_frame
+
+    def pose_of(self, element: SdfElement, default: str = "") -> NDArray[np.float64]:
+        """Pose (4, 4) scope_from_element.
+
+        Args:
+            element: with the pose.
+            default: frame of that pose where it names none.
+
+        Raises:
+            UnplacedError: a frame of a model that is not found.
+            SceneError: a frame that is not there, or that is relative to itself.
+        """
+        pose: NDArray[np.float64] = (
+            self._scope_from(element.relative_to or default, element) @ element.pose()
+        )
+        return pose
+
+    def model_pose(self, name: str) -> NDArray[np.float64]:
+        """Pose (4, 4) scope_from_model of a nested model."""
+        return self._scope_from(name, self._frames[name].element)
+
+    def _scope_from(self, name: str, asking: SdfElement) -> NDArray[np.float64]:
+        if name in self._poses:
+            return self._poses[name]
+        frame = self._frames.get(name)
+        if frame is None:
+            return self._outside(name, asking)
+        if name in self._active:
+            circle = " → ".join((*self._active[self._active.index(name) :], name))
+            raise asking.error("frames that are not relative to themselves", circle)
+        self._active.append(name)
+        pose = self.pose_of(frame.element, frame.default)
+        if frame.inner is not None and frame.placement:
+            pose = pose @ inverse(frame.inner._scope_from(frame.placement, frame.element))
+        self._active.pop()
+        self._poses[name] = pose
+        return pose
+
+    def _outside(self, name: str, asking: SdfElement) -> NDArray[np.float64]:
+        """Pose of the scope itself, or of a frame in a nested model: `model::frame`."""
+        if name in _OWN:
+            return np.eye(4)
+        name = self._aliases.get(name, name)
+        outer, separator, rest = name.partition("::")
+        frame = self._frames.get(outer)
+        if frame is None and outer in self._missing:
+            raise UnplacedError(f"{asking.place}: its pose is relative to {outer!r}, not found")
+        if not separator or frame is None or frame.inner is None:
+            hint = did_you_mean(name, self._frames, "there are")
+            raise asking.error(f"the name of a frame; {hint}", name)
+        inner = frame.inner._scope_from(rest, asking)
+        pose: NDArray[np.float64] = self._scope_from(outer, asking) @ inner
+        return pose

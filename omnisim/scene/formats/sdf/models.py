@@ -1,0 +1,297 @@
+"""Tree of models: nested ones, and those that others include from files."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.core.files.sources import read_source
+from omnisim.core.short_repr import counted
+from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.sdf.builtin_models import BUILTIN_MODELS
+from omnisim.scene.formats.sdf.document import parse_xml
+from omnisim.scene.formats.sdf.element import Omissions, SdfElement
+from omnisim.scene.formats.sdf.frames import Scope, UnplacedError
+from omnisim.scene.formats.sdf.model_folder import model_file, read_xml
+from omnisim.scene.formats.sdf.shapes import ROUND
+
+_DEEPEST = 24  # models in models
+_MOST = 200_000  # models of a world: a few files that include each other twice make billions
+_SHOWN = 4  # names in a notice
+UNPLACED = "left out with the models that they are posed relative to"
+ENTITIES = ("model", "light", "actor")
+
+
+@dataclass
+class Model:
+    """World or model with its frames.
+
+    Attributes:
+        name: distinct in the model or world that it is in.
+        element: `<world>` or `<model>`.
+        scope: its frames.
+        models: nested ones.
+        others: lights and actors of the world, those of included files too.
+        is_merged: its links belong to the model that includes it.
+    """
+
+    name: str
+    element: SdfElement
+    scope: Scope = field(default_factory=Scope)
+    models: list[Model] = field(default_factory=list)
+    others: list[SdfElement] = field(default_factory=list)
+    is_merged: bool = False
+
+
+class ModelLibrary:
+    """Models by URI, each file read once.
+
+    Attributes:
+        resources: search path.
+        omissions: of what is in the models.
+        round_shapes: number of spheres, cylinders and the like of all trees.
+    """
+
+    def __init__(self, resources: ResourcePath, omissions: Omissions) -> None:
+        self.resources, self.omissions = resources, omissions
+        self._files: dict[Path, Element] = {}
+        self._missing: Counter[str] = Counter()
+        self._remote: Counter[str] = Counter()
+        self._substitutes: set[str] = set()
+        self.round_shapes = 0
+        self._count = 0
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for the models that are missing, and one for those that are on the net."""
+        notices = []
+        if self._missing:
+            notices.append(
+                f"{counted(self._missing.total(), 'object')} not found, and not drawn: "
+                f"{_names(self._missing)}: pass the folder of their models as --resources"
+            )
+        if self._remote:
+            notices.append(
+                f"{counted(self._remote.total(), 'object')} not fetched from the net, and not "
+                f"drawn: {_names(self._remote)}: `gz fuel download -u ADDRESS` gets them"
+            )
+        notices += [
+            f"{_short(uri)} not found: omnisim's own is drawn" for uri in sorted(self._substitutes)
+        ]
+        return notices
+
+    def drop_unplaced(self, model: Model) -> None:
+        """Take out the models in a model whose poses are relative to one that is not found."""
+        for inner in list(model.models):
+            try:
+                model.scope.model_pose(inner.name)
+            except UnplacedError:
+                model.models.remove(inner)
+                self.omissions.add(UNPLACED, "model")
+            else:
+                self.drop_unplaced(inner)
+
+    def used_folders(self, root: SdfElement) -> tuple[Path, ...]:
+        """Folders that a file and its models need, but for those around it."""
+        roots = (root.element, *self._files.values())
+        texts = {(one.text or "").strip() for each in roots for one in each.iter()}
+        return self.resources.used(sorted(text for text in texts if "://" in text))
+
+    def miss(self, uri: str) -> None:
+        """Count an object that is not found."""
+        (self._remote if uri.startswith(("http://", "https://")) else self._missing)[uri] += 1
+
+    def tree(self, element: SdfElement, name: str, depth: int = 0) -> Model:
+        """Model or world with all that it includes.
+
+        Raises:
+            SceneError: a file that is damaged, models without end, or values that are none.
+        """
+        self._count += 1
+        if depth > _DEEPEST or self._count > _MOST:
+            raise element.error(f"at most {_DEEPEST} models in each other", "more, or a circle")
+        model = Model(name, element)
+        taken: set[str] = set()
+        for child in element.children("model", "include"):
+            if child.element.tag == "include":
+                self._include(model, child, taken, depth)
+            else:
+                inner = self.tree(child, unique_name(child.name or "model", taken), depth + 1)
+                model.models.append(inner)
+                model.scope.add_model(
+                    inner.name, child, inner.scope, child.attribute("placement_frame")
+                )
+        for link in element.children("link"):
+            model.scope.add(link.name, link)
+            self.round_shapes += _round_shapes(link)
+        for frame in element.children("frame"):
+            model.scope.add(frame.name, frame, frame.attribute("attached_to"))
+        for joint in element.children("joint"):
+            model.scope.add(joint.name, joint, joint.text("child"))
+        model.others += element.children("light", "actor")
+        return model
+
+    def _include(self, model: Model, include: SdfElement, taken: set[str], depth: int) -> None:
+        found = self._included(include)
+        if found is None:
+            model.scope.add_missing(include.text("name") or _last_part(include.text("uri")))
+            return
+        if found.element.tag != "model":
+            posed = include if include.find("pose") is not None else found
+            model.others.append(with_pose_of(found, posed))
+            return
+        is_merged = include.attribute("merge").lower() in ("true", "1")
+        name = unique_name(include.text("name") or found.name or "model", taken)
+        inner = self.tree(found, name, depth + 1)
+        inner.is_merged = is_merged
+        model.models.append(inner)
+        posed = include if include.find("pose") is not None else found
+        placement = include.text("placement_frame") or found.attribute("placement_frame")
+        model.scope.add_model(name, posed, inner.scope, placement)
+        if is_merged:
+            for frame in found.children("link", "frame", "joint", "model"):
+                model.scope.add_alias(frame.name, f"{name}::{frame.name}")
+
+    def _included(self, include: SdfElement) -> SdfElement | None:
+        """First entity of an included file; None: it is missing, and counted."""
+        uri = include.text("uri")
+        if not uri:
+            raise include.error("a <uri>", "none")
+        path = self.resources.find(uri, include.file.parent)
+        if path is not None and path.is_dir():
+            path = model_file(path)
+        if path is None:
+            return self._substitute(uri)
+        root = self._root(path)
+        entity = next((child for child in root if child.tag in ENTITIES), None)
+        if entity is None:
+            raise include.error(f"a model, light or actor in {path}", uri)
+        name = entity.get("name")
+        step = entity.tag if name is None else f"{entity.tag}[{name}]"
+        return SdfElement(entity, f"{path}: {step}", path)
+
+    def _substitute(self, uri: str) -> SdfElement | None:
+        """Model of omnisim's own, for those that every world of Gazebo Classic includes."""
+        name = _last_part(uri).lower().replace(" ", "_")
+        if name not in BUILTIN_MODELS:
+            self.miss(uri)
+            return None
+        self._substitutes.add(uri)
+        entity = parse_xml(BUILTIN_MODELS[name].encode())
+        return SdfElement(entity, f"{uri}: {entity.tag}", Path(name))
+
+    def _root(self, path: Path) -> Element:
+        if path not in self._files:
+            self._files[path] = read_xml(path)
+        return self._files[path]
+
+
+def _names(uris: Counter[str]) -> str:
+    """The most frequent of some URIs, with how many more there are."""
+    counts: Counter[str] = Counter()
+    for uri, count in uris.items():
+        counts[_short(uri)] += count
+    shown = [
+        name if count == 1 else f"{name} × {count}" for name, count in counts.most_common(_SHOWN)
+    ]
+    more = len(counts) - len(shown)
+    return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
+
+
+def _round_shapes(link: SdfElement) -> int:
+    visuals = (visual.find("geometry") for visual in link.children("visual"))
+    return sum(
+        child.tag in ROUND for found in visuals if found is not None for child in found.element
+    )
+
+
+def _short(uri: str) -> str:
+    """Owner and name of a model of Gazebo Fuel; other URIs as they are."""
+    found = re.match(r"https?://[^/]+/[\d.]+/([^/]+)/models/([^/]+)", uri)
+    return uri if found is None else f"{found[1]}/{unquote(found[2])}"
+
+
+def _last_part(uri: str) -> str:
+    """Name of the folder or file of a URI."""
+    return unquote(uri.strip("/").rpartition("/")[2])
+
+
+def unique_name(name: str, taken: set[str]) -> str:
+    """The name, numbered where another has it."""
+    unique, number = name, 0
+    while unique in taken:
+        unique, number = f"{name}_{number}", number + 1
+    taken.add(unique)
+    return unique
+
+
+def with_pose_of(entity: SdfElement, posed: SdfElement) -> SdfElement:
+    """Entity with the pose of the `<include>`."""
+    pose = posed.element.find("pose")
+    if posed is entity or pose is None:
+        return entity
+    copy = Element(entity.element.tag, entity.element.attrib)
+    copy.extend([pose, *(child for child in entity.element if child.tag != "pose")])
+    return entity._replace(element=copy)
+
+
+class PlacedModel(NamedTuple):
+    """Model in the frame of an outer one.
+
+    Attributes:
+        path: names of the models that it is in, a slash after each; a merged model adds none.
+        model: itself.
+        outer_from_model: (4, 4).
+    """
+
+    path: str
+    model: Model
+    outer_from_model: NDArray[np.float64]
+
+    def pose_of(self, element: SdfElement, default: str = "") -> NDArray[np.float64]:
+        """Pose (4, 4) outer_from_element of an element in the model.
+
+        Args:
+            element: with the pose.
+            default: frame of that pose where it names none.
+        """
+        pose: NDArray[np.float64] = self.outer_from_model @ self.model.scope.pose_of(
+            element, default
+        )
+        return pose
+
+
+def placed_models(
+    model: Model, outer_from_model: NDArray[np.float64] | None = None, path: str = ""
+) -> Iterator[PlacedModel]:
+    """World or model itself, and all models in it; by default in its own frame."""
+    own = np.eye(4) if outer_from_model is None else outer_from_model
+    yield PlacedModel(path, model, own)
+    for inner in model.models:
+        pose = own @ model.scope.model_pose(inner.name)
+        yield from placed_models(inner, pose, path if inner.is_merged else f"{path}{inner.name}/")
+
+
+def read_root(path: Path, data: bytes | None = None) -> SdfElement:
+    """Read the `<sdf>` of a file.
+
+    Raises:
+        SceneError: it cannot be read, or is none.
+    """
+    try:
+        root = parse_xml(read_source(path) if data is None else data)
+    except OSError as reason:
+        raise SceneError(f"cannot be read: {reason.strerror}") from None
+    if root.tag != "sdf":
+        raise SceneError(f"expected <sdf>, got <{root.tag}>")
+    return SdfElement(root, "", path)

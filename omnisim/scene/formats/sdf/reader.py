@@ -1,0 +1,252 @@
+"""Importer: visuals and lights of a world, or of a model, as an SDF file states them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.imported import ImportedScene, make_mesh, translate
+from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.sdf import shapes
+from omnisim.scene.formats.sdf.element import Omissions, SdfElement
+from omnisim.scene.formats.sdf.frames import UnplacedError
+from omnisim.scene.formats.sdf.heightmaps import read_levels, terrain
+from omnisim.scene.formats.sdf.lights import read_light
+from omnisim.scene.formats.sdf.materials import MaterialReader
+from omnisim.scene.formats.sdf.meshes import MeshLibrary, centered, submesh
+from omnisim.scene.formats.sdf.models import (
+    ENTITIES,
+    UNPLACED,
+    ModelLibrary,
+    PlacedModel,
+    placed_models,
+    read_root,
+)
+from omnisim.scene.formats.sdf.shapes import Shape
+from omnisim.scene.formats.sdf.states import apply_state
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
+from omnisim.scene.parts import Instance, Light, Mesh
+from omnisim.scene.textures import TextureStore
+
+_FARTHEST_M = 1e9
+# What a world has beside models, lights and physics.
+_LEFT_OUT = {
+    "road": "roads are not drawn",
+    "population": "populations of models are not made",
+    "actor": "actors are not drawn",
+}
+
+
+def read_sdf(
+    path: Path,
+    data: bytes,
+    textures: TextureStore,
+    resources: ResourcePath,
+    world_from_file: NDArray[np.float64],
+) -> ImportedScene:
+    """Read a world or model.
+
+    Raises:
+        SceneError: it is damaged; naming element, value and what was expected.
+    """
+    reader = _Reader(resources, textures, world_from_file)
+    return reader.read(read_root(path, data))
+
+
+class _Reader:
+    """Meshes, materials, instances and lights of a file."""
+
+    def __init__(
+        self, resources: ResourcePath, textures: TextureStore, world_from_file: NDArray[np.float64]
+    ) -> None:
+        self._omissions = Omissions()
+        self._library = ModelLibrary(resources, self._omissions)
+        self._resources = resources
+        self._materials = MaterialReader(resources, textures, self._omissions)
+        self._files = MeshLibrary(textures)
+        self._world_from_file = world_from_file
+        self._meshes: list[Mesh] = []
+        self._shapes: dict[tuple[object, ...], Shape] = {}
+        # by shape or mesh, and material: number of the mesh, and its centre
+        self._made: dict[tuple[int, int], tuple[int, NDArray[np.float64]]] = {}
+        self._instances: list[Instance] = []
+        self._lights: list[Light] = []
+
+    def read(self, root: SdfElement) -> ImportedScene:
+        """Read the first world of a file, or all of its models and lights."""
+        worlds = list(root.children("world"))
+        for _ in worlds[1:]:
+            self._omissions.add("only the first world is drawn", "further world")
+        outer = worlds[0] if worlds else root
+        if not worlds and not any(True for _ in root.children(*ENTITIES)):
+            raise SceneError("expected a <world>, <model> or <light>, got none")
+        world = self._library.tree(outer, "")
+        apply_state(world, self._omissions)
+        self._library.drop_unplaced(world)
+        scene = outer.find("scene")
+        background = None if scene is None else self._read_scene(scene)
+        for placed in placed_models(world):
+            self._read_model(placed)
+        for each in outer.children("road", "population"):
+            self._omissions.add(_LEFT_OUT[each.element.tag], each.element.tag)
+        notices = [*self._library.notices, *self._omissions.notices, *self._files.notices]
+        if not self._instances:
+            raise SceneError("; ".join(["has no triangles to draw", *notices[:1]]))
+        return ImportedScene(
+            tuple(self._meshes),
+            tuple(self._materials.materials),
+            tuple(self._instances),
+            notices,
+            tuple(self._lights),
+            background=background,
+        )
+
+    def _read_scene(self, scene: SdfElement) -> tuple[float, float, float] | None:
+        """Background of the `<scene>`."""
+        if scene.find("sky") is not None:
+            self._omissions.add("the sky is drawn in one colour", "sky")
+            return DEFAULT_BACKGROUND
+        if scene.find("fog") is not None and scene.text("fog/type", "none") != "none":
+            self._omissions.add("fog is not drawn", "fog")
+        return scene.color("background")
+
+    def _read_model(self, placed: PlacedModel) -> None:
+        for other in placed.model.others:
+            if other.element.tag == "actor":
+                self._omissions.add(_LEFT_OUT["actor"], "actor")
+            else:
+                self._read_light(other, self._pose_of(placed, other))
+        for link in placed.model.element.children("link"):
+            for visual in link.children("visual"):
+                name = f"{placed.path}{link.name or 'link'}/{visual.name or 'visual'}"
+                self._read_visual(visual, self._pose_of(placed, visual, link.name), name)
+            for light in link.children("light"):
+                self._read_light(light, self._pose_of(placed, light, link.name))
+            for extra in link.children("projector", "particle_emitter"):
+                self._omissions.add(f"{extra.element.tag}s are not drawn", "element")
+
+    def _pose_of(
+        self, placed: PlacedModel, element: SdfElement, default: str = ""
+    ) -> NDArray[np.float64] | None:
+        """Pose of an element; None, with a notice, where it depends on a missing model."""
+        try:
+            return placed.pose_of(element, default)
+        except UnplacedError:
+            self._omissions.add(UNPLACED, element.element.tag)
+            return None
+
+    def _read_light(self, element: SdfElement, file_from_light: NDArray[np.float64] | None) -> None:
+        if file_from_light is None:
+            return
+        light = read_light(element, self._world_from_file @ file_from_light, self._omissions)
+        if light is not None:
+            self._lights.append(light)
+
+    def _read_visual(
+        self, visual: SdfElement, file_from_visual: NDArray[np.float64] | None, name: str
+    ) -> None:
+        geometry = visual.find("geometry")
+        kind = None if geometry is None else next(geometry.children(*shapes.GEOMETRIES), None)
+        if geometry is None or kind is None or file_from_visual is None:
+            return
+        tag = kind.element.tag
+        if tag == "mesh":
+            self._read_mesh(kind, visual, file_from_visual, name)
+        elif tag == "heightmap":
+            self._read_heightmap(kind, file_from_visual, name)
+        elif tag in shapes.SHAPES:
+            shape = self._shape(geometry, kind)
+            material = self._materials.read(visual, double_sided=not shape.is_closed)
+            self._place(shape, material, file_from_visual, name)
+        else:
+            self._omissions.add(f"<{tag}> is not drawn", "visual")
+
+    def _read_heightmap(
+        self, element: SdfElement, file_from_visual: NDArray[np.float64], name: str
+    ) -> None:
+        uri = element.text("uri")
+        path = self._materials.find_image(element, uri)
+        if path is None:
+            self._library.miss(uri)
+            return
+        image = self._materials.image(path)
+        levels = None if image is None else read_levels(image)
+        if levels is None:
+            self._omissions.add(f"heightmap {path.name} is not drawn: no grey image", "visual")
+            return
+        if element.find("texture/normal") is not None:
+            self._omissions.add("normal maps of terrains are not drawn", "heightmap")
+        material, tile_m = self._materials.terrain(element, levels)
+        self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
+
+    def _shape(self, geometry: SdfElement, kind: SdfElement) -> Shape:
+        """Shape of a geometry; equal ones are one."""
+        key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
+        if key not in self._shapes:
+            self._shapes[key] = shapes.make_shape(
+                geometry, kind, shapes.most_segments(self._library.round_shapes)
+            )
+        return self._shapes[key]
+
+    def _place(
+        self, shape: Shape, material: int, file_from_visual: NDArray[np.float64], name: str
+    ) -> None:
+        key = id(shape), material
+        if key not in self._made:
+            surface = shape.surface
+            mesh, center = make_mesh(
+                name, surface.positions, surface.triangles, material, surface.normals, shape.uv
+            )
+            self._made[key] = len(self._meshes), center
+            self._meshes.append(mesh)
+        index, center = self._made[key]
+        pose = translate(file_from_visual, center)
+        self._instances.append(Instance(name, index, pose, file_from_visual))
+
+    def _read_mesh(
+        self,
+        element: SdfElement,
+        visual: SdfElement,
+        file_from_visual: NDArray[np.float64],
+        name: str,
+    ) -> None:
+        uri, scale = element.text("uri"), element.vector("scale", (1.0, 1.0, 1.0))
+        if not all(scale):
+            raise element.error("a <scale> other than 0", element.text("scale"))
+        path = self._resources.find(uri, element.file.parent)
+        if path is None or not path.is_file():
+            self._library.miss(uri)
+            return
+        file = self._files.load(path)
+        if isinstance(file, str):
+            self._omissions.add(f"{path.name}: not drawn: {file}", "visual")
+            return
+        visual_from_file, instances = np.diag((*scale, 1.0)), file.instances
+        if chosen := element.text("submesh/name"):
+            instances = submesh(file, chosen)
+            if not instances:
+                self._omissions.add(f"{path.name}: submesh {chosen!r} not found", "visual")
+                return
+            if element.flag("submesh/center"):
+                instances = centered(file, instances)
+        own = None
+        if self._materials.is_stated(visual):
+            own = self._materials.read(visual, double_sided=True)
+        for one in instances:
+            mesh = file.meshes[one.mesh]
+            material = own
+            if material is None:
+                material = self._materials.of_mesh(file.materials[mesh.material], visual)
+            key = id(mesh), material
+            if key not in self._made:
+                self._made[key] = len(self._meshes), np.zeros(3)
+                self._meshes.append(replace(mesh, material=material))
+            pose = file_from_visual @ visual_from_file @ one.world_from_mesh
+            if not np.abs(pose).max() < _FARTHEST_M:  # also false for NaN
+                self._omissions.add(f"{path.name}: a part is too far away to be drawn", "part")
+                continue
+            self._instances.append(Instance(name, self._made[key][0], pose, file_from_visual))

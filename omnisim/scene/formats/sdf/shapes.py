@@ -1,0 +1,189 @@
+"""Triangles of SDF's geometries other than meshes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene import primitives
+from omnisim.scene.formats.sdf.element import SdfElement
+from omnisim.scene.polygons import surrounds, triangulate
+from omnisim.scene.primitives import Surface
+
+_LOOP_TOLERANCE_M = 1e-4  # a polyline whose ends are nearer is closed; Gazebo's
+
+
+class Shape(NamedTuple):
+    """Surface in the frame of its visual.
+
+    Attributes:
+        surface: triangles.
+        uv: texture coordinates (n, 2), (0, 0) at the top left, or None.
+        is_closed: its backs are never seen.
+    """
+
+    surface: Surface
+    uv: NDArray[np.float64] | None = None
+    is_closed: bool = True
+
+
+def box(size: SdfElement) -> Shape:
+    """Box with the whole texture on each side."""
+    x, y, z = _sizes(size, "size", (1.0, 1.0, 1.0))
+    uv = np.tile([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)], (6, 1))
+    return Shape(primitives.box((0.5 * x, 0.5 * y, 0.5 * z)), uv)
+
+
+def sphere(element: SdfElement, most: int) -> Shape:
+    """Sphere, its texture once around."""
+    radius = element.positive("radius", 1.0)
+    return _round(primitives.ellipsoid((radius,) * 3, most), radius, most)
+
+
+def ellipsoid(element: SdfElement, most: int) -> Shape:
+    """Ellipsoid, its texture once around."""
+    radii = _sizes(element, "radii", (1.0, 1.0, 1.0))
+    return _round(primitives.ellipsoid(radii, most), max(radii), most)
+
+
+def cylinder(element: SdfElement, most: int) -> Shape:
+    """Cylinder, its texture once around."""
+    radius, length = element.positive("radius", 1.0), element.positive("length", 1.0)
+    return _round(primitives.cylinder(radius, 0.5 * length, most), radius, most)
+
+
+def cone(element: SdfElement, most: int) -> Shape:
+    """Cone, its tip up."""
+    radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
+    return _round(primitives.cone(radius, 0.5 * length, most), radius, most)
+
+
+def capsule(element: SdfElement, most: int) -> Shape:
+    """Capsule; its length is without the half spheres."""
+    radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
+    return _round(primitives.capsule(radius, 0.5 * length, most), radius, most)
+
+
+def plane(element: SdfElement) -> Shape:
+    """Rectangle across its normal."""
+    normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
+    length = float(np.linalg.norm(normal))
+    if length < 1e-9:
+        raise element.error("a <normal> other than 0 0 0", element.text("normal"))
+    x, y = _sizes(element, "size", (1.0, 1.0))
+    surface = primitives.rectangle(0.5 * x, 0.5 * y)
+    across = surface.positions @ _axes(normal / length).T
+    uv = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
+    return Shape(surface._replace(positions=across), uv, is_closed=False)
+
+
+def polyline(elements: Sequence[SdfElement]) -> Shape:
+    """Extrusion along z of the inside of closed lines, from z = 0 to the first one's height."""
+    height = elements[0].positive("height", 1.0)
+    loops = [_loop(element) for element in elements]
+    points, triangles = triangulate(loops)
+    if not len(triangles):
+        raise elements[0].error("points around an area", "none")
+    low = np.column_stack((points, np.zeros(len(points))))
+    caps = primitives.join(
+        Surface(low + (0.0, 0.0, height), triangles, None),
+        Surface(low, triangles[:, ::-1], None),
+    )
+    walls = [_wall(loop, height, loops) for loop in loops]
+    return Shape(primitives.join(caps, *walls))
+
+
+def _wall(loop: NDArray[np.float64], height: float, loops: list[NDArray[np.float64]]) -> Surface:
+    """Side of an extrusion, its front outside."""
+    count = len(loop)
+    following = np.roll(loop, -1, axis=0)
+    along = following[0] - loop[0]
+    # a point a little to the right of the first edge: it is outside where the front is there
+    right = 0.5 * (loop[0] + following[0]) + 1e-6 * np.array((along[1], -along[0]))
+    if sum(surrounds(other, right) for other in loops) % 2:
+        loop = loop[::-1]
+        following = np.roll(loop, -1, axis=0)
+    low, high = np.zeros((count, 1)), np.full((count, 1), height)
+    corners = np.stack(
+        [np.hstack(pair) for pair in
+         ((loop, low), (following, low), (following, high), (loop, high))], axis=1
+    )  # fmt: skip
+    first = 4 * np.arange(count)[:, None]
+    triangles = np.concatenate((first + (0, 1, 2), first + (0, 2, 3)))
+    return Surface(corners.reshape(-1, 3), triangles, None)
+
+
+def _loop(element: SdfElement) -> NDArray[np.float64]:
+    points = np.array([point.numbers(2) for point in element.children("point")]).reshape(-1, 2)
+    if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) < _LOOP_TOLERANCE_M:
+        points = points[:-1]
+    if len(points) < 3:
+        raise element.error("three points or more", len(points))
+    return points
+
+
+def _sizes(element: SdfElement, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    sizes = element.vector(path, default)
+    found = element.find(path)
+    if found is not None and min(sizes) <= 0.0:
+        raise found.error("numbers > 0")
+    return sizes
+
+
+def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation (3, 3) whose z is the normal; the least turn from z up."""
+    z = np.array((0.0, 0.0, 1.0))
+    cosine = float(normal @ z)
+    if cosine < -1.0 + 1e-12:
+        return np.diag((1.0, -1.0, -1.0))
+    cross = np.cross(z, normal)
+    skew = np.cross(np.eye(3), cross)
+    rotation: NDArray[np.float64] = np.eye(3) + skew + skew @ skew / (1.0 + cosine)
+    return rotation
+
+
+def _round(surface: Surface, radius_m: float, most: int) -> Shape:
+    """Shape about z with its texture once around."""
+    count = primitives.segments(radius_m, most) + 1
+    index = np.arange(len(surface.positions))
+    z = surface.positions[:, 2]
+    low, high = float(z.min()), float(z.max())
+    uv = np.column_stack((index % count / (count - 1), (high - z) / (high - low)))
+    return Shape(surface, uv)
+
+
+_FLAT = {"box": box, "plane": plane}
+_ROUND = {
+    "sphere": sphere, "ellipsoid": ellipsoid, "cylinder": cylinder, "cone": cone,
+    "capsule": capsule,
+}  # fmt: skip
+SHAPES = frozenset((*_FLAT, *_ROUND, "polyline"))
+ROUND = frozenset(_ROUND)
+GEOMETRIES = frozenset((*SHAPES, "mesh", "heightmap", "image"))
+_FEW = 20  # round shapes that may be as fine as they like
+
+
+def most_segments(round_shapes: int) -> int:
+    """Segments of a circle in a world of so many round shapes: their triangles stay as many."""
+    fair = primitives.MOST_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
+    return max(4 * round(fair / 4.0), primitives.LEAST_SEGMENTS)
+
+
+def make_shape(geometry: SdfElement, kind: SdfElement, most: int) -> Shape:
+    """Shape of a `<geometry>`, whose child `kind` is; of all its polylines together.
+
+    Args:
+        geometry, kind: elements.
+        most: segments of a circle.
+
+    Raises:
+        SceneError: sizes that are none.
+    """
+    tag = kind.element.tag
+    if tag == "polyline":
+        return polyline(list(geometry.children("polyline")))
+    return _ROUND[tag](kind, most) if tag in _ROUND else _FLAT[tag](kind)

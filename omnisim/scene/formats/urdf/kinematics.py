@@ -1,0 +1,79 @@
+"""Poses of a robot's links, with its joints at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.core.poses import pose_from_rotation
+from omnisim.scene.formats.urdf.document import UrdfElement
+
+
+def link_poses(robot: UrdfElement) -> dict[str, NDArray[np.float64]]:
+    """Poses (4, 4) robot_from_link by name, in the order of the tree from its root.
+
+    A joint rests at 0, or in the middle of its limits where these exclude 0.
+
+    Raises:
+        SceneError: names that are no link's, two of one name, or links that form no tree.
+    """
+    links = [link.name for link in robot.children("link")]
+    for link in robot.children("link"):
+        if links.count(link.name) > 1:
+            raise link.error("name", "each link once")
+    if not links:
+        raise SceneError(f"{robot.place}: expected a <link>, got none")
+    parents: dict[str, tuple[str, NDArray[np.float64]]] = {}
+    for joint in robot.children("joint"):
+        parent, child = _end(joint, "parent", links), _end(joint, "child", links)
+        if child.attribute("link") in parents:
+            raise child.error("link", "a link without another parent")
+        pose = joint.origin() @ _motion(joint)
+        parents[child.attribute("link")] = (parent.attribute("link"), pose)
+    poses = {link: np.eye(4) for link in links if link not in parents}
+    inner: dict[str, list[str]] = {}
+    for child_name, (parent_name, _) in parents.items():
+        inner.setdefault(parent_name, []).append(child_name)
+    waiting = list(poses)
+    while waiting:
+        parent_name = waiting.pop()
+        for child_name in inner.get(parent_name, ()):
+            poses[child_name] = poses[parent_name] @ parents[child_name][1]
+            waiting.append(child_name)
+    if rest := sorted(set(links) - poses.keys()):
+        raise SceneError(f"{robot.place}: link[{rest[0]}]: expected a tree of links, got a circle")
+    return poses
+
+
+def _end(joint: UrdfElement, tag: str, links: list[str]) -> UrdfElement:
+    """`<parent>` or `<child>` of a joint."""
+    found = joint.find(tag)
+    if found is None:
+        raise SceneError(f"{joint.place}: expected a <{tag}>, got none")
+    if found.attribute("link") not in links:
+        raise found.error("link", "the name of a <link>")
+    return found
+
+
+def _motion(joint: UrdfElement) -> NDArray[np.float64]:
+    """Pose (4, 4) of a joint's child at rest."""
+    kind, limit = joint.attribute("type"), joint.find("limit")
+    if kind not in ("revolute", "prismatic") or limit is None:
+        return np.eye(4)
+    (low,), (high,) = limit.numbers("lower", (0.0,), 1), limit.numbers("upper", (0.0,), 1)
+    if low <= 0.0 <= high or high < low:
+        return np.eye(4)
+    axis_element = joint.find("axis")
+    axis = np.array((1.0, 0.0, 0.0))
+    if axis_element is not None:
+        axis = np.array(axis_element.numbers("xyz", (1.0, 0.0, 0.0), 3))
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        return np.eye(4)
+    vector = axis / length * 0.5 * (low + high)
+    if kind == "prismatic":
+        return pose_from_rotation(np.eye(3), vector)
+    rotation = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
+    return pose_from_rotation(rotation, np.zeros(3))

@@ -1,0 +1,213 @@
+"""Importer: visuals of a robot, as a URDF file states them."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from omnisim.core.errors import SceneError
+from omnisim.core.files.sources import read_source
+from omnisim.core.short_repr import counted
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.scene import primitives
+from omnisim.scene.files.imported import PLAIN_GREY, ImportedScene, make_mesh, translate
+from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.sdf.document import parse_xml
+from omnisim.scene.formats.sdf.element import Omissions
+from omnisim.scene.formats.sdf.meshes import MeshLibrary
+from omnisim.scene.formats.urdf.document import UrdfElement
+from omnisim.scene.formats.urdf.kinematics import link_poses
+from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
+from omnisim.scene.primitives import Surface
+from omnisim.scene.textures import TextureStore, alpha_mode_of
+
+_GEOMETRIES = ("mesh", "box", "cylinder", "sphere", "capsule")
+_GREY = (PLAIN_GREY, PLAIN_GREY, PLAIN_GREY, 1.0)
+
+
+def read_urdf(
+    path: Path, data: bytes, textures: TextureStore, resources: ResourcePath
+) -> ImportedScene:
+    """Read a robot.
+
+    Raises:
+        SceneError: it is damaged; naming element, attribute, value and what was expected.
+    """
+    root = parse_xml(data)
+    if root.tag != "robot":
+        raise SceneError(f"expected <robot>, got <{root.tag}>")
+    return _Reader(path, textures, resources).read(UrdfElement(root, "robot"))
+
+
+class _Reader:
+    """Meshes, materials and instances of a file."""
+
+    def __init__(self, path: Path, textures: TextureStore, resources: ResourcePath) -> None:
+        self._folder, self._textures, self._resources = path.parent, textures, resources
+        self._files, self._omissions = MeshLibrary(textures), Omissions()
+        self._missing: Counter[str] = Counter()
+        self._meshes: list[Mesh] = []
+        self._materials: list[Material] = [Material("", _GREY, double_sided=True)]
+        self._material_of: dict[int, int] = {}  # by the id of an element or a file's material
+        self._mesh_of: dict[tuple[int, int], int] = {}  # by the id of a file's mesh, and material
+        self._named: dict[str, UrdfElement] = {}
+        self._instances: list[Instance] = []
+        self._names: set[str] = set()
+
+    def read(self, robot: UrdfElement) -> ImportedScene:
+        """Read all visuals."""
+        for material in robot.children("material"):
+            self._named.setdefault(material.name, material)
+        poses = link_poses(robot)
+        for link in robot.children("link"):
+            for material in _inner_materials(link):  # may be named elsewhere, before or after
+                if material.find("color") is not None or material.find("texture") is not None:
+                    self._named.setdefault(material.name, material)
+        for link in robot.children("link"):
+            for visual in link.children("visual"):
+                self._read_visual(link, visual, poses[link.name] @ visual.origin())
+        notices = [*self._omissions.notices, *self._files.notices]
+        if self._missing:
+            names = ", ".join(sorted(self._missing))
+            hint = f"{names}: pass the folder of the packages as --resources"
+            count = counted(self._missing.total(), "file")
+            if not self._instances:
+                raise SceneError(f"has nothing to draw: {count} not found: {hint}")
+            notices.append(f"{count} not found, and not drawn: {hint}")
+        return ImportedScene(
+            tuple(self._meshes), tuple(self._materials), tuple(self._instances), notices
+        )
+
+    def _read_visual(
+        self, link: UrdfElement, visual: UrdfElement, pose: NDArray[np.float64]
+    ) -> None:
+        geometry = visual.find("geometry")
+        found = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
+        if not found:
+            self._omissions.add("no geometry that is known", "visual")
+            return
+        shape = found[0]
+        material = self._material(visual)
+        if shape.tag == "mesh":
+            name = self._name(link, visual, PurePosixPath(shape.attribute("filename")).stem)
+            self._read_mesh(shape, material, pose, name)
+            return
+        name = self._name(link, visual, shape.tag)
+        surface = _surface(shape)
+        mesh, center = make_mesh(
+            name, surface.positions, surface.triangles, material or 0, surface.normals
+        )
+        self._meshes.append(mesh)
+        place = translate(pose, center)
+        self._instances.append(Instance(name, len(self._meshes) - 1, place, pose))
+
+    def _read_mesh(
+        self, shape: UrdfElement, material: int | None, pose: NDArray[np.float64], name: str
+    ) -> None:
+        uri = shape.attribute("filename")
+        scale = shape.numbers("scale", (1.0, 1.0, 1.0), 3)
+        if not all(scale):
+            raise shape.error("scale", "numbers other than 0")
+        path = self._resources.find(uri, self._folder)
+        if path is None or not path.is_file():
+            self._missing[uri] += 1
+            return
+        file = self._files.load(path)
+        if isinstance(file, str):
+            self._omissions.add(f"{path.name}: not drawn: {file}", "visual")
+            return
+        for one in file.instances:
+            mesh = file.meshes[one.mesh]
+            own = self._of_file(file.materials[mesh.material]) if material is None else material
+            if (id(mesh), own) not in self._mesh_of:
+                self._mesh_of[id(mesh), own] = len(self._meshes)
+                self._meshes.append(replace(mesh, material=own))
+            place = pose @ np.diag((*scale, 1.0)) @ one.world_from_mesh
+            self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
+
+    def _name(self, link: UrdfElement, visual: UrdfElement, otherwise: str) -> str:
+        """Distinct name of an instance: link/visual."""
+        name = first = f"{link.name}/{visual.name or otherwise}"
+        number = 1
+        while name in self._names:
+            number += 1
+            name = f"{first}_{number}"
+        self._names.add(name)
+        return name
+
+    def _of_file(self, material: Material) -> int:
+        if id(material) not in self._material_of:
+            self._material_of[id(material)] = len(self._materials)
+            self._materials.append(material)
+        return self._material_of[id(material)]
+
+    def _material(self, visual: UrdfElement) -> int | None:
+        """Index of the material that a visual states, or None."""
+        stated = visual.find("material")
+        if stated is None:
+            return None
+        if stated.find("color") is None and stated.find("texture") is None:
+            named = self._named.get(stated.name)
+            if named is None:
+                return None
+            stated = named
+        key = id(stated.element)
+        if key not in self._material_of:
+            self._material_of[key] = len(self._materials)
+            self._materials.append(self._read_material(stated))
+        return self._material_of[key]
+
+    def _read_material(self, element: UrdfElement) -> Material:
+        """Material of a colour, a display value, and a texture."""
+        color, texture = element.find("color"), self._texture(element)
+        rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GREY
+        if color is not None:
+            given = np.clip(color.numbers("rgba", None, 4), 0.0, 1.0)
+            red, green, blue = np.asarray(linear_from_srgb(given[:3])).tolist()
+            rgba = (red, green, blue, float(given[3]))
+        mode = AlphaMode.BLEND if rgba[3] < 1.0 else alpha_mode_of(texture)
+        return Material(element.name, rgba, texture, mode, double_sided=True)
+
+    def _texture(self, element: UrdfElement) -> Texture | None:
+        found = element.find("texture")
+        if found is None or not found.attribute("filename"):
+            return None
+        name = found.attribute("filename")
+        path = self._resources.find(name, self._folder)
+        try:
+            data = read_source(path) if path is not None else None
+        except OSError:
+            data = None
+        if data is None:
+            self._missing[name] += 1
+            return None
+        try:
+            image = Image.open(io.BytesIO(data))
+        except Exception:  # Pillow's readers raise all kinds
+            self._omissions.add(f"texture {name} is not a picture that can be read", "material")
+            return None
+        return self._textures.texture(image, element.name)
+
+
+def _inner_materials(link: UrdfElement) -> Iterator[UrdfElement]:
+    for visual in link.children("visual"):
+        yield from visual.children("material")
+
+
+def _surface(shape: UrdfElement) -> Surface:
+    """Surface of a shape that is no mesh."""
+    if shape.tag == "box":
+        return primitives.box(0.5 * np.array(shape.sizes("size", 3)))
+    (radius,) = shape.sizes("radius")
+    if shape.tag == "sphere":
+        return primitives.ellipsoid((radius,) * 3)
+    (length,) = shape.sizes("length")
+    make = primitives.cylinder if shape.tag == "cylinder" else primitives.capsule
+    return make(radius, 0.5 * length)

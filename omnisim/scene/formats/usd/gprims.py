@@ -1,0 +1,173 @@
+"""Meshes and shapes as meshes of the scene, one for each material of a prim."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom, UsdShade
+
+from omnisim.scene.files.imported import PLAIN_GREY, make_mesh
+from omnisim.scene.formats.usd.corners import Values, make_vertices
+from omnisim.scene.formats.usd.faces import Faces, mesh_faces, shape_faces
+from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.usd.primvars import find_primvar, integers
+from omnisim.scene.formats.usd.shapes import is_shape
+from omnisim.scene.formats.usd.surfaces import Appearance, Surfaces
+from omnisim.scene.parts import AlphaMode, Material, Mesh
+
+_PURPOSE = UsdShade.Tokens.preview
+
+
+class Part(NamedTuple):
+    """Mesh of the scene, and its origin (3,) in the frame of its prim."""
+
+    mesh: int
+    center: NDArray[np.float64]
+
+
+class Gprims:
+    """Meshes of a stage.
+
+    Attributes:
+        meshes, materials: of the scene.
+    """
+
+    def __init__(
+        self, surfaces: Surfaces, time: Usd.TimeCode, meters_per_unit: float, notices: Notices
+    ):
+        self.meshes: list[Mesh] = []
+        self.materials: list[Material] = []
+        self._surfaces, self._time, self._unit = surfaces, time, meters_per_unit
+        self._notices = notices
+        self._parts: dict[tuple[str, ...], tuple[Part, ...]] = {}
+        self._material_rows: dict[tuple[object, ...], int] = {}
+
+    def parts(self, prim: Usd.Prim) -> tuple[Part, ...]:
+        """Meshes of a prim; proxies of one instanced prim share them.
+
+        Raises:
+            SceneError: a mesh that is damaged.
+        """
+        source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+        bound = [_bound_material(one) for one in (prim, *(each.GetPrim() for each in subsets))]
+        key = (str(source.GetPath()), *(str(one.GetPath()) if one else "" for one in bound))
+        if key not in self._parts:
+            self._parts[key] = tuple(self._read(prim, subsets, bound))
+        return self._parts[key]
+
+    def _read(
+        self,
+        prim: Usd.Prim,
+        subsets: list[UsdGeom.Subset],
+        bound: list[UsdShade.Material | None],
+    ) -> list[Part]:
+        if is_shape(prim):
+            faces = shape_faces(prim, self._time, self._unit)
+        else:
+            faces = mesh_faces(prim, self._time, self._notices)
+        if faces is None:
+            return []
+        rest = np.ones(len(faces.polygons), dtype=bool)
+        parts = []
+        for subset, material in zip(subsets, bound[1:], strict=True):
+            chosen = np.zeros(faces.corners.sizes["uniform"], dtype=bool)
+            indices = integers(subset.GetIndicesAttr().Get(self._time))
+            chosen[indices[(indices >= 0) & (indices < len(chosen))]] = True
+            mask = chosen[faces.polygons] & rest
+            rest &= ~mask
+            parts += self._part(prim, faces, mask, material or bound[0])
+        return parts + self._part(prim, faces, rest, bound[0])
+
+    def _part(
+        self,
+        prim: Usd.Prim,
+        faces: Faces,
+        mask: NDArray[np.bool_],
+        bound: UsdShade.Material | None,
+    ) -> list[Part]:
+        """Mesh of some of the triangles."""
+        if not mask.any():
+            return []
+        appearance = None if bound is None else self._surfaces.read(bound)
+        uv = None
+        if appearance is not None and appearance.uv is not None:
+            uv = find_primvar(prim, appearance.uv.primvar, 2, self._time)
+        colors = self._colors(prim, appearance)
+        constant = colors is not None and colors.interpolation == "constant" and len(colors.values)
+        vertices = make_vertices(
+            faces.corners.of_triangles(mask), [faces.normals, uv, None if constant else colors]
+        )
+        normals, coordinates, vertex_colors = vertices.values
+        if coordinates is not None and appearance is not None and appearance.uv is not None:
+            affine = np.array(appearance.uv.uv_transform)
+            with np.errstate(all="ignore"):
+                coordinates[:, 1] = 1.0 - coordinates[:, 1]
+                coordinates = coordinates @ affine[:, :2].T + affine[:, 2]
+        color = colors.values[0] if constant and colors is not None else None
+        material = self._material(prim, appearance, color, vertex_colors is not None)
+        mesh, center = make_mesh(
+            str(prim.GetPath()), faces.points[vertices.points], vertices.triangles, material,
+            normals, coordinates, vertex_colors,
+        )  # fmt: skip
+        self.meshes.append(mesh)
+        return [Part(len(self.meshes) - 1, center)]
+
+    def _colors(self, prim: Usd.Prim, appearance: Appearance | None) -> Values | None:
+        """Linear RGBA of the primvars that the appearance has; without one: display colours."""
+        names = ("displayColor", "displayOpacity")
+        if appearance is not None:
+            names = (appearance.color_primvar, appearance.opacity_primvar)
+        color = find_primvar(prim, names[0], 3, self._time) if names[0] else None
+        opacity = find_primvar(prim, names[1], 1, self._time) if names[1] else None
+        if color is None and opacity is None:
+            return None
+        if color is None:
+            assert opacity is not None
+            grey = 1.0 if appearance is not None else PLAIN_GREY
+            color = opacity._replace(values=np.full((len(opacity.values), 3), grey))
+        alphas = np.ones((len(color.values), 1))
+        if opacity is not None:
+            if len(opacity.values) == len(color.values) or len(opacity.values) == 1:
+                alphas[:] = opacity.values
+            else:
+                self._notices.count("opacity of another interpolation than colour is not drawn")
+        with np.errstate(all="ignore"):
+            return color._replace(values=np.concatenate((color.values, alphas), axis=1))
+
+    def _material(
+        self,
+        prim: Usd.Prim,
+        appearance: Appearance | None,
+        color: NDArray[np.float64] | None,
+        has_vertex_colors: bool,
+    ) -> int:
+        """Row of a material, with the sides and the constant colour of a prim."""
+        sided = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self._time))
+        factor = (1.0, 1.0, 1.0, 1.0) if color is None else tuple(color.tolist())
+        if appearance is None and color is None and not has_vertex_colors:
+            factor = (PLAIN_GREY, PLAIN_GREY, PLAIN_GREY, 1.0)
+        base = Material("displayColor") if appearance is None else appearance.material
+        key = (base.name, id(appearance), sided, factor)
+        if key not in self._material_rows:
+            red, green, blue, alpha = (
+                own * times for own, times in zip(base.base_color, factor, strict=True)
+            )
+            mode = base.alpha_mode
+            if alpha < 1.0 and mode is AlphaMode.OPAQUE:
+                mode = AlphaMode.BLEND
+            self._material_rows[key] = len(self.materials)
+            self.materials.append(
+                replace(
+                    base, base_color=(red, green, blue, alpha), alpha_mode=mode, double_sided=sided
+                )
+            )
+        return self._material_rows[key]
+
+
+def _bound_material(prim: Usd.Prim) -> UsdShade.Material | None:
+    material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(_PURPOSE)[0]
+    return material if material else None

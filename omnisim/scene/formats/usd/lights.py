@@ -1,0 +1,170 @@
+"""Lights of UsdLux as punctual lights."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdLux
+
+from omnisim.scene.formats.usd.dome_maps import dome_map, mean_radiance
+from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.usd.shading.shading import numbers
+from omnisim.scene.parts import Light, LightKind
+
+_FACING = {"RectLight", "DiskLight"}  # lights that shine along −z
+_APPROXIMATED = {"RectLight", "DiskLight", "CylinderLight"}
+_HEMISPHERE = (1.0, 0.0)
+
+
+def is_light(prim: Usd.Prim) -> bool:
+    """True for any light of UsdLux."""
+    return bool(prim.HasAPI(UsdLux.LightAPI))
+
+
+class Lights:
+    """Lights of a stage.
+
+    Attributes:
+        lights: in the world.
+        dome: linear RGB luminance of the first dome light, in cd/m²; None: there is none.
+        environment: luminance (rows, 2 rows, 3) of its texture, in axes of the world, or None.
+    """
+
+    def __init__(self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Notices):
+        self.lights: list[Light] = []
+        self.dome: tuple[float, float, float] | None = None
+        self.environment: NDArray[np.float32] | None = None
+        self._world_from_stage, self._time, self._notices = world_from_stage, time, notices
+
+    def add(self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64]) -> None:
+        """Add a light of any kind; what it is not drawn with is noted."""
+        kind = str(prim.GetTypeName()).removesuffix("_1")
+        level, color = self._level(prim), self._color(prim)
+        if kind == "DomeLight":
+            self._add_dome(prim, stage_from_prim, level * np.array(color))
+            return
+        if level <= 0.0 or not any(color):
+            return
+        world_from_light = self._world_from_stage @ stage_from_prim
+        axis = -world_from_light[:3, 2]
+        length = float(np.linalg.norm(axis))
+        if not 0.0 < length < math.inf or not np.isfinite(world_from_light).all():
+            return
+        if kind == "DistantLight":
+            lux = level * self._distant_factor(prim)
+            self.lights.append(Light(LightKind.DIRECTIONAL, color, lux, direction=axis / length))
+            return
+        # areas are in units of the stage; normalized ones too, so that metres are put in once
+        scale = np.linalg.norm(stage_from_prim[:3, :3], axis=0)
+        unit = float(np.linalg.norm(self._world_from_stage[:3, 0]))
+        candela = level * self._area_factor(prim, kind, scale) * unit * unit
+        if candela <= 0.0 or not math.isfinite(candela):
+            self._notices.count(f"{kind} is not drawn")
+            return
+        if kind in _APPROXIMATED:
+            self._notices.count(f"{kind} shines from its middle, without its size")
+        cone = self._cone(prim)
+        if cone is None and kind in _FACING:
+            cone = _HEMISPHERE
+        self.lights.append(
+            Light(
+                LightKind.POINT if cone is None else LightKind.SPOT,
+                color,
+                candela,
+                position_m=world_from_light[:3, 3],
+                direction=axis / length,
+                cone_cosines=cone or _HEMISPHERE,
+            )
+        )
+
+    def _level(self, prim: Usd.Prim) -> float:
+        """Luminance without its colour, in cd/m²."""
+        level = self._number(prim, "intensity", 1.0)
+        exposure = min(max(self._number(prim, "exposure", 0.0), -100.0), 100.0)
+        return level * math.exp2(exposure) * self._number(prim, "diffuse", 1.0)
+
+    def _color(self, prim: Usd.Prim) -> tuple[float, float, float]:
+        red, green, blue = numbers(self._get(prim, "color"), (1.0, 1.0, 1.0))
+        if self._get(prim, "enableColorTemperature"):
+            kelvin = self._number(prim, "colorTemperature", 6500.0)
+            tint = UsdLux.BlackbodyTemperatureAsRgb(min(max(kelvin, 1000.0), 10000.0))
+            red, green, blue = red * tint[0], green * tint[1], blue * tint[2]
+        return max(red, 0.0), max(green, 0.0), max(blue, 0.0)
+
+    def _distant_factor(self, prim: Usd.Prim) -> float:
+        """Illuminance of a surface that faces it, for a luminance of one.
+
+        Source: UsdLuxDistantLight; π sin² of half its angle, or one where that is normalized.
+        """
+        half_rad = math.radians(0.5 * self._number(prim, "angle", 0.53))
+        if half_rad <= 0.0 or self._get(prim, "normalize"):
+            return 1.0
+        return math.pi * math.sin(min(half_rad, 0.5 * math.pi)) ** 2
+
+    def _area_factor(self, prim: Usd.Prim, kind: str, scale: NDArray[np.float64]) -> float:
+        """Luminous intensity ahead for a luminance of one, in square units of the stage.
+
+        Source: UsdLuxLightAPI; a normalized luminance is divided by the area of the surface.
+        """
+        radius = self._number(prim, "radius", 0.5)
+        across = float(scale.mean())
+        if kind == "SphereLight":
+            if self._get(prim, "treatAsPoint"):
+                radius = 1.0 if self._get(prim, "normalize") else radius
+            seen, area = math.pi * radius**2 * across**2, 4.0 * math.pi * radius**2 * across**2
+        elif kind == "RectLight":
+            width, height = (self._number(prim, key, 1.0) for key in ("width", "height"))
+            seen = area = width * height * float(scale[0] * scale[1])
+        elif kind == "DiskLight":
+            seen = area = math.pi * radius**2 * float(scale[0] * scale[1])
+        elif kind == "CylinderLight":
+            length = self._number(prim, "length", 1.0) * float(scale[0])
+            seen = 2.0 * radius * across * length
+            area = math.pi * seen
+        else:
+            return 0.0
+        if not self._get(prim, "normalize"):
+            return seen
+        return seen / area if area > 0.0 else 0.0
+
+    def _cone(self, prim: Usd.Prim) -> tuple[float, float] | None:
+        """Cosines of a shaped light's inner and outer half-angle; None: it is not shaped."""
+        angle = self._number(prim, "shaping:cone:angle", 90.0)
+        if not prim.HasAPI(UsdLux.ShapingAPI) or not 0.0 < angle < 90.0:
+            return None
+        softness = min(max(self._number(prim, "shaping:cone:softness", 0.0), 0.0), 1.0)
+        inner, outer = angle * (1.0 - softness), angle
+        return math.cos(math.radians(inner)), math.cos(math.radians(outer))
+
+    def _add_dome(
+        self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64], luminance: NDArray[np.float64]
+    ) -> None:
+        if self.dome is not None:
+            self._notices.count("DomeLight beside another is not drawn")
+            return
+        texture = self._get(prim, "texture:file")
+        if isinstance(texture, Sdf.AssetPath) and texture.path:
+            world_from_dome = (self._world_from_stage @ stage_from_prim)[:3, :3]
+            layout = str(self._get(prim, "texture:format") or "")
+            pixels = dome_map(texture, layout, world_from_dome)
+            if pixels is None:
+                effect = "texture of a dome light is not drawn: its colour is"
+                self._notices.count(effect, "light")
+            else:
+                self.environment = (luminance * pixels).astype(np.float32)
+                luminance = luminance * mean_radiance(pixels)
+        red, green, blue = luminance.tolist()
+        self.dome = red, green, blue
+
+    def _get(self, prim: Usd.Prim, name: str) -> object:
+        attribute = prim.GetAttribute(f"inputs:{name}")
+        value: object = attribute.Get(self._time) if attribute else None
+        return value
+
+    def _number(self, prim: Usd.Prim, name: str, default: float) -> float:
+        value = self._get(prim, name)
+        if isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+        return default

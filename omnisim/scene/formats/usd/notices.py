@@ -1,0 +1,32 @@
+"""Notices of a stage: one line for each feature that is not drawn, with its count."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from omnisim.core.short_repr import counted
+
+
+class Notices:
+    """Features that are not drawn, in the order in which they are met."""
+
+    def __init__(self) -> None:
+        self._plain: dict[str, None] = {}
+        self._counts: Counter[tuple[str, str]] = Counter()
+
+    def add(self, text: str) -> None:
+        """Note a line."""
+        self._plain[text] = None
+
+    def count(self, text: str, noun: str = "prim") -> None:
+        """Note one use of a feature."""
+        self._counts[text, noun] += 1
+
+    @property
+    def lines(self) -> list[str]:
+        """One line for each feature."""
+        uses = [
+            f"{text} ({counted(n, noun, 'meshes' if noun == 'mesh' else '')})"
+            for (text, noun), n in self._counts.items()
+        ]
+        return [*self._plain, *uses]

@@ -1,0 +1,48 @@
+"""Primvars of prims as NumPy arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom
+
+from omnisim.scene.formats.usd.corners import Values
+
+
+def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> Values | None:
+    """Primvar of a prim, or that it inherits; None: there is none of this width."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    if not primvar or not primvar.HasValue():
+        return None
+    values = rows(primvar.Get(time), width)
+    if values is None:
+        return None
+    indices = None
+    if primvar.IsIndexed():
+        found = primvar.GetIndices(time)
+        indices = np.array(() if found is None else found, dtype=np.int64).reshape(-1)
+    return Values(values, str(primvar.GetInterpolation()), indices)
+
+
+def rows(value: object, width: int) -> NDArray[np.float64] | None:
+    """Value of an attribute as rows (k, width); None for another type, or width."""
+    if value is None or isinstance(value, str):
+        return None
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu" or array.size % width or array.ndim > 2:
+        return None
+    if array.ndim == 2 and array.shape[1] != width:
+        return None
+    with np.errstate(invalid="ignore"):
+        return array.astype(np.float64).reshape(-1, width)
+
+
+def integers(value: object) -> NDArray[np.int64]:
+    """Array (k,) of an attribute of integers; empty where it has none, or another type."""
+    found = np.asarray(value)
+    return found.astype(np.int64).reshape(-1) if found.dtype.kind in "iu" else np.zeros(0, np.int64)
+
+
+def texts(value: object) -> list[str]:
+    """Strings of an attribute that has an array of them; empty where it has none."""
+    return [str(each) for each in np.array(() if value is None else value).reshape(-1)]

@@ -1,0 +1,100 @@
+"""Calls in a process of their own: a library's crash, noise or greed ends with that process."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import resource
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import BinaryIO, TypeVar
+
+from omnisim.core.errors import OmnisimError, SceneError
+
+Result = TypeVar("Result")
+# Of processor time: a stage of some hundred megabytes takes a minute, a damaged one has no end.
+LIMIT_CPU_S = 300
+_MAIN = "import sys; sys.path[:] = {path!r}; from {module} import serve; serve()"
+
+
+@dataclass(frozen=True)
+class _Defect:
+    """Exception that nobody expected."""
+
+    traceback: str
+
+
+def call_isolated(function: Callable[..., Result], *arguments: object) -> Result:
+    """Call a function of a module in another process, and return what it returns.
+
+    Args:
+        function: of a module; it and its arguments are pickled, as is its result.
+        arguments: of the function.
+
+    Raises:
+        OmnisimError: raised by the function, or the process does not come to its end.
+    """
+    main = _MAIN.format(path=sys.path, module=__name__)
+    # of plug-ins of usd-core that are installed some could ask the net for files
+    environment = {
+        key: value for key, value in os.environ.items() if not key.startswith("PXR_PLUG")
+    }
+    with subprocess.Popen(
+        [sys.executable, "-c", main],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            pickle.dump((function, arguments, LIMIT_CPU_S), process.stdin)
+            process.stdin.close()
+            outcome = pickle.load(process.stdout)
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+            raise SceneError(_reason(process.wait())) from None
+        except BaseException:
+            process.kill()
+            raise
+    if isinstance(outcome, OmnisimError):
+        raise outcome
+    if isinstance(outcome, _Defect):
+        raise RuntimeError(outcome.traceback)
+    result: Result = outcome
+    return result
+
+
+def serve() -> None:
+    """Call the function that standard input has, and write its result to standard output."""
+    with os.fdopen(os.dup(1), "wb") as output:
+        os.dup2(2, 1)  # a library's prints are no results
+        function, arguments, limit_s = pickle.load(sys.stdin.buffer)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
+        bytes_of_machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        resource.setrlimit(resource.RLIMIT_AS, (bytes_of_machine, bytes_of_machine))
+        _answer(function, arguments, output)
+
+
+def _answer(
+    function: Callable[..., object], arguments: tuple[object, ...], output: BinaryIO
+) -> None:
+    try:
+        outcome = function(*arguments)
+    except OmnisimError as reason:
+        outcome = reason
+    except MemoryError:
+        outcome = SceneError("asks for more memory than there is")
+    except Exception:
+        outcome = _Defect(traceback.format_exc())
+    pickle.dump(outcome, output, pickle.HIGHEST_PROTOCOL)
+
+
+def _reason(status: int) -> str:
+    """Reason why a process ended without a result."""
+    if status == -9 or -status == 24:  # SIGKILL, SIGXCPU
+        return f"is not read within {LIMIT_CPU_S} s of processor time, or takes too much memory"
+    return "cannot be read as USD: is damaged: usd-core ends without an answer"

@@ -1,0 +1,1 @@
+"""Materials of USD and their textures."""

@@ -1,0 +1,62 @@
+"""Stages: opening them, and the errors of usd-core as lines of ours."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from pxr import Tf, Usd, UsdGeom
+
+from omnisim.core.errors import SceneError
+from omnisim.scene.files.file_axes import FileAxes
+from omnisim.scene.formats.usd.notices import Notices
+
+
+def open_stage(path: Path, notices: Notices) -> Usd.Stage:
+    """Open a stage, with all payloads; references that are missing are noted.
+
+    Raises:
+        SceneError: it is damaged, or no stage.
+    """
+    try:
+        stage = Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
+    except Tf.ErrorException as reason:
+        raise SceneError(f"cannot be read as USD: {_first_line(reason, path)}") from None
+    for error in stage.GetCompositionErrors():
+        text = _relative(str(error), path)
+        if ".mtlx" in text:
+            notices.count("files of MaterialX are not read", "reference")
+        else:
+            notices.add(f"{text}: drawn without it")
+    return stage
+
+
+def stage_axes(stage: Usd.Stage) -> FileAxes:
+    """Up axis and unit of a stage; without them y, and centimetres.
+
+    Raises:
+        SceneError: a unit that is none.
+    """
+    unit = UsdGeom.GetStageMetersPerUnit(stage)
+    if not 0.0 < unit < 1e30:
+        raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")
+    return FileAxes(str(UsdGeom.GetStageUpAxis(stage)).lower(), unit)
+
+
+def first_time(stage: Usd.Stage) -> Usd.TimeCode:
+    """Time of the stage's first frame; without one, the earliest of each attribute."""
+    if stage.HasAuthoredTimeCodeRange():
+        return Usd.TimeCode(stage.GetStartTimeCode())
+    return Usd.TimeCode.EarliestTime()
+
+
+def _first_line(reason: Tf.ErrorException, path: Path) -> str:
+    """Error as one line, without the path of the stage, which is named already."""
+    texts = [" ".join(str(error.commentary).split()) for error in reason.args]
+    text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
+    return _relative(text, path) or "is damaged, or of another format than its name says"
+
+
+def _relative(text: str, path: Path) -> str:
+    """Message without the stage's folder, and on one line."""
+    return re.sub(re.escape(f"{path.resolve().parent}/"), "", " ".join(text.split()))

@@ -1,0 +1,209 @@
+"""Stages as contents of a scene, in this process."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Ar, Tf, Usd, UsdGeom
+
+from omnisim.core.errors import SceneError
+from omnisim.core.files.sources import note_file
+from omnisim.ground_truth.label_names import distinct_color
+from omnisim.scene.files.asset_resolver import AssetResolver
+from omnisim.scene.files.file_axes import FileAxes, world_from_axes
+from omnisim.scene.files.imported import ImportedScene, translate
+from omnisim.scene.formats.usd.cameras import start_of_camera
+from omnisim.scene.formats.usd.gprims import Gprims
+from omnisim.scene.formats.usd.instancers import read_copies
+from omnisim.scene.formats.usd.lights import Lights, is_light
+from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.usd.shading.texture_files import TextureFiles
+from omnisim.scene.formats.usd.shapes import is_shape
+from omnisim.scene.formats.usd.stage import first_time, open_stage, stage_axes
+from omnisim.scene.formats.usd.surfaces import Surfaces
+from omnisim.scene.formats.usd.walk import Site, Walk
+from omnisim.scene.parts import Instance, LabelRule, StartPose
+from omnisim.scene.textures import TextureStore, large_textures
+
+MAX_INSTANCES = 1_000_000
+MAX_NESTED = 16  # point instancers in each other
+
+
+def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
+    """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`.
+
+    Raises:
+        SceneError: it is damaged.
+    """
+    try:
+        with large_textures():
+            return _Reader(path, axes).read()
+    except Tf.ErrorException as reason:
+        text = " ".join(str(reason.args[0].commentary if reason.args else reason).split())
+        raise SceneError(f"cannot be read as USD: {text}") from None
+
+
+class _Placed(NamedTuple):
+    """Mesh of the scene at a pose, and the object that it is a part of."""
+
+    name: str
+    mesh: int
+    frame_from_mesh: NDArray[np.float64]
+    frame_from_object: NDArray[np.float64]
+    class_name: str = ""
+
+
+class _Reader:
+    """One stage."""
+
+    def __init__(self, path: Path, axes: FileAxes):
+        self._notices = Notices()
+        self._assets, self._textures = AssetResolver(path), TextureStore()
+        self._stage = open_stage(path, self._notices)
+        note_file(path)
+        self._time = first_time(self._stage)
+        stated = stage_axes(self._stage)
+        unit = stated.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
+        self._world_from_stage = world_from_axes(
+            axes.up_axis or stated.up_axis or "y", 1.0 if unit is None else unit
+        )
+        files = TextureFiles(self._assets, self._textures, self._notices)
+        surfaces = Surfaces(files, self._time, self._notices)
+        self._gprims = Gprims(surfaces, self._time, unit or 1.0, self._notices)
+        self._lights = Lights(self._world_from_stage, self._time, self._notices)
+        self._walk = Walk(self._stage, self._time, self._notices)
+        self._start: StartPose | None = None
+        self._copies_of: dict[str, list[_Placed]] = {}
+        self._names: Counter[str] = Counter()
+
+    def read(self) -> tuple[ImportedScene, NDArray[np.float64]]:
+        """Read all that is drawn."""
+        placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
+        instances = tuple(
+            Instance(one.name, one.mesh, one.frame_from_mesh, one.frame_from_object)
+            for one in placed
+        )
+        read = ImportedScene(
+            tuple(self._gprims.meshes),
+            tuple(self._gprims.materials),
+            instances,
+            [],
+            tuple(self._lights.lights),
+            dome=self._lights.dome,
+            environment=self._lights.environment,
+            start=self._start,
+            labels=_labels({one.name: one.class_name for one in placed if one.class_name}),
+        )
+        read.notices.extend([*self._assets.notices, *self._textures.notices, *self._notices.lines])
+        if not instances:
+            reasons = "".join(f"; {notice}" for notice in read.notices[:1])
+            raise SceneError(f"has no triangles to draw{reasons}")
+        for layer in self._stage.GetUsedLayers():
+            if layer.realPath:
+                note_file(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
+        return read, self._world_from_stage
+
+    def _placed(
+        self, root: Usd.Prim, frame_from_parent: NDArray[np.float64], nested: int
+    ) -> list[_Placed]:
+        """Meshes of a prim and all below it, in the frame of its parent."""
+        placed: list[_Placed] = []
+        owners: dict[str, str] = {}  # names by their paths
+        for site in self._walk.sites(root, frame_from_parent):
+            prim = site.prim
+            if is_light(prim):
+                if not nested:
+                    self._lights.add(prim, site.stage_from_prim)
+            elif prim.IsA(UsdGeom.Camera):
+                self._start = self._start or start_of_camera(
+                    self._world_from_stage @ site.stage_from_prim
+                )
+            elif prim.IsA(UsdGeom.PointInstancer):
+                placed += self._copies(site, owners, nested)
+            elif prim.IsA(UsdGeom.Mesh) or is_shape(prim):
+                placed += self._parts(site, owners)
+            elif prim.IsA(UsdGeom.Gprim):
+                self._notices.count(f"{prim.GetTypeName()} is not drawn")
+            if len(placed) > MAX_INSTANCES:
+                raise SceneError(f"expected at most {MAX_INSTANCES:,} meshes in the scene")
+        return placed
+
+    def _parts(self, site: Site, owners: dict[str, str]) -> list[_Placed]:
+        """Meshes of a prim."""
+        if not site.is_drawn:
+            self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
+            return []
+        parts = self._gprims.parts(site.prim)
+        if not parts:
+            return []
+        name, frame, class_name = self._object(site, owners)
+        return [
+            _Placed(name, one.mesh, translate(site.stage_from_prim, one.center), frame, class_name)
+            for one in parts
+        ]
+
+    def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
+        """Name, frame and class of the object that a prim is a part of."""
+        owner = site.owner
+        if owner is None:
+            return self._distinct(self._walk.path_name(site.prim)), site.stage_from_prim, ""
+        if owner.path not in owners:
+            owners[owner.path] = self._distinct(owner.name)
+        return owners[owner.path], owner.stage_from_object, owner.class_name
+
+    def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_Placed]:
+        """Meshes of all copies that a point instancer makes."""
+        if not site.is_drawn:
+            self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
+            return []
+        if nested >= MAX_NESTED:
+            raise SceneError(
+                f"{site.prim.GetPath()}: expected point instancers not to be in each other"
+            )
+        placed: list[_Placed] = []
+        for copies in read_copies(UsdGeom.PointInstancer(site.prim), self._time):
+            path = str(copies.prototype.GetPath())
+            if path not in self._copies_of:
+                self._copies_of[path] = self._placed(copies.prototype, np.eye(4), nested + 1)
+            parts = self._copies_of[path]
+            if len(placed) + len(parts) * len(copies.numbers) > MAX_INSTANCES:
+                raise SceneError(f"expected at most {MAX_INSTANCES:,} meshes in the scene")
+            with np.errstate(all="ignore"):
+                frames = site.stage_from_prim @ copies.instancer_from_copies
+                poses = [frames @ one.frame_from_mesh for one in parts]
+            for row, frame in enumerate(frames):
+                if site.owner is None:
+                    name = self._distinct(f"{copies.prototype.GetName()}_{copies.numbers[row]}")
+                    of_part = [(name, frame, one.class_name) for one in parts]
+                else:
+                    of_part = [self._object(site, owners)] * len(parts)
+                placed += [
+                    _Placed(part_name, one.mesh, pose[row], part_frame, class_name)
+                    for one, pose, (part_name, part_frame, class_name) in zip(
+                        parts, poses, of_part, strict=True
+                    )
+                ]
+        return placed
+
+    def _distinct(self, name: str) -> str:
+        """The name, numbered where another object has it."""
+        count = self._names[name]
+        self._names[name] += 1
+        return name if not count else self._distinct(f"{name}_{count}")
+
+
+def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
+    """Label rules of objects' classes, in the order of the alphabet."""
+    return tuple(
+        LabelRule(
+            number,
+            name,
+            distinct_color(number),
+            tuple(each for each, own in class_of.items() if own == name),
+        )
+        for number, name in enumerate(sorted(set(class_of.values())), start=1)
+    )

@@ -1,0 +1,1 @@
+"""Light of scenes: lamps, sun, sky, fog and baked light."""

@@ -1,0 +1,254 @@
+"""Folders of baked light, as `omnisim bake` writes them: their reading.
+
+A folder is for one scene in one light, which its fingerprint tells.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
+
+from omnisim.core.errors import OutputError, SceneError
+from omnisim.core.files.image_files import read_radiance
+from omnisim.core.files.npz_file import read_arrays
+from omnisim.core.files.parameters import Positive, Signed, Table, parse_table
+from omnisim.core.files.sources import read_source
+from omnisim.scene.light.baked_fingerprint import baked_fingerprint, content_fingerprint
+from omnisim.scene.light.baked_light import FACTORS, LARGEST, BakedLight, Probes
+from omnisim.scene.model import Mesh, Scene
+from omnisim.scene.parts import LightRectangle
+
+CONTENTS, IRRADIANCE = "baked.json", "irradiance.exr"
+UNWRAPPING, PROBES = "unwrapping.npz", "probes.npz"
+MAX_SIZE_PX, MAX_PROBES = 16384, 1_000_000
+_EXPECTED = "expected that of omnisim bake"
+_TOLERANCE = 1e-4  # of rectangles and places within them
+
+Share = Annotated[float, Field(strict=True, ge=-_TOLERANCE, le=1.0 + _TOLERANCE)]
+Count = Annotated[int, Field(strict=True, ge=1, le=4096)]
+
+
+class _OpenTable(Table):
+    """Table with further keys, which are for the record."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class _Grid(_OpenTable):
+    origin_m: tuple[Signed, Signed, Signed]
+    spacing_m: tuple[Positive, Positive, Positive]
+    shape: tuple[Count, Count, Count]
+
+
+class _Contents(_OpenTable):
+    version: Literal[1]
+    fingerprint: str
+    rects: dict[str, tuple[Share, Share, Share, Share]]
+    back_rects: dict[str, tuple[Share, Share, Share, Share]] = Field(default_factory=dict)
+    probes: _Grid
+
+
+def with_baked_light(scene: Scene, folder: Path) -> Scene:
+    """Scene, loaded without baked light, in the light of a folder.
+
+    Its meshes are split at the seams of their unwrapping; triangles keep their order.
+
+    Raises:
+        SceneError: the light is another scene's, or a file is missing or damaged.
+    """
+    if not folder.is_dir():
+        raise SceneError(f"{folder}: no such folder: {_advice(scene, folder)}")
+    contents = _read_contents(folder / CONTENTS)
+    if not _is_of(contents.fingerprint, scene):
+        raise SceneError(
+            f"{folder}: the bake does not match {scene.name}: geometry or lights have changed "
+            f"since: {_advice(scene, folder, ' --force')}"
+        )
+    rectangles = _rectangles(contents.rects, "rects", scene, folder / CONTENTS)
+    backs = _rectangles(contents.back_rects, "back_rects", scene, folder / CONTENTS)
+    baked = BakedLight(_read_irradiance(folder / IRRADIANCE), _read_probes(folder, contents.probes))
+    used = sorted({scene.instances[number].mesh for number in rectangles})
+    return dataclasses.replace(
+        scene,
+        meshes=_split_meshes(scene.meshes, used, folder / UNWRAPPING),
+        instances=tuple(
+            dataclasses.replace(
+                one, light_rectangle=rectangles[number], light_back_rectangle=backs.get(number)
+            )
+            if number in rectangles
+            else one
+            for number, one in enumerate(scene.instances)
+        ),
+        lighting=dataclasses.replace(scene.lighting, baked=baked),
+    )
+
+
+def _is_of(fingerprint: str, scene: Scene) -> bool:
+    """True for a scene's own bake, also one of a version that knew scenes by their content."""
+    return fingerprint == baked_fingerprint(scene) or fingerprint == content_fingerprint(scene)
+
+
+def _advice(scene: Scene, folder: Path, more: str = "") -> str:
+    return f"run `omnisim bake {scene.name} -o {folder}{more}`"
+
+
+def _read_contents(path: Path) -> _Contents:
+    try:
+        content = json.loads(read_source(path))
+    except OSError as reason:
+        raise SceneError(f"{path}: cannot be read: {reason.strerror}: {_EXPECTED}") from None
+    except (ValueError, RecursionError):
+        raise SceneError(f"{path}: is damaged: not JSON: {_EXPECTED}") from None
+    if not isinstance(content, dict):
+        raise SceneError(f"{path}: is damaged: {_EXPECTED}")
+    try:
+        return parse_table(content, _Contents, SceneError, str(path))
+    except SceneError as faults:  # one is enough: nobody mends such a file by hand
+        raise SceneError(str(faults).partition("\n")[0]) from None
+
+
+def _rectangles(
+    rects: dict[str, LightRectangle], key: str, scene: Scene, path: Path
+) -> dict[int, LightRectangle]:
+    """Rectangles by the number of an instance, of those that have one and do not deform."""
+    found, instances = {}, len(scene.instances)
+    for name, rectangle in rects.items():
+        left, top, width, height = rectangle
+        if not (name.isascii() and name.isdigit() and len(name) < 10 and int(name) < instances):
+            raise SceneError(
+                f"{path}: {key}: expected numbers of instances, up to {instances - 1}, got {name!r}"
+            )
+        if left + width > 1.0 + _TOLERANCE or top + height > 1.0 + _TOLERANCE:
+            raise SceneError(f"{path}: {key}.{name} = {list(rectangle)}: expected it within 0 to 1")
+        is_rigid = scene.meshes[scene.instances[int(name)].mesh].deformation is None
+        if width > 0.0 and height > 0.0 and is_rigid:
+            found[int(name)] = rectangle
+    return found
+
+
+def _read_irradiance(path: Path) -> NDArray[np.float16]:
+    try:
+        pixels = read_radiance(path)
+    except OutputError as reason:
+        raise SceneError(str(reason)) from None
+    height, width = pixels.shape[:2]
+    if max(height, width) > MAX_SIZE_PX:
+        raise SceneError(f"{path}: expected at most {MAX_SIZE_PX} px, got {width} × {height}")
+    if not ((pixels >= 0.0) & (pixels <= LARGEST)).all():
+        raise SceneError(f"{path}: expected light from 0 to {LARGEST:g}")
+    return pixels.astype(np.float16)
+
+
+def _read_probes(folder: Path, grid: _Grid) -> Probes:
+    path, shape = folder / PROBES, grid.shape
+    if np.prod(shape, dtype=np.float64) > MAX_PROBES:
+        raise SceneError(
+            f"{folder / CONTENTS}: probes.shape = {list(shape)}: expected at most {MAX_PROBES} "
+            "probes"
+        )
+    stored = read_arrays(path, SceneError, "archive", _EXPECTED, ("sh", "valid"))
+    factors = _array(stored, "sh", "f", (*shape, FACTORS, 3), path)
+    valid = _array(stored, "valid", "b", shape, path)
+    if not (np.abs(factors[valid]) <= LARGEST).all():
+        raise SceneError(f"{path}: sh: expected finite numbers up to {LARGEST:g}")
+    return Probes(
+        np.array(grid.origin_m), np.array(grid.spacing_m),
+        np.where(valid[..., None, None], factors, 0.0).astype(np.float32), valid,
+    )  # fmt: skip
+
+
+def _split_meshes(meshes: tuple[Mesh, ...], used: list[int], path: Path) -> tuple[Mesh, ...]:
+    stored = _read_unwrapping(path)
+    split = list(meshes)
+    for number in used:
+        split[number] = _split_mesh(meshes[number], number, stored, path)
+    return tuple(split)
+
+
+def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
+    """Arrays of the meshes, by the array's name and the number of the mesh."""
+    names = {"meshes", "vertex_of", "triangles", "uv"}
+    stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
+    meshes = _array(stored, "meshes", "iu", (None, 3), path).astype(np.int64)
+    found = {}
+    for key, kinds, width, column in (
+        ("vertex_of", "iu", (), 1), ("triangles", "iu", (3,), 2), ("uv", "f", (2,), 1)
+    ):  # fmt: skip
+        ends = np.cumsum(meshes[:, column])
+        joined = _array(stored, key, kinds, (None, *width), path)
+        if (meshes < 0).any() or ends[-1:].sum() != len(joined):
+            raise SceneError(
+                f"{path}: meshes: expected numbers of {len(joined)} in all, as {key} has"
+            )
+        for mesh, part in zip(meshes[:, 0], np.split(joined, ends[:-1]), strict=True):
+            found[f"{key} of mesh {mesh}"] = part
+    return found
+
+
+def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: Path) -> Mesh:
+    vertex_of = _array(stored, f"vertex_of of mesh {number}", "iu", (None,), path)
+    triangles = _array(stored, f"triangles of mesh {number}", "iu", mesh.triangles.shape, path)
+    places = _array(stored, f"uv of mesh {number}", "f", (len(vertex_of), 2), path)
+    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(vertex_of)):
+        raise SceneError(
+            f"{path}: triangles of mesh {number}: expected vertices from 0 to {len(vertex_of) - 1}"
+        )
+    if not np.array_equal(vertex_of[triangles], mesh.triangles):
+        raise SceneError(
+            f"{path}: vertex_of of mesh {number}: expected the scene's triangles, got others"
+        )
+    if not ((places >= -_TOLERANCE) & (places <= 1.0 + _TOLERANCE)).all():
+        raise SceneError(f"{path}: uv of mesh {number}: expected places from 0 to 1")
+    if len(vertex_of) and not (vertex_of.min() >= 0 and vertex_of.max() < len(mesh.positions)):
+        raise SceneError(
+            f"{path}: vertex_of of mesh {number}: expected vertices from 0 to "
+            f"{len(mesh.positions) - 1}"
+        )
+    return dataclasses.replace(
+        mesh,
+        positions=mesh.positions[vertex_of],
+        triangles=triangles.astype(np.uint32),
+        normals=_taken(mesh.normals, vertex_of),
+        texture_coordinates=_taken(mesh.texture_coordinates, vertex_of),
+        colors=_taken(mesh.colors, vertex_of),
+        second_texture_coordinates=_taken(mesh.second_texture_coordinates, vertex_of),
+        light_coordinates=places.astype(np.float32),
+    )
+
+
+def _taken(
+    values: NDArray[np.float32] | None, vertices: NDArray[np.integer[Any]]
+) -> NDArray[np.float32] | None:
+    return None if values is None else values[vertices]
+
+
+def _array(
+    stored: dict[str, NDArray[Any]],
+    name: str,
+    kinds: str,
+    shape: tuple[int | None, ...],
+    path: Path,
+) -> NDArray[Any]:
+    """Array of an archive, of one of the kinds of NumPy and of a shape; None: of any length."""
+    if name not in stored:
+        raise SceneError(f"{path}: {name}: missing: {_EXPECTED}")
+    array = stored[name]
+    fits = array.ndim == len(shape) and all(
+        wanted in (None, got) for wanted, got in zip(shape, array.shape, strict=True)
+    )
+    if array.dtype.kind not in kinds or not fits:
+        wanted = " × ".join("n" if one is None else str(one) for one in shape)
+        raise SceneError(
+            f"{path}: {name}: expected {wanted} {_KINDS[kinds]}, "
+            f"got {array.dtype} of shape {array.shape}"
+        )
+    return array
+
+
+_KINDS = {"f": "floats", "b": "flags", "iu": "whole numbers"}

@@ -1,0 +1,231 @@
+"""Environment maps: light from far away, for matte and for glossy surfaces.
+
+Directions are unit vectors in axes of the world. A map's columns run clockwise from its middle,
+seen from above: its middle is the world's +x, a quarter of its width to the left of that +y. Its
+first row is straight up.
+Source: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps",
+2001; Karis, "Real shading in Unreal Engine 4", 2013.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.short_repr import short_repr
+
+# Of the filtered map: a level for each step of roughness, and half as many rows in each.
+FILTERED_ROWS, FILTERED_LEVELS = 256, 6
+_SAMPLES = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """Environment map.
+
+    Attributes:
+        radiance: (height, width, 3) float32, linear RGB as it is seen; twice as wide as high.
+    """
+
+    radiance: NDArray[np.float32]
+
+    def __repr__(self) -> str:
+        height, width = self.radiance.shape[:2]
+        return short_repr(self, f"{width} × {height} px")
+
+    def scaled(self, factor: float) -> Environment:
+        """Map that is so many times as bright."""
+        return Environment((factor * self.radiance).astype(np.float32))
+
+    @cached_property
+    def irradiance(self) -> NDArray[np.float64]:
+        """Light on white surfaces: factors (9, 3) of the polynomials in `shares_of_normals`."""
+        pixels = _halved_to(self.radiance, 128).astype(np.float64)
+        directions, weights = map_directions(*pixels.shape[:2])
+        shares = shares_of_normals(directions.reshape(-1, 3))
+        return factors_of_moments(shares.T @ (pixels * weights[:, None, None]).reshape(-1, 3))
+
+    @cached_property
+    def filtered(self) -> tuple[NDArray[np.float32], ...]:
+        """Levels (height, width, 3) of the map, each filtered for a step of roughness from 0."""
+        first = _halved_to(self.radiance, FILTERED_ROWS)
+        pyramid = _pyramid(first)
+        steps = range(1, FILTERED_LEVELS)
+        return first, *(
+            _filtered(pyramid, first.shape[0] >> step, step / (FILTERED_LEVELS - 1))
+            for step in steps
+        )
+
+    def ambient(self, normals: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Light (n, 3) on white surfaces with unit normals (n, 3)."""
+        light: NDArray[np.float64] = np.maximum(shares_of_normals(normals) @ self.irradiance, 0.0)
+        return light
+
+    def light(
+        self, directions: NDArray[np.floating], roughness: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Radiance (n, 3) around directions (n, 3), filtered for roughnesses (n,) from 0 to 1."""
+        steps = np.asarray(roughness, dtype=np.float64) * (FILTERED_LEVELS - 1)
+        return _between_levels(self.filtered, coordinates_of(directions), steps)
+
+    @cached_property
+    def pyramid(self) -> tuple[NDArray[np.float32], ...]:
+        """The map, and means of it with half as many rows and columns each."""
+        return tuple(_pyramid(self.radiance))
+
+    def seen(
+        self, directions: NDArray[np.floating], widths_rad: NDArray[np.floating] | None = None
+    ) -> NDArray[np.float32]:
+        """Radiance (n, 3) along directions (n, 3), within widths (n,); None: of no width."""
+        places = coordinates_of(directions)
+        if widths_rad is None:
+            return lookup(self.radiance, places)
+        texels = np.maximum(widths_rad, 1e-12) * (self.radiance.shape[0] / np.pi)
+        return _between_levels(self.pyramid, places, np.maximum(np.log2(texels), 0.0))
+
+
+# Of the polynomials: their norms squared, by Lambert's cosine of their order, over pi.
+_FACTORS = np.array(
+    [
+        1.0 / (4.0 * np.pi), *[2.0 / 3.0 * 3.0 / (4.0 * np.pi)] * 3,
+        *[0.25 * 15.0 / (4.0 * np.pi)] * 2, 0.25 * 5.0 / (16.0 * np.pi),
+        0.25 * 15.0 / (4.0 * np.pi), 0.25 * 15.0 / (16.0 * np.pi),
+    ]
+)  # fmt: skip
+
+
+def factors_of_moments(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factors (..., 9, 3) of light on white surfaces, by integrals of shares times radiance."""
+    factors: NDArray[np.float64] = moments * _FACTORS[:, None]
+    return factors
+
+
+def shares_of_normals(normals: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Spherical harmonics (n, 9) up to order 2, without their norms, of unit vectors (n, 3)."""
+    x, y, z = np.asarray(normals, dtype=np.float64).T
+    return np.stack(
+        (np.ones_like(x), y, z, x, x * y, y * z, 3.0 * z * z - 1.0, x * z, x * x - y * y), axis=-1
+    )
+
+
+def coordinates_of(directions: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Texture coordinates (n, 2) of unit vectors (n, 3)."""
+    x, y, z = np.asarray(directions, dtype=np.float64).T
+    across = 0.5 - np.arctan2(y, x) / (2.0 * np.pi)
+    return np.stack((across, np.arccos(np.clip(z, -1.0, 1.0)) / np.pi), axis=-1)
+
+
+def lookup(pixels: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Values (n, 3) of a map between its pixels at texture coordinates (n, 2)."""
+    height, width = pixels.shape[:2]
+    column, row = places[:, 0] * width - 0.5, places[:, 1] * height - 0.5
+    left, top = np.floor(column).astype(np.intp), np.floor(row).astype(np.intp)
+    right_share = (column - left).astype(np.float32)[:, None]
+    down_share = (row - top).astype(np.float32)[:, None]
+    columns = left % width, (left + 1) % width
+    rows = np.clip(top, 0, height - 1), np.clip(top + 1, 0, height - 1)
+    upper, lower = (
+        pixels[one, columns[0]] * (1 - right_share) + pixels[one, columns[1]] * right_share
+        for one in rows
+    )
+    found: NDArray[np.float32] = upper * (1 - down_share) + lower * down_share
+    return found
+
+
+def _between_levels(
+    levels: tuple[NDArray[np.float32], ...],
+    places: NDArray[np.float64],
+    steps: NDArray[np.floating],
+) -> NDArray[np.float32]:
+    """Values (n, 3) at texture coordinates (n, 2), between the two levels nearest to steps (n,)."""
+    steps = np.minimum(steps, len(levels) - 1)
+    total = np.zeros((len(places), 3), dtype=np.float32)
+    for level, pixels in enumerate(levels):
+        weights = np.maximum(1.0 - np.abs(steps - level), 0.0)
+        some = np.flatnonzero(weights)
+        if len(some):
+            total[some] += weights[some, None] * lookup(pixels, places[some])
+    return total
+
+
+def map_directions(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions (height, width, 3) of a map's pixels, and solid angles (height,) of its rows'."""
+    azimuth = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)[None]
+    polar = np.pi * (np.arange(height) + 0.5)[:, None] / height
+    edges = np.cos(np.pi * np.arange(height + 1) / height)
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)
+        ),
+        axis=-1,
+    )
+    return directions, (edges[:-1] - edges[1:]) * 2.0 * np.pi / width
+
+
+def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+    """Map of at most so many rows, each the mean of some."""
+    while pixels.shape[0] > rows and pixels.shape[0] % 2 == 0 and pixels.shape[1] % 2 == 0:
+        pixels = _halved(pixels)
+    if pixels.shape[:2] == (rows, 2 * rows):
+        return pixels
+    down, across = (np.arange(rows) + 0.5) / rows, (np.arange(2 * rows) + 0.5) / (2 * rows)
+    places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    return lookup(pixels, places).reshape(rows, 2 * rows, 3)
+
+
+def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Means of 2 × 2 pixels, by their solid angles; of an odd number the last one is left out."""
+    height, width = (size // 2 * 2 for size in pixels.shape[:2])
+    pixels = pixels[:height, :width]
+    weights = map_directions(height, width)[1].astype(np.float32)[:, None, None]
+    rows = (pixels * weights).reshape(height // 2, 2, width, 3).sum(axis=1)
+    rows /= weights.reshape(height // 2, 2, 1, 1).sum(axis=1)
+    halved: NDArray[np.float32] = 0.5 * (rows[:, 0::2] + rows[:, 1::2])
+    return halved
+
+
+def _pyramid(pixels: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    pyramid = [pixels]
+    while pyramid[-1].shape[0] > 2:
+        pyramid.append(_halved(pyramid[-1]))
+    return pyramid
+
+
+def _filtered(
+    pyramid: list[NDArray[np.float32]], rows: int, roughness: float
+) -> NDArray[np.float32]:
+    """Map (rows, 2 rows, 3) of what a surface of a roughness reflects, seen along its normal.
+
+    Each half vector of GGX looks up the level whose pixels are as wide as its share of the lobe.
+    Source: Křivánek and Colbert, "Real-time shading with filtered importance sampling", 2008.
+    """
+    normals = map_directions(rows, 2 * rows)[0].reshape(-1, 3)
+    up = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    tangents = np.cross(up, normals)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    bitangents = np.cross(normals, tangents)
+    alpha_squared = roughness**4
+    pixel = 4.0 * np.pi / (pyramid[0].shape[0] * pyramid[0].shape[1])
+    total, weight = np.zeros((len(normals), 3), dtype=np.float32), 0.0
+    for number in range(_SAMPLES):
+        first = (number + 0.5) / _SAMPLES
+        azimuth = 2.0 * np.pi * number * 0.6180339887498949
+        height2 = (1.0 - first) / (1.0 + (alpha_squared - 1.0) * first)
+        along = 2.0 * height2 - 1.0  # of the light and the normal
+        if along <= 0.0:
+            continue
+        side = np.sqrt(1.0 - along * along)
+        light = (
+            side * np.cos(azimuth) * tangents + side * np.sin(azimuth) * bitangents
+            + along * normals
+        )  # fmt: skip
+        spread = height2 * (alpha_squared - 1.0) + 1.0
+        density = alpha_squared / (np.pi * spread * spread) / 4.0
+        level = 0.5 * np.log2(1.0 / (_SAMPLES * density) / pixel) + 1.0
+        source = pyramid[int(np.clip(np.rint(level), 0, len(pyramid) - 1))]
+        total += np.float32(along) * lookup(source, coordinates_of(light))
+        weight += along
+    return (total / np.float32(weight)).reshape(rows, 2 * rows, 3)

@@ -1,0 +1,162 @@
+"""Lighting of a scene: exposure for the lights of a file, defaults for files without any."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.light.environment import Environment
+from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
+
+# A pale clear sky near the horizon, linear RGB.
+DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
+# With lights in the file, a white surface that none of them reaches still shows.
+FILL_AMBIENT = (0.25, 0.25, 0.25)
+# Without: bright overcast daylight from everywhere, a sun from behind the left shoulder and a weak
+# one from the other side, so that no two walls of a corner have the same brightness.
+DEFAULT_LIGHTING = Lighting(
+    (0.38, 0.39, 0.42),
+    tuple(
+        Light(
+            LightKind.DIRECTIONAL,
+            color,
+            intensity,
+            direction=direction / np.linalg.norm(direction),
+            casts_shadow=False,
+        )
+        for direction, color, intensity in (
+            (np.array((0.45, -0.30, -0.85)), (1.0, 0.97, 0.90), 0.56),
+            (np.array((-0.60, 0.45, -0.30)), (0.85, 0.92, 1.0), 0.18),
+        )
+    ),
+)
+# Share of the lit surface that is no brighter than white; the rest is overexposed.
+WHITE_SHARE = 0.9
+SAMPLED_TRIANGLES = 20_000
+
+
+def expose(
+    lights: tuple[Light, ...],
+    meshes: tuple[Mesh, ...],
+    instances: tuple[Instance, ...],
+    dome: tuple[float, float, float] | None = None,
+) -> Lighting:
+    """Lighting by a file's lights, exposed so that most of the lit surface is not overexposed.
+
+    Files state lights in lux and candela, pictures have no such scale. The exposure shows as white
+    a white surface under the fill light and the illuminance that `WHITE_SHARE` of the lit surface
+    stay below. It depends on the scene alone, not on the viewpoint, so that frames of a drive
+    match. Of more than `MAX_LIGHTS` lights those stay that give the scene most light.
+
+    `dome` is the luminance of light from everywhere, in cd/m²: it takes the fill light's place.
+    """
+    sky_lux = math.pi * np.array(dome or (0.0, 0.0, 0.0))
+    if not lights:
+        return _ambient_only(sky_lux) if sky_lux.any() else DEFAULT_LIGHTING
+    centers, normals, areas = _surface_samples(meshes, instances)
+    by_light = np.array([illuminance(light, centers, normals) for light in lights])
+    strongest = np.sort(np.argsort(-(by_light @ areas), kind="stable")[:MAX_LIGHTS])
+    lights = tuple(lights[index] for index in strongest)
+    total = by_light[strongest].sum(axis=0)
+    lit = total > 0.0
+    if not lit.any():
+        return replace(_ambient_only(sky_lux), lights=lights)
+    order = np.argsort(total[lit])
+    share = np.cumsum(areas[lit][order])
+    white = total[lit][order][np.searchsorted(share, WHITE_SHARE * share[-1])]
+    if sky_lux.any():
+        exposure = 1.0 / float(white + sky_lux.max())
+        red, green, blue = (exposure * sky_lux).tolist()
+        return Lighting((red, green, blue), lights, exposure)
+    return Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
+
+
+def is_even(lighting: Lighting) -> bool:
+    """True for even light, which stands in for the lamps of a scene without any."""
+    return [_shine(one) for one in lighting.lights] == [
+        _shine(one) for one in DEFAULT_LIGHTING.lights
+    ]
+
+
+def _shine(light: Light) -> tuple[object, ...]:
+    """Light in plain values, whether or not it casts shadows."""
+    return light.kind, light.color, light.intensity, *light.direction.tolist()
+
+
+def light_summary(lighting: Lighting) -> str:
+    """Lamps by kind, or the light that is there without them."""
+    kinds = [light.kind.value for light in lighting.lights]
+    if kinds and not is_even(lighting):
+        return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    if lighting.baked is not None:
+        return "none: baked light of what shines"
+    if lighting.environment is not None:
+        return "none: lit by its sky"
+    return "none: even light, without shadows" if kinds else "none: light from everywhere"
+
+
+def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Light from everywhere, in baked light without lamps, of a background.
+
+    One that is brighter than white is a sky that shines, any other a picture.
+    """
+    return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
+
+
+def around(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
+    """Lighting with an environment map, in cd/m², in place of its even light."""
+    radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
+    return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))
+
+
+def _ambient_only(lux: NDArray[np.float64]) -> Lighting:
+    """Lighting from everywhere alone, whose brightest colour is white."""
+    if not lux.any():
+        return Lighting(FILL_AMBIENT, ())
+    red, green, blue = (lux / lux.max()).tolist()
+    return Lighting((red, green, blue), (), exposure=1.0 / float(lux.max()))
+
+
+def _surface_samples(
+    meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Centers (n, 3), unit normals (n, 3) and areas (n,) of triangles spread over the scene."""
+    total = sum(len(meshes[instance.mesh].triangles) for instance in instances)
+    step = max(1, total // SAMPLED_TRIANGLES)
+    corners = np.concatenate(
+        [
+            meshes[instance.mesh].positions[meshes[instance.mesh].triangles[::step]]
+            @ instance.world_from_mesh[:3, :3].T
+            + instance.world_from_mesh[:3, 3]
+            for instance in instances
+        ]
+    )
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(doubled, axis=1)
+    keep = length > 0.0
+    return corners.mean(axis=1)[keep], doubled[keep] / length[keep, None], 0.5 * length[keep]
+
+
+@np.errstate(over="ignore")
+def illuminance(
+    light: Light, centers: NDArray[np.float64], normals: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Lux (n,) at surfaces, either side; the reference of `shaders/scene/lighting.glsl`."""
+    level = light.intensity * max(light.color)
+    falloff: NDArray[np.float64]
+    if light.kind is LightKind.DIRECTIONAL:
+        falloff = np.abs(normals @ light.direction)
+        return level * falloff
+    away = centers - light.position_m
+    distance = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
+    away = away / distance[:, None]
+    falloff = np.abs(np.sum(normals * away, axis=1)) / distance**2
+    if math.isfinite(light.range_m):
+        falloff *= np.clip(1.0 - (distance / light.range_m) ** 4, 0.0, 1.0)
+    if light.kind is LightKind.SPOT:
+        inner, outer = light.cone_cosines
+        falloff *= np.clip((away @ light.direction - outer) / max(inner - outer, 1e-3), 0, 1) ** 2
+    return level * falloff

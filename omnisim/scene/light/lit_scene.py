@@ -1,0 +1,99 @@
+"""Light of a scene by the tables of its TOML: lamps, sun, fog, shadows and exposure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from omnisim.scene.files.scene_file import SceneFile
+from omnisim.scene.light.light_tables import FogTable, LampTable, SunTable
+from omnisim.scene.light.lighting import FILL_AMBIENT, expose, is_even
+from omnisim.scene.light.sun import sun_illuminance_lx, sun_position
+from omnisim.scene.model import Scene
+from omnisim.scene.parts import Fog, Light, Lighting, LightKind
+
+# Contrast that is left at the visibility.
+# Source: WMO, "Guide to Instruments and Methods of Observation", 2018, section 9.1.
+_VISIBLE_CONTRAST = 0.05
+
+
+def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
+    """Scene in the light and fog of its TOML; lamps beside the sky of a base have its exposure."""
+    table, lighting = settings.light, scene.lighting
+    lamps = [_lamp(one) for one in settings.lamps]
+    if settings.sun is not None:
+        lamps += _sun(settings.sun)
+    if lamps:
+        lighting = _with_lamps(scene, tuple(lamps))
+        if settings.extends is not None and scene.lighting.environment is not None:
+            lighting = replace(lighting, exposure=scene.lighting.exposure)
+    elif settings.sun is not None and is_even(lighting):
+        lighting = replace(lighting, lights=(), ambient=FILL_AMBIENT)  # it is night
+    if table.shadows is not None and not is_even(lighting):
+        lighting = lighting.with_shadows(table.shadows)
+    if table.ambient is not None:
+        lighting = replace(lighting, ambient=table.ambient)
+    if table.exposure is not None:
+        if settings.extends is not None and lighting.environment is not None:
+            lighting = replace(
+                lighting,
+                environment=lighting.environment.scaled(table.exposure / lighting.exposure),
+            )
+        lighting = replace(lighting, exposure=table.exposure)
+    if settings.fog is not None:
+        lighting = replace(lighting, fog=_fog(settings.fog))
+    return scene if lighting is scene.lighting else replace(scene, lighting=lighting)
+
+
+def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
+    """Lighting of a scene with further lamps, which take the place of even light."""
+    before = scene.lighting
+    was_even = is_even(before)
+    own = () if was_even else before.lights
+    lit = scene if scene.instances else scene.at_start()  # where all of it moves
+    exposed = expose((*own, *lamps), lit.meshes, lit.instances)
+    ambient = exposed.ambient if was_even else before.ambient
+    return replace(before, lights=exposed.lights, exposure=exposed.exposure, ambient=ambient)
+
+
+def _lamp(table: LampTable) -> Light:
+    kind = LightKind(table.kind)
+    light = Light(kind, table.color, table.intensity, casts_shadow=table.shadows)
+    if table.position_m is not None:
+        light = replace(light, position_m=np.array(table.position_m))
+    if table.direction is not None:
+        direction = np.array(table.direction)
+        light = replace(light, direction=direction / np.linalg.norm(direction))
+    if kind is LightKind.SPOT:
+        inner = math.radians(table.inner_deg or 0.0)
+        outer = math.radians(45.0 if table.outer_deg is None else table.outer_deg)
+        light = replace(light, cone_cosines=(math.cos(inner), math.cos(outer)))
+    return light if table.range_m is None else replace(light, range_m=table.range_m)
+
+
+def _sun(table: SunTable) -> list[Light]:
+    """The sun; none is below the horizon."""
+    position = sun_position(table.time, table.latitude_deg, table.longitude_deg)
+    if position.elevation_deg <= 0.0:
+        return []
+    level = table.illuminance_lx or sun_illuminance_lx(position.elevation_deg)
+    direction = position.direction(table.north_deg)
+    return [
+        Light(
+            LightKind.DIRECTIONAL,
+            table.color,
+            level,
+            direction=direction,
+            casts_shadow=table.shadows,
+        )
+    ]
+
+
+def _fog(table: FogTable) -> Fog:
+    if table.attenuation_per_m is not None:
+        return Fog(table.color, table.attenuation_per_m)
+    assert table.visibility_m is not None
+    extinction = -math.log(_VISIBLE_CONTRAST) / table.visibility_m
+    return Fog(table.color, (extinction,) * 3)

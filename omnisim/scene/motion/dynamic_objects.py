@@ -1,0 +1,89 @@
+"""Dynamic objects of a scene's TOML: their shapes and motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import assert_never
+
+import numpy as np
+
+from omnisim.core.errors import SceneError, TrajectoryError
+from omnisim.core.files.toml_file import find_beside
+from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.scene.files.scene_file import (
+    ObjectPathTable,
+    ObjectTable,
+    ObjectTrajectoryTable,
+    OrbitTable,
+    ShuttleTable,
+)
+from omnisim.scene.model import DynamicObject, Scene
+from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
+
+# Shape of a file, by its axis that points up and its animation.
+LoadShape = Callable[[Path, str | None, str | None], Scene]
+
+
+def load_objects(
+    tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape
+) -> tuple[DynamicObject, ...]:
+    """Load the objects of the tables of a scene's TOML.
+
+    Args:
+        tables: checked.
+        folder: of the TOML, that files are relative to.
+        load_shape: loads a mesh file or a scene's TOML.
+
+    Raises:
+        SceneError: naming object, key, value and what was expected.
+    """
+    return tuple(_load_object(table, folder, load_shape) for table in tables)
+
+
+def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> DynamicObject:
+    where = f"object {table.name!r}"
+    path = find_beside(folder, table.file, f"{where}: file", SceneError)
+    # fingerprints name the file: not by where this machine has it
+    shape = load_shape(path, table.up_axis, table.animation)
+    shape = shape.altered("", name=table.file)
+    if shape.objects:
+        raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
+    try:
+        motion = _motion(table, folder)
+    except TrajectoryError as reason:
+        raise SceneError(f"{where}: {reason}") from None
+    if table.rolling_radius_m is not None and not isinstance(motion, Rest):
+        return DynamicObject(table.name, shape, Rolling(motion, table.rolling_radius_m))
+    return DynamicObject(table.name, shape, motion)
+
+
+def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
+    match table.motion:
+        case None:
+            place = (table.position_m or (0.0, 0.0, 0.0), table.yaw_deg or 0.0)
+            return Rest(*place) if table.mass_kg is None else FreeBody(*place, table.mass_kg)
+        case ObjectPathTable() as path:
+            return Along(_trajectory(path), path.repeats)
+        case ObjectTrajectoryTable() as along:
+            return Along(read_trajectory(folder / along.file), along.repeats)
+        case OrbitTable() as orbit:
+            return Orbit(**dict(orbit))
+        case ShuttleTable() as shuttle:
+            return Shuttle(**dict(shuttle))
+        case other:
+            assert_never(other)
+
+
+def _trajectory(path: ObjectPathTable) -> Trajectory:
+    yaw_deg = path.yaw_deg or (0.0,) * len(path.times_s)
+    for key, values in (("positions_m", path.positions_m), ("yaw_deg", yaw_deg)):
+        if len(values) != len(path.times_s):
+            raise TrajectoryError(
+                f"path.{key}: expected {len(path.times_s)}, one for each of times_s, "
+                f"got {len(values)}"
+            )
+    poses = pose_from_rotation(rotation_from_yaw(np.radians(yaw_deg)), np.array(path.positions_m))
+    return Trajectory(np.array(path.times_s), poses)

@@ -1,0 +1,201 @@
+"""Motions of a scene's dynamic objects: their poses by the world's time.
+
+Attributes of all motions are in the world frame; angles count counter-clockwise, seen from above.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.world import Pose
+
+Vector = tuple[float, float, float]
+
+
+class ObjectMotion(Protocol):
+    """Motion of an object: a function of time."""
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4) at a time in seconds."""
+        ...
+
+
+@dataclass(frozen=True)
+class Rest:
+    """No motion.
+
+    Attributes:
+        position_m: of the object's origin.
+        yaw_deg: its heading.
+    """
+
+    position_m: Vector
+    yaw_deg: float = 0.0
+
+    def pose_at(self, time_s: float) -> Pose:
+        """The same pose (4, 4) at all times."""
+        return pose_from_rotation(rotation_from_yaw(math.radians(self.yaw_deg)), self.position_m)
+
+
+@dataclass(frozen=True)
+class FreeBody(Rest):
+    """Rest until it is hit, which takes physics.
+
+    Attributes:
+        mass_kg: of the object.
+    """
+
+    mass_kg: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """Motion along a trajectory; at rest before and after it.
+
+    Attributes:
+        trajectory: poses of the object.
+        repeats: it begins again at its end.
+    """
+
+    trajectory: Trajectory
+    repeats: bool = False
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4), straight and even between those of the trajectory."""
+        times_s = self.trajectory.times_s
+        if self.repeats and len(times_s) > 1:
+            time_s = times_s[0] + (time_s - times_s[0]) % (times_s[-1] - times_s[0])
+        return self.trajectory.pose_at(time_s)
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """Level circle at a constant speed, facing ahead.
+
+    Attributes:
+        centre_m: of the circle.
+        radius_m: of the circle.
+        period_s: of a turn; less than 0: clockwise.
+        start_deg: direction from the centre at 0 s, from the world's x.
+    """
+
+    centre_m: Vector
+    radius_m: float
+    period_s: float
+    start_deg: float = 0.0
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4) on the circle."""
+        angle = self.angle_at(time_s)
+        offset_m = self.radius_m * np.array([math.cos(angle), math.sin(angle), 0.0])
+        yaw = angle + math.copysign(0.5 * math.pi, self.period_s)
+        return pose_from_rotation(rotation_from_yaw(yaw), np.array(self.centre_m) + offset_m)
+
+    def angle_at(self, time_s: float) -> float:
+        """Direction from the centre in radians, turns counted."""
+        return math.radians(self.start_deg) + 2.0 * math.pi * time_s / self.period_s
+
+
+@dataclass(frozen=True)
+class Shuttle:
+    """Way to a point and back, slow at both ends: half a cosine each way.
+
+    Attributes:
+        from_m, to_m: its ends; it is at the first at 0 s, and faces the second.
+        period_s: of the way there and back.
+    """
+
+    from_m: Vector
+    to_m: Vector
+    period_s: float
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4) on the straight way."""
+        start, way = np.array(self.from_m), np.subtract(self.to_m, self.from_m)
+        yaw = math.atan2(way[1], way[0])
+        return pose_from_rotation(rotation_from_yaw(yaw), start + self.share_at(time_s) * way)
+
+    def share_at(self, time_s: float) -> float:
+        """Share of the way from the first end to the second."""
+        return 0.5 - 0.5 * math.cos(2.0 * math.pi * time_s / self.period_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Rolling:
+    """Motion of a ball that rolls on level ground without slipping.
+
+    Its axis is level and square to its way; it does not spin about the vertical.
+
+    Attributes:
+        motion: of the ball's middle.
+        radius_m: of the ball.
+    """
+
+    motion: Along | Orbit | Shuttle
+    radius_m: float
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4) with the position of the motion, and the rotation of the ball."""
+        rolled: Pose = self.motion.pose_at(time_s)
+        rolled[:3, :3] = self._rotation_at(time_s)
+        return rolled
+
+    def _rotation_at(self, time_s: float) -> NDArray[np.float64]:
+        motion = self.motion
+        if isinstance(motion, Shuttle):
+            way = np.subtract(motion.to_m, motion.from_m)
+            return _rotation(_axis(way, self.radius_m) * motion.share_at(time_s))
+        if isinstance(motion, Orbit):
+            # seen from a frame that turns with the ball about the centre, both rates are constant
+            turned = motion.angle_at(time_s) - motion.angle_at(0.0)
+            rolled_rad = -turned * motion.radius_m / self.radius_m
+            start = rotation_from_yaw(motion.angle_at(0.0))
+            in_turning = _rotation(np.array([rolled_rad, 0.0, -turned]))
+            found: NDArray[np.float64] = (
+                rotation_from_yaw(motion.angle_at(time_s)) @ in_turning @ start.T
+            )
+            return found
+        return self._along_at(motion, time_s)
+
+    def _along_at(self, motion: Along, time_s: float) -> NDArray[np.float64]:
+        trajectory, laps = motion.trajectory, 0
+        times_s, positions_m = trajectory.times_s, trajectory.positions_m
+        if motion.repeats and len(times_s) > 1:
+            laps, time_s = divmod(time_s - times_s[0], times_s[-1] - times_s[0])
+            time_s += times_s[0]
+        step = int(np.clip(np.searchsorted(times_s, time_s, side="right") - 1, 0, len(times_s) - 1))
+        part_m = motion.trajectory.pose_at(time_s)[:3, 3] - positions_m[step]
+        rotation: NDArray[np.float64] = _rotation(_axis(part_m, self.radius_m)) @ self._legs[step]
+        if laps:
+            lap = scipy.spatial.transform.Rotation.from_matrix(self._legs[-1])
+            rotation = rotation @ _rotation(laps * lap.as_rotvec())
+        return rotation
+
+    @cached_property
+    def _legs(self) -> list[NDArray[np.float64]]:
+        """Rotations (3, 3) at the poses of the trajectory."""
+        assert isinstance(self.motion, Along)
+        rotations = [np.eye(3)]
+        for leg_m in np.diff(self.motion.trajectory.positions_m, axis=0):
+            rotations.append(_rotation(_axis(leg_m, self.radius_m)) @ rotations[-1])
+        return rotations
+
+
+def _axis(way_m: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
+    """Rotation vector (3,) of a ball that rolls along a level way (3,)."""
+    return np.array([-way_m[1], way_m[0], 0.0]) / radius_m
+
+
+def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation (3, 3) of a rotation vector (3,)."""
+    found: NDArray[np.float64] = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
+    return found

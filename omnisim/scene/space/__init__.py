@@ -1,0 +1,1 @@
+"""Space of a scene: floors, enclosures, boxes, start poses."""

@@ -1,0 +1,280 @@
+"""Start pose of a scene that states none: near its middle, clear of surfaces and not inside one.
+
+Scenes in which nothing could stand are objects, seen from outside.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.bounds import triangle_bounds
+from omnisim.scene.parts import Instance, Mesh, StartPose, bounds_m, instance_bounds_m
+
+# Default height of the effective viewpoint above the floor: a small robot's.
+DEFAULT_HEIGHT_M = 1.0
+# Elevation above an object that is seen from outside: mirrors show what is below them.
+OUTSIDE_ELEVATION_DEG = 20.0
+SCALE_PER_DIAGONAL = 0.1  # of scenes too small for that height
+CLEARANCE_PER_SCALE = 0.25  # 0.25 m in a room
+CLEARANCE_PER_HEIGHT = 0.5  # of low scenes, whose default is near their floor
+# Heights that are tried after the default, in scales.
+LEVELS = (1.0, 1.5, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+FLAT_LEVELS = 2.0  # that are tried however low the scene is
+NEAR_SCALES = 16.0  # first looked in: the surroundings of the middle
+# Points that are looked around from: this many comparisons with triangles, in all heights.
+COMPARISONS, MIN_SIGHTS, MAX_SIGHTS = 100_000_000, 64, 1024
+HEIGHTS_SHARE = 4  # of these, at one height at most
+RING_GROWTH, RING_POINTS = 1.25, 12
+GOLDEN_ANGLE_RAD = 2.399963  # turns each ring, so that no direction is missed
+
+
+class _Sight(NamedTuple):
+    """Nearest surfaces of a point along the axes."""
+
+    is_inside: bool
+    has_floor: bool
+
+
+def default_start(bounds: NDArray[np.float64]) -> StartPose:
+    """Pose at the middle of bounds (2, 3), at most 1 m above their floor."""
+    low, high = bounds
+    x, y = 0.5 * (low[:2] + high[:2])
+    z = low[2] + min(DEFAULT_HEIGHT_M, 0.5 * (high[2] - low[2]))
+    return StartPose((float(x), float(y), float(z)))
+
+
+def outside_start(bounds: NDArray[np.float64]) -> StartPose:
+    """Pose in front of bounds (2, 3), and above, at a distance from their middle of the diagonal.
+
+    The front is that of glTF and of Blender: −y.
+    """
+    distance = float(np.linalg.norm(bounds[1] - bounds[0]))
+    elevation = np.radians(OUTSIDE_ELEVATION_DEG)
+    offset = distance * np.array((0.0, -np.cos(elevation), np.sin(elevation)))
+    return StartPose(_plain(bounds.mean(axis=0) + offset), 90.0)
+
+
+def find_start(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> StartPose:
+    """Pose nearest to the middle that is clear of surfaces and not inside of an object.
+
+    It is that of `default_start` where that is free. Others stand above a floor, if there is any,
+    and at the same height, if that is possible. Where no pose is free, as in a closed box, whose
+    surface is seen from the back everywhere, it is one that is clear, or the middle. A scene whose
+    sides are all shorter than `DEFAULT_HEIGHT_M` is seen from outside.
+    """
+    bounds = bounds_m(meshes, instances)
+    if 0.0 < (bounds[1] - bounds[0]).max() < DEFAULT_HEIGHT_M:
+        return outside_start(bounds)
+    middle = np.array(default_start(bounds).position_m)
+    scale = min(DEFAULT_HEIGHT_M, SCALE_PER_DIAGONAL * float(np.linalg.norm(bounds[1] - bounds[0])))
+    clearance, height = CLEARANCE_PER_SCALE * scale, middle[2] - bounds[0, 2]
+    if height > 0.0:
+        clearance = min(clearance, CLEARANCE_PER_HEIGHT * height)
+    found = middle
+    if scale > 0.0:
+        near = _Surroundings(meshes, instances, middle, NEAR_SCALES * scale)
+        if near.is_clear(middle[None], clearance)[0] and not near.sight(middle).is_inside:
+            return StartPose(_plain(middle))
+        best = _search(near, bounds, middle, scale, clearance)
+        is_whole = np.all(bounds[1, :2] - middle[:2] <= near.half_m)
+        if not is_whole and (best is None or not best[0]):
+            far = _Surroundings(meshes, instances, middle, np.inf)
+            best = _search(far, bounds, middle, scale, clearance) or best
+        found = middle if best is None else best[1]
+    return StartPose(_plain(found))
+
+
+def _search(
+    surroundings: _Surroundings,
+    bounds: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    scale: float,
+    clearance: float,
+) -> tuple[bool, NDArray[np.float64]] | None:
+    """Best point that is clear, if any; true where it is also not inside of an object."""
+    radius = min(surroundings.half_m, 0.5 * float(np.linalg.norm(bounds[1, :2] - bounds[0, :2])))
+    plan = _rings(middle[:2], 2.0 * clearance, radius, 0.01 * clearance)
+    plan = plan[np.all((plan >= bounds[0, :2]) & (plan <= bounds[1, :2]), axis=1)]
+    inside, left = None, surroundings.affordable_sights()
+    share = left // HEIGHTS_SHARE
+    for z in _heights(bounds, middle[2], scale):
+        without_floor = None
+        clear = _clear_points(surroundings, plan, z, clearance)
+        for point in itertools.islice(clear, min(share, left)):
+            sight, left = surroundings.sight(point), left - 1
+            if not sight.is_inside and sight.has_floor:
+                return True, point
+            if not sight.is_inside and without_floor is None:
+                without_floor = point
+            elif sight.is_inside and inside is None:
+                inside = point
+        if without_floor is not None:
+            return True, without_floor
+    return None if inside is None else (False, inside)
+
+
+def _clear_points(
+    surroundings: _Surroundings, plan: NDArray[np.float64], z: float, clearance: float
+) -> Iterator[NDArray[np.float64]]:
+    """Points of a height that are clear: the first ones, then ever fewer."""
+    count = wanted = 0
+    for first in range(0, len(plan), RING_POINTS):
+        batch = plan[first : first + RING_POINTS]
+        points = np.column_stack((batch, np.full(len(batch), z)))
+        for point in points[surroundings.is_clear(points, clearance)]:
+            if count == wanted:
+                yield point
+                wanted += 1 + count // 16
+            count += 1
+
+
+def _heights(bounds: NDArray[np.float64], default: float, scale: float) -> Iterator[float]:
+    if default > bounds[0, 2]:
+        yield default
+    for level in LEVELS:
+        z = bounds[0, 2] + level * scale
+        if level <= FLAT_LEVELS or z < bounds[1, 2]:
+            yield z
+
+
+def _rings(
+    middle: NDArray[np.float64], step: float, radius: float, grid: float
+) -> NDArray[np.float64]:
+    """Points (n, 2) on rings about the middle, itself first, on multiples of `grid` from it."""
+    count = max(0, int(np.log(max(radius / step, 1.0)) / np.log(RING_GROWTH))) + 1
+    radii = step * RING_GROWTH ** np.arange(count)
+    turns = 2.0 * np.pi * np.arange(RING_POINTS) / RING_POINTS
+    angles = turns + GOLDEN_ANGLE_RAD * np.arange(count)[:, None]
+    offsets = radii[:, None, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    return middle + np.round(np.concatenate(([[0.0, 0.0]], offsets.reshape(-1, 2))) / grid) * grid
+
+
+class _Surroundings:
+    """Surfaces of the instances around a point, up and down without end.
+
+    Attributes:
+        half_m: half the width of their square.
+    """
+
+    def __init__(
+        self,
+        meshes: tuple[Mesh, ...],
+        instances: tuple[Instance, ...],
+        middle: NDArray[np.float64],
+        half_m: float,
+    ):
+        self.half_m = half_m
+        low, high = middle[:2] - half_m, middle[:2] + half_m
+        boxes = instance_bounds_m(meshes, instances)
+        meets = np.all((boxes[:, 0, :2] <= high) & (boxes[:, 1, :2] >= low), axis=1)
+        points, triangles, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+        for index in np.flatnonzero(meets):
+            mesh, matrix = meshes[instances[index].mesh], instances[index].world_from_mesh
+            points.append(mesh.positions @ matrix[:3, :3].T + matrix[:3, 3])
+            is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0  # the winding flips, not the front
+            triangles.append(mesh.triangles[:, :: -1 if is_mirrored else 1] + np.int64(count))
+            count += len(mesh.positions)
+        self._points, self._triangles = np.concatenate(points), np.concatenate(triangles)
+        # by axis: a line is compared with contiguous numbers
+        self._low, self._high = np.empty((2, 3, len(self._triangles)))
+        for axis in range(3):
+            a, b, c = np.ascontiguousarray(self._points[:, axis])[self._triangles.T]
+            self._low[axis] = np.minimum(np.minimum(a, b), c)
+            self._high[axis] = np.maximum(np.maximum(a, b), c)
+
+    def affordable_sights(self) -> int:
+        """Number of points to look around from in a time that a user does not notice."""
+        count = COMPARISONS // max(1, len(self._triangles))
+        return min(max(count, MIN_SIGHTS), MAX_SIGHTS)
+
+    def _within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Corners (n, 3, 3) of the triangles whose bounds meet those of two corners (3,)."""
+        near: NDArray[np.intp] | slice = slice(None)
+        rows = np.arange(len(self._triangles))
+        for axis in (2, 0, 1):
+            if np.isfinite(low[axis]):
+                meets = self._low[axis, near] <= high[axis]
+                meets &= self._high[axis, near] >= low[axis]
+                near = rows = rows[meets]
+        return self._points[self._triangles[near]]
+
+    def is_clear(self, points: NDArray[np.float64], clearance: float) -> NDArray[np.bool_]:
+        """Mask (n,) of the points (n, 3) that no surface is nearer to."""
+        clear = np.ones(len(points), dtype=bool)
+        if not len(points):
+            return clear
+        corners = self._within(points.min(axis=0) - clearance, points.max(axis=0) + clearance)
+        if not len(corners):
+            return clear
+        low, high = triangle_bounds(corners)
+        near = [
+            np.flatnonzero(np.all((low <= point + clearance) & (high >= point - clearance), axis=1))
+            for point in points
+        ]
+        rows = np.repeat(np.arange(len(points)), [len(ones) for ones in near])
+        distances = triangle_distances(corners[np.concatenate(near)] - points[rows, None])
+        clear[rows[distances < clearance]] = False
+        return clear
+
+    def sight(self, point: NDArray[np.float64]) -> _Sight:
+        """Look along the axes; inside of an object most surfaces are seen from the back."""
+        hits = backs = 0
+        has_floor = False
+        for axis in range(3):
+            ends = np.where(np.arange(3) == axis, np.inf, 0.0)
+            corners = self._within(point - ends, point + ends)
+            if not len(corners):
+                continue
+            offsets, fronts = _crossings(corners - point, axis)
+            for direction in (1.0, -1.0):
+                ahead = np.flatnonzero(offsets * direction > 0.0)
+                if not len(ahead):
+                    continue
+                nearest = ahead[np.argmin(offsets[ahead] * direction)]
+                hits += 1
+                backs += int(fronts[nearest] * direction > 0.0)
+                has_floor |= axis == 2 and direction < 0.0
+        return _Sight(2 * backs > hits, has_floor)
+
+
+def _crossings(
+    corners: NDArray[np.float64], axis: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Offsets (n,) along an axis through the origin at which it crosses triangles (m, 3, 3), and
+    the signs (n,) of their normals' components along it."""
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    following = corners[:, [1, 2, 0]]
+    # twice the areas of the origin with each edge: barycentric coordinates of the corner opposite
+    areas = corners[..., u] * following[..., v] - corners[..., v] * following[..., u]
+    total = areas.sum(axis=1)
+    crossed = (np.all(areas >= 0.0, axis=1) | np.all(areas <= 0.0, axis=1)) & (total != 0.0)
+    shares = areas[crossed] / total[crossed, None]
+    along = corners[crossed][:, [2, 0, 1], axis]
+    return np.einsum("nk,nk->n", shares, along), np.sign(total[crossed])
+
+
+def triangle_distances(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances (n,) of the origin from triangles (n, 3, 3)."""
+    edges = corners[:, [1, 2, 0]] - corners
+    squares = np.maximum(np.einsum("nij,nij->ni", edges, edges), np.finfo(np.float64).tiny)
+    shares = np.clip(-np.einsum("nij,nij->ni", corners, edges) / squares, 0.0, 1.0)
+    borders = np.linalg.norm(corners + shares[..., None] * edges, axis=2).min(axis=1)
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    areas = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, areas, out=np.zeros_like(normals), where=areas > 0.0)
+    heights = np.einsum("ni,ni->n", corners[:, 0], normals)
+    feet = heights[:, None] * normals
+    sides = np.einsum("nij,nj->ni", np.cross(edges, feet[:, None] - corners), normals)
+    above = np.all(sides >= 0.0, axis=1) & (areas[:, 0] > 0.0)
+    distances: NDArray[np.float64] = np.where(above, np.abs(heights), borders)
+    return distances
+
+
+def _plain(point: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = map(float, point)
+    return x, y, z

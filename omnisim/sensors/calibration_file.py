@@ -1,0 +1,61 @@
+"""Calibration of a camera in the folder of a run: its parameters and its mount on the base."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from omnisim.core.errors import OmnisimError, RunError
+from omnisim.core.poses import check_pose
+from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.quality import MAX_PICTURE_PX
+from omnisim.rendering.camera.valid_mask import valid_mask
+
+CALIBRATION = "calibration.json"
+
+
+def calibration_json(sensor: OmniCamera) -> str:
+    """Text of the calibration file of a mounted sensor."""
+    content = {
+        "camera": sensor.model.parameters(),
+        "polygons": sensor.mesh_polygons or "exact",
+        "base_from_optical": sensor.base_from_optical.tolist(),
+    }
+    return json.dumps(content, indent=2) + "\n"
+
+
+def read_mount(path: Path) -> CameraMount:
+    """Read the camera of a calibration file.
+
+    Raises:
+        RunError: it cannot be read, or is damaged.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except (ValueError, RecursionError):
+        raise RunError(f"{path}: is damaged: not a camera's calibration") from None
+    return parse_mount(content, path)
+
+
+def parse_mount(content: Any, place: str | Path) -> CameraMount:
+    """Camera of a calibration file's content.
+
+    Raises:
+        RunError: it is damaged.
+    """
+    try:
+        camera = camera_of_parameters(content["camera"])
+        if max(camera.width_px, camera.height_px) > MAX_PICTURE_PX:
+            raise OmnisimError(f"camera: size: expected at most {MAX_PICTURE_PX} px to a side")
+        base_from_optical = check_pose(content["base_from_optical"])
+        polygons = content["polygons"] if isinstance(content["polygons"], int) else None
+        return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))
+    except OmnisimError as reason:
+        raise RunError(f"{place}: {reason}") from None
+    except (KeyError, TypeError, ValueError, RecursionError):
+        raise RunError(f"{place}: is damaged: not a camera's calibration") from None

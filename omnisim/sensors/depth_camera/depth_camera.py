@@ -1,0 +1,213 @@
+"""Depth cameras by triangulation: a camera, and beside it a projector or a second camera.
+
+    disparity = f baseline/z + noise, rounded to its step        z = f baseline/disparity
+
+so that σ_z = σ_disparity z²/(f baseline). A pixel is a hole where the second view does not see its
+point, where the surface is seen at a grazing angle, and out of range.
+
+The second view is to the right: shadows are on the left of what casts them. Noise is white from
+pixel to pixel; real ones match windows, which makes it smooth and edges ragged. Dark, shiny and
+transparent surfaces, sunlight and lens distortion are not in the model.
+
+Sources: Khoshelham and Elberink, "Accuracy and resolution of Kinect depth data", Sensors 12(2),
+2012; Konolige and Mihelich, "Technical description of Kinect calibration", ROS, 2010; Nguyen, Izadi
+and Lovell, "Modeling Kinect sensor noise", 3DIMPVT 2012; Grunnet-Jepsen et al., "Tuning depth
+cameras for best performance" and "Subpixel linearity improvement", Intel.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.files.parameters import NotNegative, Parameters, Positive
+from omnisim.core.short_repr import short_repr
+from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
+from omnisim.rendering.camera.quality import MAX_PICTURE_PX
+
+MAX_RANGE_M = 65.535  # millimetres in 16 bits
+# Share of the depth by which a surface has to be nearer to the second view to cast a shadow.
+SHADOW_SHARE = 1e-3
+# Depths of neighbours at an edge: more than along a surface at 85° to the rays.
+EDGE_RATIO = 1.05
+Size = Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURE_PX)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthCamera(Parameters, name="depth_camera"):
+    """Geometry and errors of a depth camera. Without arguments: a Kinect of the first version.
+
+    Attributes:
+        width_px, height_px: size of the picture; the optical axis is in its middle.
+        focal_length_px: focal length.
+        baseline_m: from the camera to the second view, to the right.
+        is_stereo: the second view is a camera with the same picture, beyond whose edge are holes;
+            otherwise a projector that lights all that the camera sees.
+        range_min_m, range_max_m: holes are outside, along the optical axis.
+        max_incidence_deg: largest angle of a surface's normal with the ray.
+        disparity_sigma_px: standard deviation of the disparity, its rounding included.
+        disparity_step_px: disparities are multiples of it; 0: any.
+    """
+
+    width_px: Size = 640
+    height_px: Size = 480
+    focal_length_px: Positive = 580.0
+    baseline_m: Positive = 0.075
+    is_stereo: bool = False
+    range_min_m: Positive = 0.5
+    range_max_m: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RANGE_M)] = 5.0
+    max_incidence_deg: Annotated[float, Field(strict=True, gt=0.0, le=90.0)] = 80.0
+    disparity_sigma_px: NotNegative = 1.0 / 16.0
+    disparity_step_px: NotNegative = 1.0 / 8.0
+
+    def __repr__(self) -> str:
+        return short_repr(
+            self,
+            f"{self.width_px} × {self.height_px} px",
+            f"{self.range_min_m:g} to {self.range_max_m:g} m",
+        )
+
+    def _check(self) -> None:
+        if self.range_min_m >= self.range_max_m:
+            raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
+        if self.second_width_px > MAX_PICTURE_PX:
+            raise self._error("baseline_m", "a second view less wide")
+
+    @classmethod
+    def kinect_v1(cls) -> DepthCamera:
+        """Microsoft's Kinect of 2010: structured light.
+
+        580 px, 75 mm and an eighth of a pixel: Konolige and Mihelich. Half of such a step for
+        sigma, and 0.5 to 5 m: Khoshelham and Elberink, whose σ_z = 1.425e-3 z² this is to 1 %. 80°
+        is an assumption, from the angles to which Nguyen et al. find depth.
+        """
+        return cls()
+
+    @classmethod
+    def d435(cls) -> DepthCamera:
+        """Intel's RealSense D435 at 848 × 480: stereo with a texture projected.
+
+        90° wide, 50 mm, 0.08 px and steps of 1/32 px: Intel. Its least depth is that of the largest
+        disparity, 126 px. 10 m is the maker's; 85° an assumption.
+        """
+        focal_length_px, baseline_m = 424.0, 0.05
+        return cls(
+            width_px=848,
+            height_px=480,
+            focal_length_px=focal_length_px,
+            baseline_m=baseline_m,
+            is_stereo=True,
+            range_min_m=focal_length_px * baseline_m / 126.0,
+            range_max_m=10.0,
+            max_incidence_deg=85.0,
+            disparity_sigma_px=0.08,
+            disparity_step_px=1.0 / 32.0,
+        )
+
+    def without_noise(self) -> DepthCamera:
+        """The same camera, whose depths are exact; holes stay."""
+        return dataclasses.replace(self, disparity_sigma_px=0.0, disparity_step_px=0.0)
+
+    @property
+    def model(self) -> PerspectiveCamera:
+        """Camera model."""
+        middle = (0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1))
+        return PerspectiveCamera(self.width_px, self.height_px, self.focal_length_px, middle)
+
+    @property
+    def second_model(self) -> PerspectiveCamera:
+        """Camera model of the second view, a projector's wide enough for all points in range."""
+        u, v = self.model.principal_point_px
+        return PerspectiveCamera(
+            self.second_width_px, self.height_px, self.focal_length_px, (u + self._margin_px, v)
+        )
+
+    @property
+    def second_width_px(self) -> int:
+        """Width of the second view."""
+        return self.width_px + self._margin_px
+
+    @property
+    def _margin_px(self) -> int:
+        """Columns of the second view to the left of the camera's."""
+        return 0 if self.is_stereo else math.ceil(self._disparity_m / self.range_min_m)
+
+    @property
+    def _disparity_m(self) -> float:
+        """Disparity times depth."""
+        return self.focal_length_px * self.baseline_m
+
+    def sigma_m(self, z_m: float) -> float:
+        """Standard deviation of a depth."""
+        return self.disparity_sigma_px * z_m**2 / self._disparity_m
+
+    def measure(
+        self,
+        z_m: NDArray[np.float32],
+        second_z_m: NDArray[np.float32],
+        incidence_cosines: NDArray[np.float32],
+        seed: int | str = 0,
+        frame_number: int = 0,
+    ) -> NDArray[np.float32]:
+        """Measured depths (height, width) along the optical axis in metres, 0 in holes.
+
+        Args:
+            z_m: (height, width) true depths; +inf: nothing is there.
+            second_z_m: (height, second_width_px) those of the second view.
+            incidence_cosines: (height, width) of normals with rays.
+            seed: of the noise.
+            frame_number: noise differs from frame to frame.
+        """
+        measured = self._with_noise(z_m, seed, frame_number)
+        is_steep = incidence_cosines < math.cos(math.radians(self.max_incidence_deg))
+        with np.errstate(invalid="ignore"):  # of infinite depths
+            is_out = ~((measured >= self.range_min_m) & (measured <= self.range_max_m))
+        holes = is_steep | is_out | ~np.isfinite(z_m)
+        seen = np.nonzero(~holes)
+        holes[seen] = ~self._is_seen_twice(z_m[seen], second_z_m, *seen)
+        return np.where(holes, np.float32(0.0), measured)
+
+    def _with_noise(
+        self, z_m: NDArray[np.float32], seed: int | str, frame_number: int
+    ) -> NDArray[np.float32]:
+        """Depths by disparities with noise; +inf where these are not positive."""
+        sigma_px, step_px = self.disparity_sigma_px, self.disparity_step_px
+        if not sigma_px and not step_px:
+            return z_m
+        rows, columns = np.indices(z_m.shape)
+        hashes = pcg4d(columns, rows, frame_number, key_of("depth", seed))
+        # rounding is noise, too, evenly distributed
+        white_px = math.sqrt(max(sigma_px**2 - step_px**2 / 12.0, 0.0))
+        disparity_px = self._disparity_m / z_m + white_px * normal(hashes[0], hashes[1])
+        if step_px:
+            disparity_px = step_px * np.round(disparity_px / step_px)
+        measured = np.full(z_m.shape, np.inf, np.float32)
+        np.divide(self._disparity_m, disparity_px, out=measured, where=disparity_px > 0.0)
+        return measured
+
+    def _is_seen_twice(
+        self,
+        z_m: NDArray[np.float32],
+        second_z_m: NDArray[np.float32],
+        rows: NDArray[np.intp],
+        columns: NDArray[np.intp],
+    ) -> NDArray[np.bool_]:
+        """Points (n,) at depths and pixels that the second view sees."""
+        second_u = columns + self._margin_px - self._disparity_m / z_m.astype(np.float64)
+        left = np.clip(np.floor(second_u).astype(np.intp), 0, self.second_width_px - 2)
+        beside = second_z_m[rows, left], second_z_m[rows, left + 1]
+        farther = np.maximum(*beside)
+        is_edge = farther > EDGE_RATIO * np.minimum(*beside)
+        nearest = np.where(second_u - left < 0.5, *beside) * math.sqrt(EDGE_RATIO)
+        # along a surface the point is between what two neighbours see
+        limit_m = np.where(is_edge, nearest, farther * (1.0 + SHADOW_SHARE))
+        in_picture = (second_u >= -0.5) & (second_u <= self.second_width_px - 0.5)
+        seen: NDArray[np.bool_] = in_picture & (z_m <= limit_m)
+        return seen

@@ -1,0 +1,126 @@
+"""Inertial measurement units: angular rate and specific force.
+
+A reading is the mean over its period, half of it before and half after its time, in the frame of
+the unit (REP 103), as of a MEMS unit that integrates and takes its delay off its stamps: the sum of
+the readings is the change of velocity and heading, also where acceleration jumps, and the
+trapezoidal rule gives the motion back. Added are white noise and a bias that walks at random, as in
+Kalibr's model and in data sets for visual-inertial odometry:
+
+    rate = true rate + bias + density·√rate_hz·n        bias += random walk/√rate_hz·n
+
+The first reading is the mean of what follows the start, the last of what precedes the end. Not in
+the model: scale errors, misalignment, saturation, rounding, temperature and the earth's rotation.
+
+Noise and bias follow from a key and the number of the reading alone.
+
+Sources: Furgale et al., "Unified temporal and spatial calibration for multi-sensor systems", IROS
+2013; IEEE Std 952-1997 (Allan variance); Burri et al., "The EuRoC micro aerial vehicle datasets",
+IJRR 2016; Schubert et al., "The TUM VI benchmark", IROS 2018.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d
+
+STANDARD_GRAVITY_MPS2 = 9.80665
+_READING, _START = 0, 1  # streams of random numbers
+_BLOCK = 100_000  # readings at a time, which bounds memory
+
+
+@dataclass(frozen=True)
+class ImuErrors:
+    """Noise of an inertial measurement unit.
+
+    Attributes:
+        gyro_noise_radps_per_sqrt_hz, accel_noise_mps2_per_sqrt_hz: densities of white noise.
+        gyro_bias_walk_radps2_per_sqrt_hz, accel_bias_walk_mps3_per_sqrt_hz: random walks of the
+            biases.
+        gyro_bias_sigma_radps, accel_bias_sigma_mps2: standard deviations of the biases at the
+            start.
+    """
+
+    gyro_noise_radps_per_sqrt_hz: float = 0.0
+    gyro_bias_walk_radps2_per_sqrt_hz: float = 0.0
+    accel_noise_mps2_per_sqrt_hz: float = 0.0
+    accel_bias_walk_mps3_per_sqrt_hz: float = 0.0
+    gyro_bias_sigma_radps: float = 0.0
+    accel_bias_sigma_mps2: float = 0.0
+
+    def biases(self, count: int, rate_hz: float, key: int) -> NDArray[np.float64]:
+        """Biases (count, 6) of the first readings: of three rates, then of three forces."""
+        walk = self._six(
+            self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz
+        )
+        start = self._six(self.gyro_bias_sigma_radps, self.accel_bias_sigma_mps2)
+        biases = np.empty((count, 6))
+        for first in range(0, count, _BLOCK):
+            indices = np.arange(first, min(first + _BLOCK, count))
+            biases[indices] = walk / math.sqrt(rate_hz) * _numbers(indices, _READING, key)[1]
+        biases[0] = start * _numbers(np.arange(1), _START, key)[0][0]
+        return np.cumsum(biases, axis=0, out=biases)
+
+    def noise(self, indices: NDArray[np.int64], rate_hz: float, key: int) -> NDArray[np.float64]:
+        """White noise (n, 6) of readings (n,): of three rates, then of three forces."""
+        density = self._six(self.gyro_noise_radps_per_sqrt_hz, self.accel_noise_mps2_per_sqrt_hz)
+        noise: NDArray[np.float64] = (
+            density * math.sqrt(rate_hz) * _numbers(indices, _READING, key)[0]
+        )
+        return noise
+
+    @staticmethod
+    def _six(gyro: float, accel: float) -> NDArray[np.float64]:
+        return np.repeat((gyro, accel), 3)
+
+
+# By Allan variance of recordings at rest, as the data sets publish them.
+DEVICES = {
+    # EuRoC MAV: sensor.yaml of imu0
+    "adis16448": ImuErrors(1.6968e-4, 1.9393e-5, 2.0e-3, 3.0e-3),
+    # TUM VI: values from its Allan plots, not the inflated ones
+    "bmi160": ImuErrors(8.0e-5, 2.2e-6, 1.4e-3, 8.6e-5),
+    "ideal": ImuErrors(),
+}
+
+
+def true_readings(
+    motion: BodyMotion,
+    base_from_imu: NDArray[np.float64],
+    gravity_mps2: float,
+    times_s: NDArray[np.float64],
+    period_s: float,
+) -> NDArray[np.float64]:
+    """Angular rate and specific force (n, 6) at times (n,), without errors, frame of the unit.
+
+    Args:
+        motion: of the base.
+        base_from_imu: (4, 4); away from the base's origin turning adds accelerations.
+        gravity_mps2: along the world's −z.
+        times_s: of the readings.
+        period_s: that a reading is the mean of; less where the motion begins or ends within it.
+    """
+    begin, end = times_s - 0.5 * period_s, times_s + 0.5 * period_s
+    if motion.end_s > motion.start_s:
+        begin, end = np.maximum(begin, motion.start_s), np.minimum(end, motion.end_s)
+    before, after = (motion.at(times).at_mount(base_from_imu) for times in (begin, end))
+    duration_s = (end - begin)[:, None]
+    rotation = scipy.spatial.transform.Rotation
+    first, last = (one.world_from_base[:, :3, :3] for one in (before, after))
+    turns = rotation.from_matrix(np.swapaxes(first, 1, 2) @ last).as_rotvec()
+    halfway = first @ rotation.from_rotvec(0.5 * turns).as_matrix()
+    upward = (after.velocity_mps - before.velocity_mps) / duration_s + (0.0, 0.0, gravity_mps2)
+    forces = np.einsum("nij,ni->nj", halfway, upward)
+    return np.concatenate((turns / duration_s, forces), axis=1)
+
+
+def _numbers(indices: NDArray[np.int64], stream: int, key: int) -> NDArray[np.float64]:
+    """Two sets of normal numbers (2, n, 6) for readings (n,) and axes."""
+    hashes = pcg4d(indices[:, None], np.arange(6), stream, key)
+    return np.stack((normal(hashes[0], hashes[1]), normal(hashes[2], hashes[3]))).astype(np.float64)

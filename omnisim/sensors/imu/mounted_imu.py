@@ -1,0 +1,213 @@
+"""Inertial measurement units on vehicles: readings at their own rate, in one file of a run.
+
+Noise and bias follow from the drive's seed, the sensor's name and the number of the reading.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import RunError
+from omnisim.core.files.number_table import BLOCK, write_table
+from omnisim.core.files.written_files import is_written
+from omnisim.core.poses import rotation_angles
+from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.camera.degradations.random_numbers import key_of
+from omnisim.rendering.stage import Stage
+from omnisim.sensors.imu.imu import DEVICES, STANDARD_GRAVITY_MPS2, ImuErrors, true_readings
+from omnisim.sensors.rate import SensorRate
+from omnisim.sensors.sensor import DriveSettings, MountedSensor
+from omnisim.sensors.sensor_mount import Level, Rate, SensorMount
+
+READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
+READINGS, BIASES = "readings.csv", "biases.csv"
+COLUMNS = "t_s,wx_radps,wy_radps,wz_radps,fx_mps2,fy_mps2,fz_mps2"
+BIAS_COLUMNS = COLUMNS.replace(",w", ",bias_w").replace(",f", ",bias_f")
+MAX_TURN_DEG = 120.0  # from pose to pose: near half a turn no smooth motion is found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MountedImu(MountedSensor):
+    """Inertial measurement unit on its vehicle.
+
+    Attributes:
+        rate_hz: readings a second.
+        gravity_mps2: along the world's −z.
+        errors: of each axis.
+        base_from_imu: (4, 4).
+    """
+
+    rate_hz: float
+    gravity_mps2: float
+    errors: ImuErrors
+    base_from_imu: NDArray[np.float64]
+    noun: ClassVar[str] = "IMU"
+    suffixes: ClassVar[tuple[str, ...]] = (READINGS_SUFFIX,)
+    document_names: ClassVar[tuple[str, ...]] = (PARAMETERS, READINGS, BIASES)
+
+    @property
+    def origin_m(self) -> NDArray[np.float64]:
+        """Place of its accelerometers (3,), base."""
+        return self.base_from_imu[:3, 3]
+
+    @property
+    def near_m(self) -> float:
+        """Infinite: it sees nothing, and may be inside of the body."""
+        return math.inf
+
+    def summary(self) -> str:
+        """Rate and gravity."""
+        return f"{self.rate_hz:g} Hz, gravity {self.gravity_mps2:g} m/s²"
+
+    def documents(self) -> dict[str, str]:
+        """Mount, rate and noise, with the keys of EuRoC's sensor.yaml; the body is the base."""
+        errors = self.errors
+        numbers = {
+            "rate_hz": self.rate_hz,
+            "gyroscope_noise_density": errors.gyro_noise_radps_per_sqrt_hz,
+            "gyroscope_random_walk": errors.gyro_bias_walk_radps2_per_sqrt_hz,
+            "accelerometer_noise_density": errors.accel_noise_mps2_per_sqrt_hz,
+            "accelerometer_random_walk": errors.accel_bias_walk_mps3_per_sqrt_hz,
+            "gravity_mps2": self.gravity_mps2,
+        }
+        pose = ", ".join(map(_yaml_number, self.base_from_imu.ravel()))
+        lines = ("sensor_type: imu", "T_BS:", "  cols: 4", "  rows: 4", f"  data: [{pose}]")
+        rest = (f"{key}: {_yaml_number(number)}" for key, number in numbers.items())
+        return {PARAMETERS: "\n".join((*lines, *rest)) + "\n"}
+
+    def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
+        """Refuse turns between poses that are too wide.
+
+        Raises:
+            RunError: naming sensor, what is wrong, and what is expected.
+        """
+        rotations = truth.world_from_base[:, :3, :3]
+        turns_deg = np.abs(np.degrees(rotation_angles(rotations[:-1], rotations[1:])))
+        if np.any(turns_deg > MAX_TURN_DEG):
+            step = int(np.argmax(turns_deg))
+            raise RunError(
+                f"sensor {self.name!r}: step {step} → {step + 1}: expected a turn of at most "
+                f"{MAX_TURN_DEG:g}°, got {turns_deg[step]:.4g}°"
+            )
+
+    def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+        """Times (n,) of its readings."""
+        rate = self.rate or SensorRate(self.rate_hz, 0.0, 0.0, self.name)
+        start_s, end_s = step_times_s[[0, -1]].tolist()
+        return rate.times_s(start_s, end_s, seed, self.name)
+
+    @classmethod
+    def suffixes_of(
+        cls,
+        channels: Collection[str],
+        channel_format: ChannelFormat,
+        boxes_3d: bool,
+        settings: Mapping[str, Any],
+    ) -> tuple[str, ...]:
+        """None: all readings are in one file; runs of older versions have one a step."""
+        return () if "readings" in settings else cls.suffixes
+
+    def settings(self) -> dict[str, Any]:
+        """File of its readings."""
+        return {"readings": READINGS}
+
+    def open(self, stage: Stage, settings: DriveSettings) -> None:
+        """Do nothing: it needs no stage."""
+
+    def write_readings(
+        self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
+    ) -> None:
+        """Write all readings, and the biases that are in them, where they are missing.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        key = key_of("imu", settings.seed, self.name)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        parts = [slice(first, first + BLOCK) for first in range(0, len(times_s), BLOCK)]
+        if not is_written(folder / READINGS):
+            blocks = (self._block(settings.motion, times_s, biases, key, part) for part in parts)
+            write_table(folder / READINGS, COLUMNS, blocks)
+        if not is_written(folder / BIASES):
+            blocks = (np.column_stack((times_s[part], biases[part])) for part in parts)
+            write_table(folder / BIASES, BIAS_COLUMNS, blocks)
+
+    def readings(
+        self, motion: BodyMotion, seed: int, times_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Readings (n, 6) at times (n,): angular rates in rad/s, then specific forces in m/s²."""
+        key = key_of("imu", seed, self.name)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        return self._block(motion, times_s, biases, key, slice(None))[:, 1:]
+
+    def _block(
+        self,
+        motion: BodyMotion,
+        times_s: NDArray[np.float64],
+        biases: NDArray[np.float64],
+        key: int,
+        part: slice,
+    ) -> NDArray[np.float64]:
+        """Rows (n, 7) of a part of the readings, times first."""
+        times, indices = times_s[part], np.arange(len(times_s))[part]
+        ideal = true_readings(
+            motion, self.base_from_imu, self.gravity_mps2, times, 1.0 / self.rate_hz
+        )
+        noise = self.errors.noise(indices, self.rate_hz, key)
+        return np.column_stack((times, ideal + biases[part] + noise))
+
+
+class ImuMount(SensorMount):
+    """Inertial measurement unit: angular rate and specific force, at its own rate."""
+
+    sensor_class: ClassVar[type[MountedSensor]] = MountedImu
+
+    type: Literal["imu"]
+    device: Literal["adis16448", "bmi160", "ideal"] = "adis16448"
+    """Whose noise: "adis16448" as in EuRoC, "bmi160" as in TUM VI, "ideal": none."""
+    rate_hz: Rate | None = 200.0
+    """Readings a second, from the start of the drive on."""
+    gravity_mps2: Level = STANDARD_GRAVITY_MPS2
+    """Gravity along the world's −z; at rest and level the specific force is as much along z."""
+    gyro_noise_radps_per_sqrt_hz: Level | None = None
+    """Density of the angular rate's white noise, rad/s/√Hz; left out: the device's."""
+    gyro_bias_walk_radps2_per_sqrt_hz: Level | None = None
+    """Random walk of its bias, rad/s²/√Hz; left out: the device's."""
+    accel_noise_mps2_per_sqrt_hz: Level | None = None
+    """Density of the specific force's white noise, m/s²/√Hz; left out: the device's."""
+    accel_bias_walk_mps3_per_sqrt_hz: Level | None = None
+    """Random walk of its bias, m/s³/√Hz; left out: the device's."""
+    gyro_bias_sigma_radps: Level = 0.0
+    """Standard deviation of the angular rate's bias at the start."""
+    accel_bias_sigma_mps2: Level = 0.0
+    """Standard deviation of the specific force's bias at the start."""
+
+    def sensor(self, folder: Path, source: str) -> MountedSensor:
+        """Mount the unit."""
+        names = [field.name for field in dataclasses.fields(ImuErrors)]
+        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        errors = dataclasses.replace(DEVICES[self.device], **given)
+        return MountedImu(
+            self.type,
+            self.name,
+            self.hides,
+            self.rate_hz or 200.0,
+            self.gravity_mps2,
+            errors,
+            self.base_from_mount,
+        )
+
+
+def _yaml_number(number: float) -> str:
+    """Number as YAML 1.1 reads one: with a point, also before an exponent."""
+    return np.format_float_scientific(number, trim="0")

@@ -1,0 +1,136 @@
+"""Motion of a lidar and of dynamic objects during a revolution."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import scipy  # its submodules load when first used
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OmnisimError
+from omnisim.ground_truth.lidar_beams import LidarPoses, Revolution, Slice
+from omnisim.rendering.truth.moving_boxes import MovingBoxes
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+
+SLICES = (8, 16, 32, 64)  # of a revolution in motion
+# From a slice's start to its end lidar and objects move so far at most: a texel of what is seen
+# from the middle is then next to what a firing hits, but for a firing along a surface.
+MAX_PATH_M, MAX_TURN_RAD = 0.01, 0.06
+# In a slice points move straight. From their true way they are at most so far off, in its middle.
+MAX_SKEW_M = 1e-4
+
+PosesAt = Callable[[float], LidarPoses]
+
+
+def plan_revolution(
+    lidar: SpinningLidar,
+    poses_at: PosesAt,
+    start_s: float,
+    boxes: MovingBoxes,
+) -> Revolution:
+    """Cut a revolution into slices that are short enough; one, where nothing moves.
+
+    Args:
+        lidar: that turns.
+        poses_at: seconds.
+        start_s: of the first firing.
+        boxes: around all that moves.
+
+    Raises:
+        OmnisimError: a lidar that turns too fast.
+    """
+    ends = [poses_at(start_s + share * lidar.period_s) for share in (0.0, 0.3, 0.7, 1.0)]
+    if all(_is_same(ends[0], one, boxes) for one in ends[1:]):
+        whole = Slice(0, lidar.firings, ends[0], ends[0], ends[0])
+        return _revolution(lidar, (whole,))
+    for count in SLICES:
+        slices = _cut(lidar, poses_at, start_s, count)
+        if all(_is_short(one, boxes) for one in slices):
+            break
+    turn_rad = max(_turn_rad(one) for one in slices)
+    if turn_rad > MAX_TURN_RAD:
+        raise OmnisimError(
+            f"lidar: expected to be turned by at most {MAX_TURN_RAD:g} rad in 1/{count} of a "
+            f"revolution, got {turn_rad:g}"
+        )
+    return _revolution(lidar, slices)
+
+
+def _cut(lidar: SpinningLidar, poses_at: PosesAt, start_s: float, count: int) -> tuple[Slice, ...]:
+    """About so many slices of a revolution."""
+    width = -(-lidar.firings // count)
+    bounds = [*range(0, lidar.firings, width), lidar.firings]
+    step_s = 0.5 * lidar.period_s / lidar.firings  # half of a firing
+    halves = [a + b for a, b in itertools.pairwise(bounds)]
+    times = sorted([2 * bound for bound in bounds] + halves)
+    poses = [poses_at(start_s + step_s * time) for time in times]
+    return tuple(
+        Slice(bounds[i], bounds[i + 1], *poses[2 * i : 2 * i + 3]) for i in range(len(bounds) - 1)
+    )
+
+
+def _revolution(lidar: SpinningLidar, slices: tuple[Slice, ...]) -> Revolution:
+    firings = np.arange(lidar.firings)
+    width = slices[0].last
+    index = firings // width
+    first = np.array([one.first for one in slices])[index]
+    shares = (firings - first) / np.array([one.last - one.first for one in slices])[index]
+    if len(slices) == 1 and slices[0].start is slices[0].end:
+        rotation = slices[0].start.world_from_lidar[:3, :3]
+        return Revolution(slices, shares, np.broadcast_to(rotation, (lidar.firings, 3, 3)))
+    poses = [pose for one in slices for pose in (one.start, one.middle)] + [slices[-1].end]
+    knots = np.stack([pose.world_from_lidar[:3, :3] for pose in poses])
+    half = 2 * index + (shares >= 0.5)
+    return Revolution(slices, shares, _rotations(knots, half, 2.0 * shares % 1.0))
+
+
+def _rotations(
+    knots: NDArray[np.float64], index: NDArray[np.intp], share: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Rotations (n, 3, 3) at shares (n,) of the way from knots (k, 3, 3) to the next: slerp."""
+    rotation = scipy.spatial.transform.Rotation
+    changes = np.swapaxes(knots[:-1], 1, 2) @ knots[1:]
+    vectors = rotation.from_matrix(changes).as_rotvec()
+    turned = rotation.from_rotvec(share[:, None] * vectors[index]).as_matrix()
+    rotations: NDArray[np.float64] = knots[index] @ turned
+    return rotations
+
+
+def _is_same(one: LidarPoses, other: LidarPoses, boxes: MovingBoxes) -> bool:
+    pairs = zip(
+        (one.world_from_lidar, *boxes.poses(one.world_from_objects)),
+        (other.world_from_lidar, *boxes.poses(other.world_from_objects)),
+        strict=True,
+    )
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def _is_short(one: Slice, boxes: MovingBoxes) -> bool:
+    """A slice keeps to the limits."""
+    moving = [(np.zeros((1, 3)), *(pose.world_from_lidar for pose in _poses(one)))]
+    moved = (boxes.poses(pose.world_from_objects) for pose in _poses(one))
+    moving += zip(boxes.corners_m, *moved, strict=True)
+    if _turn_rad(one) > MAX_TURN_RAD:
+        return False
+    for corners_m, *poses in moving:
+        start, middle, end = (corners_m @ pose[:3, :3].T + pose[:3, 3] for pose in poses)
+        if np.linalg.norm(end - start, axis=1).max(initial=0.0) > MAX_PATH_M:
+            return False
+        error_m = middle - 0.5 * (start + end)
+        if np.linalg.norm(error_m, axis=1).max(initial=0.0) > MAX_SKEW_M:
+            return False
+    return True
+
+
+def _poses(one: Slice) -> tuple[LidarPoses, LidarPoses, LidarPoses]:
+    return one.start, one.middle, one.end
+
+
+def _turn_rad(one: Slice) -> float:
+    """Angle by which the lidar is turned in a slice."""
+    start, end = one.start.world_from_lidar[:3, :3], one.end.world_from_lidar[:3, :3]
+    # the chord between two rotations, exact for small angles too
+    chord = float(np.linalg.norm(end - start)) / np.sqrt(8.0)
+    return float(2.0 * np.arcsin(min(chord, 1.0)))

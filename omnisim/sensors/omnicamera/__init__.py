@@ -1,0 +1,1 @@
+"""Omnidirectional cameras on vehicles."""

@@ -1,0 +1,78 @@
+"""Cameras of a calibration file on vehicles: models, extrinsics and time shifts in one table.
+
+The mount is that of the frame that the file names beside its cameras, such as Kalibr's IMU; where
+it names none, of the first camera, looking along x.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from omnisim.core.errors import CalibrationError, RobotFileError
+from omnisim.core.files.toml_file import find_beside
+from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
+from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.sensor_mount import Coordinate, SensorMount
+from omnisim.sensors.sensor_names import Name, SensorName, folder_name
+
+SENSOR_FILE = ".toml"
+
+
+class CalibratedCamerasMount(SensorMount):
+    """Cameras of a calibration file."""
+
+    sensor_class: ClassVar[type[MountedSensor]] = MountedCamera
+
+    type: Literal["omnicamera"]
+    name: SensorName = "cameras"
+    """Name of the only camera, and before those of several: "rig" makes rig_cam0; left out: their
+    names in the file."""
+    position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Metres in the base frame: of the file's IMU or base, or of its first camera."""
+    file: Name
+    """Calibration file, relative to this file, in any format that is read, such as Kalibr's
+    camchain-imucam.yaml."""
+    camera: Name | None = None
+    """Name in the file of the only camera to take; left out: all of them."""
+
+    def sensor(self, folder: Path, source: str) -> MountedSensor:
+        """Mount the first camera."""
+        return self.sensors(folder, source)[0]
+
+    def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
+        """Read the calibration, and mount its cameras."""
+        # formats and their parsers are worth their time only to robots with a calibration
+        from omnisim.cameras.calibration.calibration import load_calibration
+        from omnisim.cameras.calibration.rig import Rig
+
+        path = find_beside(folder, self.file, f"{source}: file", RobotFileError)
+        try:
+            rig = Rig.of(load_calibration(path), self.camera)
+            taken = rig if self.camera is None else rig.only(self.camera)
+        except CalibrationError as reason:
+            fault = str(reason).partition("\n")[0].replace("--camera-name takes", "camera takes")
+            raise RobotFileError(f"{source}: {fault}") from None
+        base_from_body = self.base_from_mount
+        if not rig.has_body:
+            ahead = rig.cameras[0].model.rig_from_optical
+            base_from_body = base_from_body @ pose_from_rotation(ahead, (0.0, 0.0, 0.0))
+        cameras = []
+        for camera in taken.cameras:
+            upright = pose_from_rotation(camera.model.rig_from_optical, (0.0, 0.0, 0.0))
+            sensor = OmniCamera(
+                camera.model,
+                polygons=None,
+                base_from_rig=base_from_body @ camera.body_from_camera @ inverse(upright),
+            )
+            name = self._name(camera.name, len(taken.cameras))
+            cameras.append(MountedCamera(self.type, name, self.hides, sensor, camera.time_shift_s))
+        return tuple(cameras)
+
+    def _name(self, camera: str, count: int) -> str:
+        """Name of a camera, which is that of its folder."""
+        if "name" not in self.model_fields_set:
+            return folder_name(camera)
+        return self.name if count == 1 else folder_name(f"{self.name}_{camera}")

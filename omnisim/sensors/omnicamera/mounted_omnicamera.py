@@ -1,0 +1,295 @@
+"""Omnidirectional cameras on vehicles: pictures, with channels of ground truth.
+
+A camera moves while its picture is exposed, has noise of its own, and its auto-exposure follows
+from the picture before. The two numbers that it takes are in the metadata of that picture's file,
+so that a drive that was killed goes on with the same bytes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.camera import NonCentralCamera, summary
+from omnisim.core.errors import OmnisimError, RobotFileError, RunError
+from omnisim.core.extras import missing_packages
+from omnisim.core.files.image_files import read_image
+from omnisim.core.files.toml_file import find_beside
+from omnisim.core.files.written_files import is_written
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.world import WorldState
+from omnisim.ground_truth.boxes_3d import boxes_json
+from omnisim.ground_truth.channel_files import BOXES_3D, write_sidecars
+from omnisim.ground_truth.coco import coco_image, write_json
+from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.frame import Frame
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
+from omnisim.sensors.sensor import (
+    DriveSettings,
+    Instrument,
+    Measurement,
+    Moment,
+    MountedSensor,
+    RendererInstrument,
+)
+from omnisim.sensors.sensor_mount import SensorMount
+from omnisim.sensors.sensor_names import Name
+
+PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
+DESCRIPTION_SUFFIX, BOXES_3D_SUFFIX = ".channels.json", f".{BOXES_3D}"
+CAMERA_POSES = "poses.tum"  # of a rig's camera
+VIEWPOINT_GRID = 33  # rays to a side of the picture whose nearest point is sought
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MountedCamera(MountedSensor):
+    """Camera on its vehicle.
+
+    Attributes:
+        sensor: whose `base_from_rig` is the robot file's mount and the sensor file's, composed.
+        time_shift_s: from a picture's stamp to the time at which it was taken.
+    """
+
+    sensor: OmniCamera
+    time_shift_s: float = 0.0
+    noun: ClassVar[str] = "camera"
+    origin_noun: ClassVar[str] = "effective viewpoint"
+    suffixes: ClassVar[tuple[str, ...]] = (
+        PICTURE_SUFFIX,
+        CHANNELS_SUFFIX,
+        DESCRIPTION_SUFFIX,
+        ".*.npy",
+        BOXES_SUFFIX,
+        BOXES_3D_SUFFIX,
+    )
+    document_names: ClassVar[tuple[str, ...]] = ("sensor.toml", CALIBRATION, CAMERA_POSES)
+    has_ground_truth: ClassVar[bool] = True
+
+    @property
+    def origin_m(self) -> NDArray[np.float64]:
+        """Effective viewpoint (3,), base; of an optical system the point nearest to its rays."""
+        model, base_from_optical = self.sensor.model, self.sensor.base_from_optical
+        if not isinstance(model, NonCentralCamera):
+            return base_from_optical[:3, 3]
+        from omnisim.cameras.optics.centrality import common_point  # few cameras need it
+
+        sizes = model.width_px, model.height_px
+        u, v = (np.linspace(0.0, size - 1.0, min(size, VIEWPOINT_GRID)) for size in sizes)
+        rays = model.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+        if rays.origins_m is None or not rays.valid.any():
+            return base_from_optical[:3, 3]
+        nearest_m = common_point(rays.origins_m[rays.valid], rays.directions[rays.valid])
+        found: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
+        return found + base_from_optical[:3, 3]
+
+    @property
+    def near_m(self) -> float:
+        """Distance below which nothing is seen."""
+        return self.sensor.near_m
+
+    def summary(self) -> str:
+        """Camera model and size."""
+        return summary(self.sensor.model)
+
+    @classmethod
+    def suffixes_of(
+        cls,
+        channels: Collection[str],
+        channel_format: ChannelFormat,
+        boxes_3d: bool,
+        settings: Mapping[str, Any],
+    ) -> tuple[str, ...]:
+        """Suffixes of a picture, its channels, and the boxes of its instances."""
+        suffixes = [PICTURE_SUFFIX]
+        if channels and channel_format is not ChannelFormat.NPY:
+            suffixes.append(CHANNELS_SUFFIX)
+        if channels and channel_format is not ChannelFormat.AUTO:
+            suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
+        if "instance" in channels:
+            suffixes.append(BOXES_SUFFIX)
+        if boxes_3d:
+            suffixes.append(BOXES_3D_SUFFIX)
+        return tuple(suffixes)
+
+    def settings(self) -> dict[str, Any]:
+        """Degradation and quality, and of an optical system all of it.
+
+        Its files may change, and samples in doubt are cast as rays only where those are installed.
+        """
+        model, optics = self.sensor.model, {}
+        if isinstance(model, NonCentralCamera):
+            optics = {"optics": model.parameters(), "casts_rays": not missing_packages("rays")}
+        return {
+            **optics,
+            **({"time_shift_s": self.time_shift_s} if self.time_shift_s else {}),
+            "degradation": self.sensor.degradation.tables(),
+            "quality": {
+                "supersampling": self.sensor.supersampling,
+                "texels_per_pixel": self.sensor.texels_per_pixel,
+            },
+        }
+
+    def documents(self) -> dict[str, str]:
+        """Sensor file and calibration."""
+        return {
+            "sensor.toml": sensor_toml(self.sensor),
+            CALIBRATION: calibration_json(self.sensor),
+        }
+
+    def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
+        """Refuse an exposure that has not ended when the next picture begins.
+
+        Raises:
+            RunError: naming camera, step, and what is expected.
+        """
+        exposure_s = self.sensor.degradation.exposure_s
+        periods_s = np.diff(times_s)
+        if np.any(periods_s < exposure_s):
+            step = int(np.argmin(periods_s))
+            what = "step" if self.rate is None else "image"
+            raise RunError(
+                f"camera {self.name!r}: degradation.shutter.exposure_s: expected at most "
+                f"{periods_s[step]:g} s, the time from {what} {step} to {step + 1}, got "
+                f"{exposure_s:g}"
+            )
+
+    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
+        """Open a renderer; no two cameras of a vehicle share the seed of their noise."""
+        renderer = Renderer(
+            stage,
+            self.sensor,
+            hidden=self.hides,
+            unlit=settings.unlit,
+            seed=f"{settings.seed} {self.name}",
+            vehicle=settings.vehicle,
+        )
+        return CameraInstrument(renderer, settings, self.time_shift_s)
+
+
+class OmniCameraMount(SensorMount):
+    """Camera of a sensor file."""
+
+    sensor_class: ClassVar[type[MountedSensor]] = MountedCamera
+
+    type: Literal["omnicamera"]
+    file: Name | None = None
+    """Sensor file, relative to this file; left out: the paper's camera."""
+
+    def sensor(self, folder: Path, source: str) -> MountedSensor:
+        """Read the sensor file, and mount its camera."""
+        camera = OmniCamera()
+        if self.file is not None:
+            camera = OmniCamera.from_file(
+                find_beside(folder, self.file, f"{source}: file", RobotFileError)
+            )
+        base_from_rig = self.base_from_mount @ camera.base_from_rig
+        mounted = dataclasses.replace(camera, base_from_rig=base_from_rig)
+        return MountedCamera(self.type, self.name, self.hides, mounted)
+
+
+class CameraInstrument(RendererInstrument[Renderer]):
+    """Takes a camera's pictures.
+
+    Args:
+        renderer: closed with the instrument.
+        settings: of the drive.
+        time_shift_s: from a moment to the time at which its picture is taken.
+    """
+
+    def __init__(self, renderer: Renderer, settings: DriveSettings, time_shift_s: float = 0.0):
+        super().__init__(renderer)
+        self._settings, self._time_shift_s = settings, time_shift_s
+
+    def measure(self, moment: Moment) -> CameraMeasurement:
+        """Take the picture of a moment, of the file of the picture before if it is metered."""
+        is_ideal = self._renderer.camera.degradation.is_ideal
+
+        def motion(time_s: float) -> WorldState | NDArray[np.float64]:
+            return moment.motion(time_s + self._time_shift_s)
+
+        frame = self._renderer.render(
+            motion(moment.time_s),
+            also=moment.channels,
+            boxes_3d=self._settings.boxes_3d,
+            next_state=None if moment.next_s is None else motion(moment.next_s),
+            previous_state=None if moment.previous_s is None else motion(moment.previous_s),
+            motion=None if is_ideal else motion,
+            frame_number=moment.number,
+            exposure_ev=self._exposure_ev(moment),
+        )
+        return CameraMeasurement(frame, moment.number, self._settings.channel_format)
+
+    def _exposure_ev(self, moment: Moment) -> float | None:
+        """Exposure that auto-exposure has reached; None: settled on the picture itself."""
+        degradation = self._renderer.camera.degradation
+        if degradation.exposure is None or not degradation.is_metered:
+            return None
+        if moment.previous_stem is None or moment.previous_s is None:
+            return None
+        ev, metered_ev = _read_exposure(moment.previous_stem.with_suffix(PICTURE_SUFFIX))
+        return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMeasurement(Measurement):
+    """Picture of a camera with channels of ground truth.
+
+    Attributes:
+        frame: the picture.
+        number: of the step.
+        channel_format: of files with ground truth.
+    """
+
+    frame: Frame
+    number: int
+    channel_format: ChannelFormat
+
+    def save(self, stem: Path) -> None:
+        """Write the picture's channels, boxes, and last the picture, those that are missing.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        frame, files = self.frame, self.channel_format
+        picture = stem.with_suffix(PICTURE_SUFFIX)
+        target = stem.with_suffix(CHANNELS_SUFFIX)
+        if frame.channels and files is not ChannelFormat.NPY and not is_written(target):
+            write_exr(target, frame.channels, None, frame.metadata)
+        if frame.channels and files is not ChannelFormat.AUTO:
+            has_ray = frame.valid if frame.has_ray is None else frame.has_ray
+            write_sidecars(
+                picture, frame.channels, None, frame.metadata, has_ray, ChannelFormat.NPY
+            )
+        target = stem.with_suffix(BOXES_SUFFIX)
+        instances, labels = frame.channels.get("instance"), frame.labels
+        if instances is not None and labels is not None and not is_written(target):
+            write_json(target, coco_image(instances, labels, picture.name, self.number))
+        target = stem.with_suffix(BOXES_3D_SUFFIX)
+        if frame.boxes_3d is not None and labels is not None and not is_written(target):
+            write_json(target, boxes_json(frame.boxes_3d, labels, picture.name, frame.metadata))
+        if not is_written(picture):
+            dataclasses.replace(frame, channels={}, boxes_3d=None).save(picture)
+
+
+def _read_exposure(path: Path) -> tuple[float, float]:
+    """Exposure and metered exposure in the metadata of a picture, EV."""
+    try:
+        _, metadata = read_image(path)
+        exposure = (metadata or {})["degradation"]["exposure"]
+        return float(exposure["ev"]), float(exposure["metered_ev"])
+    except (OmnisimError, KeyError, TypeError, ValueError):
+        raise RunError(
+            f"{path}: has no exposure, which the next picture's follows from: remove it, and it "
+            "is taken again"
+        ) from None

@@ -1,0 +1,1 @@
+"""Range sensors of one number: sonars and infrared."""

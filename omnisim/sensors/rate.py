@@ -1,0 +1,68 @@
+"""Rates of sensors: when they measure, whatever the steps of the drive."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import RunError
+from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
+
+MAX_MEASUREMENTS = 10_000_000  # half a gigabyte of stamps and readings; 14 hours at 200 Hz
+LATE = 1e-3  # of a period: printed times are rounded
+
+
+@dataclass(frozen=True)
+class SensorRate:
+    """Rate of one sensor, or of all that fire together.
+
+    Attributes:
+        rate_hz: measurements a second, from the start of the drive on.
+        phase_s: of the first one.
+        jitter_s: standard deviation of the stamps.
+        clock: name of the sensor or of its trigger; jitter follows from it.
+    """
+
+    rate_hz: float
+    phase_s: float
+    jitter_s: float
+    clock: str
+
+    def times_s(self, start_s: float, end_s: float, seed: int, sensor: str) -> NDArray[np.float64]:
+        """Times (n,) of the measurements, n ≥ 1, in whole nanoseconds.
+
+        Args:
+            start_s, end_s: of the drive.
+            seed: of the drive.
+            sensor: its name in messages.
+
+        Raises:
+            RunError: none, or more than memory holds.
+        """
+        duration_s = end_s - start_s - self.phase_s
+        count = math.floor(duration_s * self.rate_hz + LATE) + 1
+        if count >= MAX_MEASUREMENTS:
+            raise RunError(
+                f"sensor {sensor!r}: rate_hz = {self.rate_hz:g}: expected fewer than "
+                f"{MAX_MEASUREMENTS} readings, got {duration_s:g} s of them"
+            )
+        if count < 1:
+            raise RunError(
+                f"sensor {sensor!r}: phase_s = {self.phase_s:g}: expected at most the "
+                f"{end_s - start_s:g} s of the drive"
+            )
+        indices = np.arange(count)
+        times_s = start_s + self.phase_s + indices / self.rate_hz
+        if self.jitter_s > 0.0:
+            hashes = pcg4d(indices, 0, 0, key_of("jitter", seed, self.clock))
+            # at most 5.77 standard deviations: stamps keep their order
+            times_s += self.jitter_s * normal(hashes[0], hashes[1])
+        return printed_s(np.clip(times_s, start_s, end_s))
+
+
+def printed_s(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times (n,) as files of nine digits have them."""
+    return np.array([float(f"{time_s:.9f}") for time_s in times_s.tolist()])

@@ -1,0 +1,265 @@
+"""Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the world's motion.
+
+sensor = MountedCamera(...)                    # by its table in the robot file
+with sensor.open(stage, settings) as instrument:
+    measurement = instrument.measure(moment)   # of the world's motion
+measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.files.written_files import is_written
+from omnisim.core.short_repr import short_repr
+from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.world import Motion
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.stage import Closing, Stage
+from omnisim.sensors.rate import SensorRate
+
+TABLE_SUFFIX = ".csv"
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """Time of one measurement of a sensor.
+
+    Attributes:
+        motion: states of the world by seconds.
+        number: of the measurement, from 0; of a sensor without a rate of its own the step's.
+        time_s: of the measurement.
+        previous_s, next_s: times of the measurements around it; None: there is none.
+        channels: of ground truth at this time.
+        previous_stem: path, without suffix, of the files of the measurement before; None: there is
+            none.
+    """
+
+    motion: Motion
+    number: int
+    time_s: float
+    previous_s: float | None = None
+    next_s: float | None = None
+    channels: tuple[str, ...] = ()
+    previous_stem: Path | None = None
+
+    def __repr__(self) -> str:
+        return short_repr(self, f"step {self.number}", f"{self.time_s:g} s")
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """Settings of a drive that sensors obey.
+
+    Attributes:
+        vehicle: name of the sensor's vehicle in the world.
+        motion: of its base.
+        seed: of the drive.
+        unlit: show plain base colours.
+        channel_format: of files with ground truth.
+        boxes_3d: also record the oriented boxes of the visible instances.
+    """
+
+    vehicle: str
+    motion: BodyMotion
+    seed: int = 0
+    unlit: bool = False
+    channel_format: ChannelFormat = ChannelFormat.AUTO
+    boxes_3d: bool = False
+
+
+class Measurement(ABC):
+    """Measurement of one sensor at one moment."""
+
+    @abstractmethod
+    def save(self, stem: Path) -> None:
+        """Write those of its files that are missing.
+
+        Args:
+            stem: path without suffix.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+
+
+class CsvTable(Protocol):
+    """Measurement that is a table."""
+
+    def save_csv(self, path: str | Path) -> None:
+        """Write the table."""
+
+
+@dataclass(frozen=True, eq=False)
+class TableMeasurement(Measurement):
+    """Table of a sensor, such as a scan.
+
+    Attributes:
+        table: with its pose.
+    """
+
+    table: CsvTable
+
+    def save(self, stem: Path) -> None:
+        """Write the table where it is missing.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        target = stem.with_suffix(TABLE_SUFFIX)
+        if not is_written(target):
+            self.table.save_csv(target)
+
+
+class Instrument(Closing):
+    """Sensor opened on a stage, until it is closed."""
+
+    @abstractmethod
+    def measure(self, moment: Moment) -> Measurement:
+        """Measure the world's motion at a moment.
+
+        Raises:
+            RunError: the files of the step before are damaged.
+            OmnisimError: the instrument is closed.
+        """
+
+
+RendererT = TypeVar("RendererT", bound=Closing)
+
+
+class RendererInstrument(Instrument, Generic[RendererT]):
+    """Instrument that measures by a renderer.
+
+    Args:
+        renderer: closed with the instrument.
+    """
+
+    def __init__(self, renderer: RendererT):
+        self._renderer = renderer
+
+    def close(self) -> None:
+        """Close the renderer."""
+        self._renderer.close()
+
+
+@dataclass(frozen=True, eq=False)
+class MountedSensor(ABC):
+    """Sensor on its vehicle.
+
+    Attributes:
+        type: word of the robot file.
+        name: no two sensors of a vehicle have the same.
+        hides: nodes of the body that it does not see.
+        rate: of its own, or None: it measures at each step of the drive.
+        noun: kind of sensor, for people.
+        origin_noun: point that lies at the mount's position, for people.
+        suffixes: of all its files of a step, written or not; `*` stands for any letters.
+        document_names: of its files of a run.
+        has_ground_truth: its files include channels of ground truth.
+        has_instances: its files number instances as the run's labels do.
+    """
+
+    type: str
+    name: str
+    hides: tuple[str, ...]
+    rate: SensorRate | None = field(default=None, kw_only=True)
+    noun: ClassVar[str] = "sensor"
+    origin_noun: ClassVar[str] = "origin"
+    suffixes: ClassVar[tuple[str, ...]]
+    document_names: ClassVar[tuple[str, ...]] = ()
+    has_ground_truth: ClassVar[bool] = False
+    has_instances: ClassVar[bool] = False
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), self.summary())
+
+    @property
+    @abstractmethod
+    def origin_m(self) -> NDArray[np.float64]:
+        """Origin of its rays (3,), base."""
+
+    @property
+    def near_m(self) -> float:
+        """Distance from the origin below which nothing is seen; infinite: it has no eyes."""
+        return 0.0
+
+    @abstractmethod
+    def summary(self) -> str:
+        """Sensor in a few words."""
+
+    def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+        """Times (n,) of its measurements in a drive with steps at times (m,).
+
+        Raises:
+            RunError: none, or more than memory holds.
+        """
+        if self.rate is None:
+            return step_times_s
+        start_s, end_s = step_times_s[[0, -1]].tolist()
+        return self.rate.times_s(start_s, end_s, seed, self.name)
+
+    def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Times (m,) at which its measurements at times (n,) depend on the true states."""
+        return times_s
+
+    @abstractmethod
+    def open(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
+        """Open the sensor on a stage, closed after it; None: it has no files of measurements.
+
+        Raises:
+            GraphicsError: sizes past the GPU's limits.
+        """
+
+    @classmethod
+    def suffixes_of(
+        cls,
+        channels: Collection[str],
+        channel_format: ChannelFormat,
+        boxes_3d: bool,
+        settings: Mapping[str, Any],
+    ) -> tuple[str, ...]:
+        """Suffixes of its files of a step with these channels of ground truth.
+
+        Args:
+            channels, channel_format, boxes_3d: of the run.
+            settings: the sensor's own, from the manifest.
+        """
+        return cls.suffixes
+
+    def settings(self) -> dict[str, Any]:
+        """Settings that the run's manifest names one by one, of JSON's types."""
+        return {}
+
+    def documents(self) -> dict[str, str]:
+        """Texts of its files of a run, by name."""
+        return {}
+
+    def write_readings(  # noqa: B027  # most have files of their own for each measurement
+        self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
+    ) -> None:
+        """Write those of its files that are missing which have all measurements, at times (n,).
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+
+    def check_trajectory(  # noqa: B027  # most measure any
+        self, truth: Trajectory, times_s: NDArray[np.float64]
+    ) -> None:
+        """Refuse a trajectory that the sensor cannot measure, at times (n,).
+
+        Raises:
+            RunError: naming sensor, step, and what is expected.
+        """
+
+    def note(self, times_s: NDArray[np.float64]) -> str | None:
+        """Note on what it leaves out that measures at times (n,), or None: nothing."""
+        return None

@@ -1,0 +1,74 @@
+"""Keys of all sensors in a robot file: the mount on the base."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from omnisim.core import poses
+from omnisim.core.files.parameters import Number, Table
+from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.sensor_names import Name, SensorName
+
+# No robot is larger; metres, not millimetres.
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+Positive = Annotated[Number, Field(gt=0.0)]
+Level = Annotated[Number, Field(ge=0.0)]
+Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
+
+
+class SensorMount(Table):
+    """Keys of all sensors."""
+
+    sensor_class: ClassVar[type[MountedSensor]]
+
+    type: str
+    """Kind of sensor."""
+    name: SensorName
+    """Name of the sensor and of its folder in a run, distinct."""
+    position_m: tuple[Coordinate, Coordinate, Coordinate]
+    """Metres in the base frame: of a camera's effective viewpoint or a scan's origin."""
+    roll_deg: Number = 0.0
+    """Degrees about x."""
+    pitch_deg: Number = 0.0
+    """Degrees about y; more than 0: nose down."""
+    yaw_deg: Number = 0.0
+    """Degrees about z, counter-clockwise seen from above."""
+    hides: tuple[Name, ...] = ()
+    """Nodes of the body that this sensor does not see, such as its own housing."""
+    rate_hz: Rate | None = None
+    """Measurements a second from the start of the drive on; left out: one at each of its steps."""
+    phase_s: Level = 0.0
+    """Seconds from the start of the drive to the first measurement, with `rate_hz`."""
+    jitter_s: Level = 0.0
+    """Standard deviation of the times of the measurements in seconds, at most 8 % of the period."""
+    trigger: Name | None = None
+    """Name of a trigger: sensors that name it fire together, at the rate that one of them has."""
+
+    @property
+    def base_from_mount(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the sensor in the base frame."""
+        return poses.pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+
+    def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
+        """Build the sensors of the table, most often one; see `sensor`."""
+        return (self.sensor(folder, source),)
+
+    @abstractmethod
+    def sensor(self, folder: Path, source: str) -> MountedSensor:
+        """Build the sensor.
+
+        Args:
+            folder: of the robot file, that other files are relative to.
+            source: names file and sensor in messages.
+
+        Raises:
+            RobotFileError: a sensor that cannot be, or a file that is missing.
+            SensorFileError: naming the sensor file, key, value and what was expected.
+        """

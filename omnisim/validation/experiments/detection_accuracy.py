@@ -1,0 +1,122 @@
+"""Accuracy of a landmark detector: recall, precision and errors by distance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.poses import wrap_angle
+from omnisim.perception.landmarks.landmark_detector import Detection
+from omnisim.perception.localization.observations import LandmarkMap, predict_measurement
+
+# Largest errors of a true positive.
+FOUND_WITHIN_RAD = math.radians(3.0)
+FOUND_WITHIN_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class DetectionMatch:
+    """Landmark in one picture, and its detection.
+
+    Attributes:
+        step: of the picture.
+        landmark: its name.
+        range_m: true range.
+        detection: of it, or None.
+        range_error_m, bearing_error_rad: NaN without a detection.
+    """
+
+    step: int
+    landmark: str
+    range_m: float
+    detection: Detection | None
+    range_error_m: float = math.nan
+    bearing_error_rad: float = math.nan
+
+    @property
+    def is_right(self) -> bool:
+        """True if the detection is near enough to the landmark."""
+        if self.detection is None:
+            return False
+        slack_m = max(FOUND_WITHIN_SHARE * self.range_m, 3.0 * self.detection.range_sigma_m)
+        return (
+            abs(self.bearing_error_rad) <= FOUND_WITHIN_RAD and abs(self.range_error_m) <= slack_m
+        )
+
+
+def compare(
+    detections: Sequence[Sequence[Detection]],
+    true_poses: NDArray[np.float64],
+    landmarks: LandmarkMap,
+    camera_m: tuple[float, float],
+) -> list[DetectionMatch]:
+    """Match detections of each step with the landmarks at the true pose."""
+    matches = []
+    for step, (pose, found) in enumerate(zip(true_poses.tolist(), detections, strict=True)):
+        by_name = {detection.landmark: detection for detection in found}
+        for name, corners in landmarks.corners_m.items():
+            expected = predict_measurement(tuple(pose), camera_m, corners)
+            range_m, bearing_rad = expected[0], expected[4]
+            detection = by_name.get(name)
+            if detection is None:
+                matches.append(DetectionMatch(step, name, range_m, None))
+                continue
+            off = wrap_angle(detection.bearing_rad - bearing_rad)
+            matches.append(
+                DetectionMatch(step, name, range_m, detection, detection.range_m - range_m, off)
+            )
+    return matches
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Accuracy of a detector in an interval of range.
+
+    Attributes:
+        recall: true positives among landmarks.
+        precision: true positives among detections; by the landmark's true range.
+        bearing_rms_rad, range_rms_share, range_eq2_rms_share: errors of true positives.
+        eq2_mean_m: range by Eq. 2 less that by the exact relation, mean.
+        count: of true positives.
+    """
+
+    recall: float
+    precision: float
+    bearing_rms_rad: float
+    range_rms_share: float
+    range_eq2_rms_share: float
+    eq2_mean_m: float
+    count: int
+
+
+def accuracy(found: Sequence[DetectionMatch], nearest_m: float, farthest_m: float) -> Accuracy:
+    """Accuracy for landmarks between two ranges; NaN without landmarks."""
+    present = [each for each in found if nearest_m <= each.range_m < farthest_m]
+    seen = [each for each in present if each.detection is not None]
+    right = [each for each in seen if each.is_right]
+
+    def share(part: int, whole: int) -> float:
+        return part / whole if whole else math.nan
+
+    bearings = np.array([each.bearing_error_rad for each in right])
+    ranges = np.array([each.range_m for each in right])
+    errors = np.array([each.range_error_m for each in right])
+    paper = np.array([each.detection.range_eq2_m for each in right if each.detection])
+    exact = np.array([each.detection.range_m for each in right if each.detection])
+    return Accuracy(
+        share(len(right), len(present)),
+        share(len(right), len(seen)),
+        _rms(bearings),
+        _rms(errors / ranges),
+        _rms((errors + paper - exact) / ranges),
+        float(np.mean(paper - exact)) if len(right) else math.nan,
+        len(right),
+    )
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan

@@ -1,0 +1,132 @@
+"""Landmarks picked by hand in a picture, with a hand's noise.
+
+The paper's authors did so in the pictures of the real robot, where their classifier had too many
+false positives. Only here are observations made from the true pose; the filter gets the picked
+pixels' range and bearing and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.poses import wrap_angle
+from omnisim.perception.localization.observations import LandmarkMap, Observation
+from omnisim.perception.unwarping.panorama import CameraMount
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Noise and limits of picking by hand.
+
+    Attributes:
+        sigma_px: of a picked point, along both of the picture's axes.
+        farthest_m: landmarks beyond are too small to pick.
+        steepest_rad: below the horizon; nearer things are hidden by the vehicle.
+    """
+
+    sigma_px: float = 1.5
+    farthest_m: float = 3.5
+    steepest_rad: float = math.radians(58.0)
+
+
+def pick_landmarks(
+    pose: NDArray[np.float64],
+    mount: CameraMount,
+    landmarks: LandmarkMap,
+    hand: Hand,
+    generator: np.random.Generator,
+) -> list[Observation]:
+    """Pick the feet of the landmarks that can be seen from a true pose.
+
+    Of a wide landmark the nearest foot gives the range, and the two outermost feet the bearing.
+
+    Args:
+        pose: (3,) x, y, yaw of the base.
+        mount: the camera.
+        landmarks: at their true positions.
+        hand: noise and limits.
+        generator: of the noise.
+    """
+    found = []
+    for name, corners in landmarks.corners_m.items():
+        offsets = _offsets(pose, mount, np.array(corners))
+        distances = np.linalg.norm(offsets, axis=1)
+        nearest = int(distances.argmin())
+        steep_rad = math.atan2(mount.height_m, float(distances[nearest]))
+        if distances[nearest] > hand.farthest_m or steep_rad > hand.steepest_rad:
+            continue
+        about = _relative_directions(offsets)
+        outer = sorted({int(about.argmin()), int(about.argmax())})
+        picked = _pick(mount, offsets[[nearest, *outer]], hand, generator)
+        if picked is None:
+            continue
+        ranges, bearings = picked
+        middle = bearings[1] + 0.5 * wrap_angle(bearings[-1] - bearings[1])
+        range_sigma_m, bearing_sigma_rad = _sigmas(mount, float(ranges[0]), hand.sigma_px)
+        found.append(
+            Observation(
+                (name,),
+                float(ranges[0]),
+                wrap_angle(middle),
+                range_sigma_m,
+                bearing_sigma_rad / math.sqrt(len(outer)),
+            )
+        )
+    return found
+
+
+def _offsets(
+    pose: NDArray[np.float64], mount: CameraMount, corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Corners (n, 2) from below the effective viewpoint, along the vehicle's axes."""
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    base_from_world = np.array([[cosine, sine], [-sine, cosine]])
+    offsets: NDArray[np.float64] = (corners - pose[:2]) @ base_from_world.T - mount.position_m
+    return offsets
+
+
+def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Directions (n,) of offsets relative to that of their sum."""
+    x, y = offsets.sum(axis=0)
+    angles: NDArray[np.float64] = np.arctan2(
+        x * offsets[:, 1] - y * offsets[:, 0], offsets @ (x, y)
+    )
+    return angles
+
+
+def _pick(
+    mount: CameraMount, offsets: NDArray[np.float64], hand: Hand, generator: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Ranges and bearings of picked points on the ground; None if one is not in the picture."""
+    rotation = mount.base_from_optical[:3, :3]
+    rays = np.column_stack((offsets, np.full(len(offsets), -mount.height_m)))
+    pixels = mount.camera.pixel_from_ray(rays @ rotation)
+    noisy = pixels.positions_px + hand.sigma_px * generator.standard_normal((len(offsets), 2))
+    picked = mount.camera.ray_from_pixel(noisy)
+    level = picked.directions @ rotation.T
+    below = level[:, 2] < 0.0
+    if not np.all(pixels.valid & picked.valid & below):
+        return None
+    ranges = mount.height_m * np.hypot(level[:, 0], level[:, 1]) / -level[:, 2]
+    return ranges, np.arctan2(level[:, 1], level[:, 0])
+
+
+def _sigmas(mount: CameraMount, range_m: float, sigma_px: float) -> tuple[float, float]:
+    """Sigmas of range and bearing of a picked pixel, by the picture's scale at the picked range."""
+    step = 1e-4
+    rotation = mount.base_from_optical[:3, :3]
+    theta = math.atan2(range_m, mount.height_m)
+    rays = [
+        (math.sin(angle) * math.cos(yaw), math.sin(angle) * math.sin(yaw), -math.cos(angle))
+        for angle, yaw in ((theta, 0.0), (theta + step, 0.0), (theta, step))
+    ]
+    picked, outward, sideways = mount.camera.pixel_from_ray(np.array(rays) @ rotation).positions_px
+    by_theta = (range_m**2 + mount.height_m**2) / mount.height_m
+    return (
+        sigma_px * step * by_theta / float(np.linalg.norm(outward - picked)),
+        sigma_px * step / float(np.linalg.norm(sideways - picked)),
+    )

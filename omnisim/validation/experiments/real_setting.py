@@ -1,0 +1,95 @@
+"""The paper's real setting, as far as a simulator can go: clutter, uneven light, a real camera.
+
+As in the paper: the robot, the clockwise path, landmarks picked by hand, a wrong start pose that
+the filter takes for certain, and biased odometry. All numbers are ours; the paper gives none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.robots.odometry import Odometry
+from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh, Scene
+
+# Boxes left around the field: x, y, edge in metres, and colours like the landmarks'
+# but of cardboard and plastic. All stand outside of the carpet.
+YELLOWISH, BLUISH, PINKISH = (0.80, 0.56, 0.04), (0.03, 0.36, 0.72), (0.72, 0.07, 0.30)
+CLUTTER = (
+    (-0.35, 2.55, 0.22, YELLOWISH),
+    (0.30, 2.75, 0.30, BLUISH),
+    (2.10, 2.60, 0.18, PINKISH),
+    (-2.30, 2.70, 0.25, BLUISH),
+    (-3.70, 1.30, 0.30, PINKISH),
+    (-3.60, -1.40, 0.24, YELLOWISH),
+    (3.60, 1.20, 0.26, YELLOWISH),
+    (3.75, -1.20, 0.20, BLUISH),
+    (0.45, -2.60, 0.24, PINKISH),
+    (-0.60, -2.80, 0.34, YELLOWISH),
+    (2.40, -2.70, 0.22, BLUISH),
+)
+# A lamp over one corner, a third of the even light that the scene has without it.
+LAMP_M, LAMP_CD, EVEN_SHARE = (-2.6, -1.9, 2.2), 3.2, 0.45
+# Start pose given to the filter, minus the true one.
+START_ERROR = (0.10, -0.10, math.radians(12.0))
+
+
+def cluttered(scene: Scene) -> Scene:
+    """Scene with boxes around the field and a lamp over one corner."""
+    materials, meshes, instances = (
+        list(scene.materials), list(scene.meshes), list(scene.instances),
+    )  # fmt: skip
+    for number, (x, y, edge_m, color) in enumerate(CLUTTER, start=1):
+        materials.append(Material(f"clutter_{number:02d}", (*color, 1.0)))
+        meshes.append(_box(f"clutter_{number:02d}", edge_m, len(materials) - 1))
+        world_from_mesh = np.eye(4)
+        world_from_mesh[:3, 3] = x, y, 0.5 * edge_m
+        instances.append(Instance(f"clutter_box_{number:02d}", len(meshes) - 1, world_from_mesh))
+    return dataclasses.replace(
+        scene,
+        meshes=tuple(meshes),
+        materials=tuple(materials),
+        instances=tuple(instances),
+        lighting=_uneven(scene.lighting),
+    )
+
+
+def with_wrong_start(odometry: Odometry) -> Odometry:
+    """Odometry with the same readings and a wrong start pose."""
+    x, y, yaw = odometry.start
+    dx, dy, dyaw = START_ERROR
+    return dataclasses.replace(odometry, start=(x + dx, y + dy, yaw + dyaw))
+
+
+def _uneven(lighting: Lighting) -> Lighting:
+    even = [
+        dataclasses.replace(light, intensity=EVEN_SHARE * light.intensity)
+        for light in lighting.lights
+    ]
+    lamp = Light(
+        LightKind.POINT, (1.0, 0.93, 0.80), LAMP_CD, position_m=np.array(LAMP_M),
+        range_m=math.inf, casts_shadow=False,
+    )  # fmt: skip
+    red, green, blue = lighting.ambient
+    ambient = (EVEN_SHARE * red, EVEN_SHARE * green, EVEN_SHARE * blue)
+    return Lighting(ambient, (*even, lamp), lighting.exposure)
+
+
+def _box(name: str, edge_m: float, material: int) -> Mesh:
+    """Flat-shaded cube about the origin."""
+    half = 0.5 * edge_m
+    positions: list[NDArray[np.float64]] = []
+    triangles: list[tuple[int, int, int]] = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            normal, right = np.eye(3)[axis] * side, np.eye(3)[(axis + 1) % 3]
+            up = np.cross(normal, right)
+            first = len(positions)
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                positions.append(half * (normal + a * right + b * up))
+            triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    corners = np.array(positions, dtype=np.float32)
+    return Mesh(name, corners, np.array(triangles, dtype=np.uint32), material)

@@ -1,0 +1,108 @@
+"""Drives of the experiments; each is recorded once, and resumed when stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+from omnisim.core.errors import RunError
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.drive import Drive
+from omnisim.runs.route import Route
+from omnisim.runs.run_data import RunData, read_run
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Scene, ScenePath
+from omnisim.validation.experiments.real_setting import cluttered
+from omnisim.validation.experiments.seeds import Progress
+
+SCENE = "soccer"
+# A path across the field that no other drive takes, for training: landmarks from near and far, and
+# from all sides.
+TRAINING_WAYPOINTS = (
+    (-1.9, -0.9), (-0.6, 0.8), (0.7, -1.0), (1.9, 0.4), (0.4, 1.2), (-1.9, 0.5), (0.0, -0.3),
+)  # fmt: skip
+# The paper's own camera, out of focus, and slow enough for a robot that turns at 90°/s to blur.
+REAL_PRESET = "dragonfly2"
+REAL_DEFOCUS_PX = (1.0, 2.2)
+REAL_EXPOSURE_S = 0.012
+REAL_FULL_WELL_E = 2500.0
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Runs of the experiments.
+
+    Attributes:
+        learning: for training, P2AT.
+        simulated: the paper's simulation, P2AT, counter-clockwise.
+        real: the paper's real setting, Super Scout, clockwise, degraded.
+    """
+
+    learning: RunData
+    simulated: RunData
+    real: RunData
+
+
+def real_camera() -> Degradation:
+    """Degradation of the real setting's camera."""
+    base = preset(REAL_PRESET)
+    centre, rim = REAL_DEFOCUS_PX
+    assert base.defocus is not None
+    assert base.shutter is not None
+    assert base.noise is not None
+    return dataclasses.replace(
+        base,
+        defocus=dataclasses.replace(base.defocus, centre_defocus_px=centre, rim_defocus_px=rim),
+        shutter=dataclasses.replace(base.shutter, exposure_s=REAL_EXPOSURE_S),
+        noise=dataclasses.replace(base.noise, full_well_e=REAL_FULL_WELL_E),
+    )
+
+
+def record_all(folder: Path, device: int | None, progress: Progress) -> Recordings:
+    """Record missing drives in an existing folder, and again those of another version.
+
+    Raises:
+        OmnisimError: no OpenGL, or another run is in a folder.
+    """
+    scene = load_scene(SCENE)
+    with_path = dataclasses.replace(
+        scene, paths=(*scene.paths, ScenePath("learning", TRAINING_WAYPOINTS))
+    )
+    p2at = _paper_vehicle("p2at")
+    scout = _paper_vehicle("superscout").with_cameras(degradation=real_camera())
+    return Recordings(
+        _record(folder / "learning", with_path, p2at, "learning", device, progress),
+        _record(folder / "simulated", scene, p2at, "lap", device, progress),
+        _record(folder / "real", cluttered(scene), scout, "lap_clockwise", device, progress),
+    )
+
+
+def _paper_vehicle(robot: str) -> Vehicle:
+    """Vehicle with the paper's mesh of the mirror, and without its other sensors."""
+    vehicle = Vehicle.load(robot).with_cameras(polygons=PAPER_POLYGONS)
+    return dataclasses.replace(vehicle, sensors=vehicle.cameras)
+
+
+def _record(
+    folder: Path, scene: Scene, vehicle: Vehicle, path: str, device: int | None, progress: Progress
+) -> RunData:
+    drive = Drive(scene, vehicle, Route(path), device=device, channels=("instance",))
+    plan = drive.plan()
+    steps = plan.record(folder)
+    try:
+        done = next(steps)
+    except RunError:  # of another scene, robot or version: the experiments' own folder is renewed
+        steps = plan.record(folder, force=True)
+        done = next(steps)
+    total = len(plan.truth)
+    counted = progress(f"drive: {folder.name}", total)(range(total))
+    for count in counted:
+        if count >= done:
+            next(steps, None)
+    for _ in steps:  # finish the recording
+        pass
+    return read_run(folder)

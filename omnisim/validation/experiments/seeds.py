@@ -1,0 +1,144 @@
+"""Monte Carlo runs: odometry and pixel noise drawn anew for each seed.
+
+Pictures do not depend on odometry, so a run is recorded once. Each seed draws the noise of the
+odometry and of the pixels, in which landmarks are then detected again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
+from omnisim.perception.localization.consistency import Interval, mean_interval
+from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.localize import localize
+from omnisim.perception.localization.observations import LandmarkMap, Observation
+from omnisim.perception.localization.track import Track
+from omnisim.robots.odometry import Odometry, OdometryErrors, simulate_odometry
+from omnisim.runs.run_data import RunData
+
+PIXEL_SIGMA = 2.0  # of 255, of each seed's own noise
+Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
+
+
+def detect_with_noise(
+    run: RunData, detector: LandmarkDetector, seeds: int, progress: Progress
+) -> list[list[list[Detection]]]:
+    """Detections of each seed and step, in pictures with each seed's pixel noise."""
+    pictures = list(run.pictures())
+    found = []
+    for seed in progress(f"pictures with noise of {seeds} seeds", seeds)(range(seeds)):
+        generator = np.random.default_rng([1, seed])
+        found.append([detector(noisy(picture, generator)) for picture in pictures])
+    return found
+
+
+def noisy(picture: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
+    """Picture with added pixel noise."""
+    noise = PIXEL_SIGMA * generator.standard_normal(picture.shape, dtype=np.float32)
+    return np.clip(np.rint(picture + noise), 0, 255).astype(np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class SeedRuns:
+    """Tracks of all seeds, and their errors.
+
+    Attributes:
+        tracks: one a seed.
+        errors_m, reckoned_m: (seeds, steps).
+        nees: (seeds, steps); NaN without uncertainty.
+        nis, nis_degrees: (seeds, steps); NaN and 0 without accepted observations.
+    """
+
+    tracks: tuple[Track, ...]
+    errors_m: NDArray[np.float64]
+    reckoned_m: NDArray[np.float64]
+    nees: NDArray[np.float64]
+    nis: NDArray[np.float64]
+    nis_degrees: NDArray[np.intp]
+
+    @property
+    def nees_interval(self) -> Interval:
+        """Confidence interval of the seeds' mean NEES at one step."""
+        return mean_interval(3, len(self.tracks))
+
+    @property
+    def nees_by_step(self) -> NDArray[np.float64]:
+        """Mean NEES of the seeds (steps,); NaN where none has any uncertainty."""
+        return _mean(self.nees)
+
+    @property
+    def nis_by_step(self) -> NDArray[np.float64]:
+        """NIS over its degrees of freedom, all seeds together (steps,)."""
+        degrees = self.nis_degrees.sum(axis=0)
+        return np.where(degrees > 0, np.nansum(self.nis, axis=0) / np.maximum(degrees, 1), np.nan)
+
+    @property
+    def nis_intervals(self) -> list[Interval]:
+        """Confidence interval of each step's mean NIS."""
+        return [mean_interval(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
+
+    @property
+    def gate_opening_steps(self) -> NDArray[np.float64]:
+        """Step (seeds,) at which the gate opens; infinite where it does not."""
+        steps = [track.gate_opening_step for track in self.tracks]
+        return np.array([math.inf if step is None else step for step in steps])
+
+
+def run_seeds(
+    run: RunData,
+    wheels: OdometryErrors,
+    observations: Sequence[Sequence[Sequence[Observation]]],
+    parameters: FilterParameters,
+    covariance: ArrayLike | None = None,
+    prepare: Callable[[Odometry], Odometry] = lambda odometry: odometry,
+) -> SeedRuns:
+    """Localize a run once for each seed.
+
+    Args:
+        run: with its truth, against which errors are counted.
+        wheels: errors of the odometry; each seed has its own noise.
+        observations: of each seed and step.
+        parameters: of the filter.
+        covariance: (3, 3) of the start, or None: by the parameters.
+        prepare: changes the odometry before.
+    """
+    assert run.truth is not None
+    truth = run.true_poses
+    assert truth is not None
+    landmarks = LandmarkMap.of_scene(run.landmarks)
+    tracks = []
+    for seed, seen in enumerate(observations):
+        odometry = prepare(simulate_odometry(run.truth, wheels, seed))
+        tracks.append(
+            localize(odometry, seen, landmarks, parameters, run.mount.position_m, covariance)
+        )
+    return SeedRuns(
+        tuple(tracks),
+        np.array([track.errors_m(truth) for track in tracks]),
+        np.array([track.reckoned_errors_m(truth) for track in tracks]),
+        np.array([track.nees(truth) for track in tracks]),
+        np.array([[each.nis for each in track.estimates] for track in tracks]),
+        np.array([[each.nis_degrees for each in track.estimates] for track in tracks]),
+    )
+
+
+def in_field_of_view(
+    observations: Sequence[Sequence[Observation]], field_of_view_rad: float
+) -> list[list[Observation]]:
+    """Observations of each step within a field of view about the front."""
+    half = 0.5 * field_of_view_rad
+    return [[seen for seen in step if abs(seen.bearing_rad) <= half] for step in observations]
+
+
+def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean of the finite values along the first axis."""
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

@@ -1,0 +1,224 @@
+"""Effect of each degradation alone on pixels, landmarks and self-localization.
+
+The recorded clean pictures are degraded in NumPy, one kind at a time and ever stronger; nothing is
+rendered again. Defocus and noise are quick versions with the parameters of `sensors.degradations`.
+Motion blur is that of a turn on the spot, which rotates the picture about its middle: driving
+straight adds less.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.signal import fftconvolve
+
+from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
+from omnisim.perception.landmarks.color_model import ColorModel
+from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
+from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.localize import observation_from_detection
+from omnisim.perception.localization.observations import LandmarkMap
+from omnisim.rendering.camera.degradations.defocus import covered_share
+from omnisim.rendering.camera.degradations.jpeg import Jpeg
+from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.vignetting import Vignetting
+from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
+from omnisim.robots.odometry import OdometryErrors
+from omnisim.runs.run_data import RunData
+from omnisim.validation.experiments.detection_accuracy import accuracy, compare
+from omnisim.validation.experiments.seeds import Progress, run_seeds
+
+NEAR_M = 4.0
+SEEDS = 5  # of the odometry noise, at each level
+READ_NOISE_E = 5.0
+_SRGB = srgb8_from_linear(np.linspace(0.0, 1.0, 4096))
+Light = NDArray[np.float32]  # (height, width, 4) linear, the fourth 1 where the scene is shown
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Kind of degradation.
+
+    Attributes:
+        name: in the report.
+        unit: of its levels.
+        levels: ever stronger.
+        apply: to light, at a level and step.
+    """
+
+    name: str
+    unit: str
+    levels: tuple[float, ...]
+    apply: Callable[[Light, PictureGeometry, float, int], Light]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Results at one level of a degradation.
+
+    Attributes:
+        recall, precision: of landmarks within `NEAR_M`.
+        bearing_rms_rad, range_rms_share: of true positives.
+        false_alarms: share of false positives among all other pixels.
+        error_m: median over seeds of the mean position error.
+    """
+
+    recall: float
+    precision: float
+    bearing_rms_rad: float
+    range_rms_share: float
+    false_alarms: float
+    error_m: float
+
+
+def _defocus(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+    """Mean over a disc of the covered pixels: as `Defocus` does, in the frequency domain."""
+    reach = math.ceil(level)
+    span = range(-reach, reach + 1)
+    radius = np.array(level, dtype=np.float32)
+    disc = np.array([[covered_share(right, down, radius) for right in span] for down in span])
+    disc = (disc / disc.sum()).astype(np.float32)[..., None]
+    share = light[..., 3:]
+    blurred = fftconvolve(light[..., :3] * share, disc, mode="same", axes=(0, 1))
+    weight = fftconvolve(share, disc, mode="same", axes=(0, 1))
+    result = light.copy()
+    result[..., :3] = blurred / np.maximum(weight, np.float32(1e-3))
+    return result
+
+
+def _motion_blur(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+    """Mean over a rotation of so many degrees about the middle of the picture."""
+    count = 2 + math.ceil(level)
+    total = np.zeros_like(light)
+    u0, v0 = geometry.centre_px
+    for angle in np.radians(level) * (np.arange(count) / (count - 1) - 0.5):
+        cosine, sine = math.cos(angle), math.sin(angle)
+        matrix = np.array([[cosine, -sine], [sine, cosine]])  # of (row, column)
+        offset = np.array([v0, u0]) - matrix @ (v0, u0)
+        for channel in range(4):
+            total[..., channel] += ndimage.affine_transform(
+                light[..., channel], matrix, offset, order=1, mode="nearest", output=np.float32
+            )
+    return total / np.float32(count)
+
+
+def _noise(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+    """Shot and read noise with the variances of `Noise`: many photons are normal."""
+    generator = np.random.default_rng([2, step])
+    colors = np.maximum(light[..., :3], np.float32(0.0))
+    sigma = np.sqrt(colors * np.float32(level) + np.float32(READ_NOISE_E**2)) / np.float32(level)
+    noisy = light.copy()
+    noisy[..., :3] += sigma * generator.standard_normal(colors.shape, dtype=np.float32)
+    return noisy
+
+
+def _vignetting(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+    return Vignetting(coefficients=(-level, 0.0, 0.0)).apply(light, geometry)
+
+
+def _darkness(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+    """Changing light: a wave of so many stops over 24 steps."""
+    ev = -0.5 * level * (1.0 - math.cos(2.0 * math.pi * step / 24.0))
+    dimmed = light.copy()
+    dimmed[..., :3] *= np.float32(2.0**ev)
+    return dimmed
+
+
+def _white_balance(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+    """Too warm: red up and blue down by a share."""
+    gains = (1.0 + level, 1.0, 1.0 / (1.0 + level))
+    return WhiteBalance(response=(1.0, 1.0, 1.0), gains=gains).apply(light, geometry)
+
+
+CAUSES = (
+    Cause("defocus", "px radius", (1.0, 2.0, 4.0), _defocus),
+    Cause("motion blur", "° of a turn", (1.0, 3.0, 8.0), _motion_blur),
+    Cause("noise", "electrons full well", (4000.0, 600.0, 100.0), _noise),
+    Cause("vignetting", "light lost at the rim", (0.2, 0.45, 0.7), _vignetting),
+    Cause("changing light", "stops", (0.5, 1.0, 2.0), _darkness),
+    Cause("white balance", "red gain", (0.05, 0.12, 0.25), _white_balance),
+    Cause("JPEG", "quality", (80.0, 40.0, 12.0), lambda light, *_: light),
+)
+
+
+def sweep(
+    run: RunData,
+    labels: Callable[[int], NDArray[np.uint8]],
+    model: ColorModel,
+    wheels: OdometryErrors,
+    parameters: FilterParameters,
+    progress: Progress,
+) -> tuple[Outcome, Mapping[str, list[Outcome]]]:
+    """Outcomes without degradation, and of each kind at each of its levels."""
+    detector = LandmarkDetector(model, run.landmarks, run.mount)
+    geometry = PictureGeometry.of_camera(run.mount.camera)
+    pictures = list(run.pictures())
+    truth = [labels(step) for step in range(run.steps)]
+    covered = run.mount.covered
+    shown = np.ones(pictures[0].shape[:2], bool) if covered is None else covered
+
+    def evaluate(change: Callable[[NDArray[np.uint8], int], NDArray[np.uint8]]) -> Outcome:
+        detections, alarms, others = [], 0, 0
+        for step, picture in enumerate(pictures):
+            changed = change(picture, step)
+            detections.append(detector(changed))
+            if step % 6 == 0:
+                neg = shown & (truth[step] == 0)
+                alarms += int(np.count_nonzero(model.classify(changed[neg])))
+                others += int(np.count_nonzero(neg))
+        poses = run.true_poses
+        assert poses is not None
+        landmarks = LandmarkMap.of_scene(run.landmarks)
+        near = accuracy(compare(detections, poses, landmarks, run.mount.position_m), 0.0, NEAR_M)
+        seen = [
+            [observation_from_detection(each, parameters.measurement) for each in step]
+            for step in detections
+        ]
+        seeds = run_seeds(run, wheels, [seen] * SEEDS, parameters)
+        return Outcome(
+            near.recall,
+            near.precision,
+            near.bearing_rms_rad,
+            near.range_rms_share,
+            alarms / max(others, 1),
+            float(np.median(seeds.errors_m[:, 5:].mean(axis=1))),
+        )
+
+    tasks = [(cause, level) for cause in CAUSES for level in cause.levels]
+    found: dict[str, list[Outcome]] = {cause.name: [] for cause in CAUSES}
+    for index in progress("degradations, one by one", len(tasks))(range(len(tasks))):
+        cause, level = tasks[index]
+
+        def change(
+            picture: NDArray[np.uint8], step: int, cause: Cause = cause, level: float = level
+        ) -> NDArray[np.uint8]:
+            return degraded(picture, shown, geometry, cause, level, step)
+
+        found[cause.name].append(evaluate(change))
+    return evaluate(lambda picture, _: picture), found
+
+
+def degraded(
+    picture: NDArray[np.uint8],
+    shown: NDArray[np.bool_],
+    geometry: PictureGeometry,
+    cause: Cause,
+    level: float,
+    step: int,
+) -> NDArray[np.uint8]:
+    """Picture (height, width, 3), sRGB, with one degradation."""
+    light = np.concatenate(
+        (linear_from_srgb8(picture), shown[..., None].astype(np.float32)), axis=-1
+    )
+    light = cause.apply(light, geometry, level, step)
+    steps = np.rint(np.clip(light[..., :3], 0.0, 1.0) * np.float32(len(_SRGB) - 1))
+    rgba = np.concatenate((_SRGB[steps.astype(np.int32)], shown[..., None] * np.uint8(255)), axis=2)
+    rgba[~shown] = 0
+    if cause.name == "JPEG":
+        rgba = Jpeg(quality=int(level), subsampling="4:2:0").compressed(rgba)
+    return np.ascontiguousarray(rgba[..., :3])

@@ -1,0 +1,98 @@
+"""Many pictures with their titles on one sheet, pixel for pixel."""
+
+from __future__ import annotations
+
+import io
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.files.image_files import write_image
+from omnisim.validation.plots.style import DPI
+
+Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and pictures
+TITLE_PX, GAP_PX, POINTS = 26, 8, 9.5
+SHEET_JPEG_QUALITY = 82  # to look at, and light enough for a page
+
+
+def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
+    """Sheet (height, width, 3) of pictures, row by row, each below its title.
+
+    Pictures are neither scaled nor smoothed: `magnified` enlarges them. Smaller
+    ones stand in the middle of their cell.
+
+    Args:
+        tiles: titles, and pictures (height, width, 3) uint8 sRGB or (height, width) grey.
+        columns: pictures side by side.
+
+    Raises:
+        OutputError: no picture.
+    """
+    if not tiles:
+        raise OutputError("contact sheet: expected at least one picture, got none")
+    cell_width = max(picture.shape[1] for _, picture in tiles) + GAP_PX
+    cell_height = max(picture.shape[0] for _, picture in tiles) + GAP_PX + TITLE_PX
+    rows = math.ceil(len(tiles) / columns)
+    width, height = columns * cell_width + GAP_PX, rows * cell_height + GAP_PX
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
+    for index, (title, _) in enumerate(tiles):
+        row, column = divmod(index, columns)
+        x = (GAP_PX + (column + 0.5) * cell_width - 0.5 * GAP_PX) / width
+        y = 1.0 - (GAP_PX + row * cell_height + 0.5 * TITLE_PX) / height
+        figure.text(x, y, title, ha="center", va="center", fontsize=POINTS)
+    for text in figure.texts:  # smaller where it would run into the next
+        width_px = text.get_window_extent().width
+        text.set_fontsize(POINTS * min(1.0, (cell_width - GAP_PX) / max(width_px, 1.0)))
+    data = io.BytesIO()
+    figure.savefig(data, format="rgba")
+    drawn_width, drawn_height = figure.canvas.get_width_height()
+    rgba = np.frombuffer(data.getvalue(), np.uint8).reshape(drawn_height, drawn_width, 4)
+    sheet = rgba[:height, :width, :3].copy()
+    for index, (_, picture) in enumerate(tiles):
+        row, column = divmod(index, columns)
+        colored = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=-1)
+        top = GAP_PX + row * cell_height + TITLE_PX
+        left = GAP_PX + column * cell_width
+        left += (cell_width - GAP_PX - colored.shape[1]) // 2
+        sheet[top : top + colored.shape[0], left : left + colored.shape[1]] = colored[..., :3]
+    return sheet
+
+
+def magnified(picture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
+    """Picture with each pixel repeated so many times along both axes."""
+    return np.repeat(np.repeat(picture, times, axis=0), times, axis=1)
+
+
+def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
+    """Write a contact sheet: .png or .jpg.
+
+    Raises:
+        OutputError: no picture, or a file that cannot be written.
+    """
+    sheet = np.ascontiguousarray(contact_sheet(tiles, columns))
+    write_image(path, sheet, jpeg_quality=SHEET_JPEG_QUALITY)
+
+
+def run_sheet(
+    module: str, arguments: Sequence[str], make_tiles: Callable[[], Tiles], columns: int
+) -> int:
+    """Run a command that writes a contact sheet to the one file that its arguments name.
+
+    Returns:
+        The exit status.
+    """
+    if len(arguments) != 1:
+        print(f"usage: python -m {module} FILE", file=sys.stderr)
+        return 2
+    try:
+        save_contact_sheet(Path(arguments[0]), make_tiles(), columns)
+    except OmnisimError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,94 @@
+"""A contact sheet of every channel of ground truth: `python -m omnisim.validation.plots.ground_truth_sheet
+FILE`, with FILE a .png or .jpg.
+
+The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
+that looks ahead. Flow leads to the poses before and after a step to the left and
+ahead.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from collections.abc import Callable, Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core import poses
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.previews import preview
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.robots.vehicle import Vehicle
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Material, Scene
+from omnisim.validation.plots.contact_sheet import run_sheet
+
+SIDE_PX, COLUMNS = 300, 4
+BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
+PREVIOUS_BASE = poses.pose((-1.0, 0.5, 0.0), yaw_deg=29.0)
+NEXT_BASE = poses.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
+LENS_THETA_MAX_DEG = 95.0
+# That the tiles of materials show something: soccer has neither metal nor what glows.
+GLOWING, METALLIC = ("lamp_glow", "screens", "outside"), 0.8
+LENS_CHANNELS = ("range", "normals", "semantic")
+Tile = tuple[str, NDArray[np.uint8]]
+
+
+def ground_truth_tiles() -> list[Tile]:
+    """Titles and pictures."""
+    vehicle = Vehicle.load("p2at")
+    mounted = vehicle.camera("omnicam")
+    lens_theta_max = math.radians(LENS_THETA_MAX_DEG)
+    middle = 0.5 * (SIDE_PX - 1)
+    lens = EquidistantCamera(
+        SIDE_PX, SIDE_PX, 0.5 * SIDE_PX / lens_theta_max, (middle, middle), lens_theta_max
+    )
+    ahead = OmniCamera(lens, polygons=None, base_from_rig=mounted.sensor.base_from_rig)
+    assert vehicle.body is not None
+    body = _with_materials(vehicle.body, lambda one: dataclasses.replace(one, metallic=METALLIC))
+    with Stage(_with_materials(load_scene("soccer"), _glowing), body) as stage:
+        mirror = mounted.sensor.with_polygons(None).resized(SIDE_PX)
+        tiles = _tiles(stage, mirror, mounted.hides, tuple(CHANNELS), "")
+        return tiles + _tiles(stage, ahead, mounted.hides, LENS_CHANNELS, "fisheye: ")
+
+
+def _glowing(material: Material) -> Material:
+    """Material that emits its own colour, if it is one of what glows."""
+    if material.name not in GLOWING:
+        return material
+    red, green, blue, _ = material.base_color
+    return dataclasses.replace(
+        material, emissive=(red, green, blue), emissive_map=material.texture, unlit=False
+    )
+
+
+def _with_materials(scene: Scene, change: Callable[[Material], Material]) -> Scene:
+    """Scene with changed materials, drawn in full."""
+    return dataclasses.replace(
+        scene,
+        materials=tuple(change(one) for one in scene.materials),
+        lighting=dataclasses.replace(scene.lighting, is_matte=False),
+    )
+
+
+def _tiles(
+    stage: Stage, sensor: OmniCamera, hidden: Collection[str], names: tuple[str, ...], prefix: str
+) -> list[Tile]:
+    with Renderer(stage, sensor, hidden=hidden) as renderer:
+        frame = renderer.render(
+            BASE, also=names, next_state=NEXT_BASE, previous_state=PREVIOUS_BASE
+        )
+    channels = {
+        name: preview(name, values, frame.labels) for name, values in frame.channels.items()
+    }
+    pictures = {"picture": frame.rgb, **channels}
+    return [(f"{prefix}{name}", picture) for name, picture in pictures.items()]
+
+
+if __name__ == "__main__":
+    sys.exit(run_sheet(__spec__.name, sys.argv[1:], ground_truth_tiles, COLUMNS))

@@ -1,0 +1,196 @@
+"""Self-localization: paths with covariance ellipses, errors, and statistics over seeds.
+
+After the paper's Fig. 12 and 13.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse, Rectangle
+from numpy.typing import NDArray
+
+from omnisim.core.srgb import srgb_from_linear
+from omnisim.perception.localization.consistency import Interval
+from omnisim.perception.localization.track import Track
+from omnisim.scene.model import Landmark
+from omnisim.validation.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED, label_axes
+
+SIGMAS = 3.0
+SMALLEST_M = 1e-3  # lower end of the errors' scale: a known start has none at all
+_GRASS, _INK = "#e9f2e6", "#222222"
+
+
+@dataclass(frozen=True, eq=False)
+class PathPanel:
+    """Panel of one run.
+
+    Attributes:
+        title: heading.
+        track: estimates.
+        true_poses: (n, 3), or None where they are unknown.
+        landmarks: at their true positions.
+        bound_m: of the error, drawn as a line, or None.
+    """
+
+    title: str
+    track: Track
+    true_poses: NDArray[np.float64] | None
+    landmarks: Sequence[Landmark]
+    bound_m: float | None = None
+
+
+def paths_figure(panels: Sequence[PathPanel]) -> Figure:
+    """True path, odometry and estimate from above, with ellipses of three sigma: Fig. 12."""
+    figure = Figure(figsize=(6.4 * len(panels), 5.6), dpi=DPI, layout="constrained")
+    for column, panel in enumerate(panels):
+        axes = figure.add_subplot(1, len(panels), column + 1)
+        label_axes(axes, panel.title, "x (m)", "y (m)")
+        _draw_landmarks(axes, panel.landmarks)
+        track = panel.track
+        axes.plot(
+            *track.reckoned[:, :2].T, "--", color=ORANGE, lw=1.3, label="odometry alone", zorder=3
+        )
+        if panel.true_poses is not None:
+            axes.plot(*panel.true_poses[:, :2].T, color=BLUE, lw=2.4, label="true", zorder=4)
+        axes.plot(
+            *track.poses[:, :2].T, "-o", color=RED, lw=0.9, ms=2.6, label="estimate", zorder=6
+        )
+        _draw_ellipses(axes, track)
+        axes.set_aspect("equal")
+        axes.margins(0.06)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    for axes in figure.axes[1:]:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            if label not in labels:
+                handles.append(handle)
+                labels.append(label)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def errors_figure(panels: Sequence[PathPanel]) -> Figure:
+    """Distance from the true position against the step, and accepted landmarks: Fig. 13."""
+    figure = Figure(figsize=(6.4 * len(panels), 5.0), dpi=DPI, layout="constrained")
+    grid = figure.add_gridspec(2, len(panels), height_ratios=(3, 1))
+    for column, panel in enumerate(panels):
+        assert panel.true_poses is not None
+        axes = figure.add_subplot(grid[0, column])
+        label_axes(axes, panel.title, "", "distance from the truth (m), logarithmic")
+        steps = np.arange(len(panel.track.estimates))
+        for errors, line, color, label in (
+            (panel.track.reckoned_errors_m(panel.true_poses), "--", ORANGE, "odometry alone"),
+            (panel.track.errors_m(panel.true_poses), "-", RED, "estimate"),
+        ):
+            axes.plot(steps, np.maximum(errors, SMALLEST_M), line, color=color, label=label)
+        sigma = SIGMAS * np.sqrt(np.linalg.eigvalsh(panel.track.covariances[:, :2, :2])[:, -1])
+        axes.plot(steps, np.maximum(sigma, SMALLEST_M), ":", color=GREY, lw=1.0, label="its own 3σ")
+        if panel.bound_m is not None:
+            axes.axhline(panel.bound_m, color=_INK, lw=0.8, ls="-.", label="the paper's bound")
+        axes.set_yscale("log")
+        axes.set_ylim(SMALLEST_M, 10.0)
+        axes.legend(frameon=False, fontsize=7, ncols=2, loc="upper left")
+        below = figure.add_subplot(grid[1, column], sharex=axes)
+        label_axes(below, "", "step", "landmarks")
+        accepted, rejected = panel.track.counts(True), panel.track.counts(False)
+        below.bar(steps, accepted, color=GREEN, width=0.9, label="accepted")
+        below.bar(steps, -rejected, color=RED, width=0.9, label="rejected")
+        below.axhline(0.0, color=_INK, lw=0.6)
+        top = max(4, int(accepted.max(initial=0)))
+        below.set_ylim(-max(3, int(rejected.max(initial=0))) - 0.5, top + 2.5)
+        below.legend(frameon=False, fontsize=7, ncols=2, loc="upper right")
+    return figure
+
+
+def seeds_figure(
+    errors_m: NDArray[np.float64], reckoned_m: NDArray[np.float64], title: str
+) -> Figure:
+    """Errors (seeds, steps) of the estimate and of the wheels alone: median and 95 % band."""
+    figure = Figure(figsize=(8.0, 4.2), dpi=DPI, layout="constrained")
+    axes = figure.add_subplot()
+    label_axes(axes, title, "step", "distance from the truth (m), logarithmic")
+    steps = np.arange(errors_m.shape[1])
+    for values, color, label in (
+        (reckoned_m, ORANGE, "odometry alone"),
+        (errors_m, RED, "estimate"),
+    ):
+        shown = np.maximum(values, 1e-4)
+        low, middle, high = np.percentile(shown, (2.5, 50.0, 97.5), axis=0)
+        axes.fill_between(steps, low, high, color=color, alpha=0.18, lw=0)
+        axes.plot(steps, middle, color=color, lw=1.6, label=f"{label}: median and 95 % band")
+    axes.set_yscale("log")
+    axes.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def consistency_figure(
+    nees: NDArray[np.float64],
+    nees_interval: Interval,
+    nis: NDArray[np.float64],
+    nis_intervals: Sequence[Interval],
+) -> Figure:
+    """Mean NEES and mean NIS of all seeds against the step, with their 95 % bands.
+
+    Args:
+        nees: (steps,) means.
+        nees_interval: of such a mean.
+        nis: (steps,) means of NIS over its degrees of freedom.
+        nis_intervals: of each step's mean.
+    """
+    figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
+    for column, (title, values, low, high) in enumerate(
+        (
+            (
+                "NEES, mean of all seeds",
+                nees,
+                *(np.full(len(nees), edge) for edge in nees_interval),
+            ),
+            ("NIS over its degrees of freedom", nis, *np.array(nis_intervals).T),
+        )
+    ):
+        axes = figure.add_subplot(1, 2, column + 1)
+        label_axes(axes, title, "step", "")
+        steps = np.arange(1, len(values))  # at the start nothing was estimated yet
+        axes.fill_between(steps, low[1:], high[1:], color=GREEN, alpha=0.2, lw=0, label="95 % band")
+        axes.plot(steps, values[1:], color=BLUE, lw=1.3, label="measured")
+        axes.axhline(float(np.nanmean(values[1:])), color=GREY, lw=0.9, ls="--", label="its mean")
+        axes.set_ylim(bottom=0.0)
+        axes.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:
+    """Footprints, in the colours from the lowest outside to the highest inside."""
+    for landmark in landmarks:
+        bands = landmark.bands[-2:]
+        for size, band in zip((1.0, 0.55), bands, strict=False):
+            width, depth = np.maximum(landmark.footprint_m, 0.18) * size
+            x, y = landmark.position_m[:2]
+            axes.add_patch(
+                Rectangle(
+                    (x - 0.5 * width, y - 0.5 * depth), width, depth, lw=0.6, edgecolor=_INK,
+                    facecolor=srgb_from_linear(band.linear_rgb), zorder=2,
+                )
+            )  # fmt: skip
+        axes.plot(*landmark.position_m[:2], ".", ms=0.1)  # so that the axes make room
+
+
+def _draw_ellipses(axes: Axes, track: Track) -> None:
+    every = max(1, len(track.estimates) // 45)
+    label = "its 3σ ellipse"
+    for estimate in track.estimates[::every]:
+        values, directions = np.linalg.eigh(estimate.covariance[:2, :2])
+        x, y = estimate.pose[:2].tolist()
+        width, height = 2.0 * SIGMAS * np.sqrt(np.maximum(values, 0.0))
+        angle = np.degrees(np.arctan2(directions[1, 0], directions[0, 0]))
+        axes.add_patch(
+            Ellipse(
+                (x, y), width, height, angle=float(angle), lw=0.7,
+                edgecolor=RED, facecolor=RED, alpha=0.25, zorder=5, label=label,
+            )
+        )  # fmt: skip
+        label = "_"

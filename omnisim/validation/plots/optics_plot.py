@@ -1,0 +1,134 @@
+"""An optical system: its profile with rays, its caustic, and its resolution."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from omnisim.cameras.optics.caustic import caustic_points, ray_jacobians
+from omnisim.cameras.optics.surface import Rod, Surface
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.tracing import Fate
+from omnisim.validation.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, label_axes
+
+_RAYS = 25  # drawn
+_COLUMNS = 400  # of the picture, for caustic and resolution
+_MARGIN = 0.15  # of the drawn part's size, around it
+_SHOWN_PERCENT = (4.0, 96.0)  # of the caustic, which may reach to infinity
+_SMALLEST_M = 2e-4  # drawn part of the caustic
+Floats = NDArray[np.float64]
+
+
+def optics_figure(name: str, system: OpticalSystem) -> Figure:
+    """Section along the row of the principal point, the caustic of that row's rays from near, and
+    degrees a pixel against the radius in the picture."""  # fmt: skip
+    figure = Figure(figsize=(14.0, 5.2), dpi=DPI, layout="constrained")
+    section, near, resolution = figure.subplots(1, 3, width_ratios=(1.0, 0.8, 1.0))
+    caustic_m = caustic_points(system, _row(system, _COLUMNS)) + system.origin_m
+    label_axes(section, f"{name}: rays", "x (mm)", "z (mm)")
+    low, high = _draw_section(section, system, caustic_m)
+    _frame(section, low, high)
+    label_axes(near, "Caustic: where neighbouring rays meet", "x (mm)", "z (mm)")
+    _draw_section(near, system, caustic_m)
+    seen = caustic_m.reshape(-1, 3)[:, [0, 2]]
+    if np.isfinite(seen).any():
+        low, high = np.nanpercentile(seen, _SHOWN_PERCENT, axis=0)
+        middle, half = 0.5 * (low + high), 0.5 * max(float((high - low).max()), _SMALLEST_M)
+        low, high = middle - half, middle + half
+    _frame(near, low, high)
+    handles, labels = section.get_legend_handles_labels()
+    by_label = dict(zip(labels, handles, strict=True))
+    figure.legend(by_label.values(), by_label.keys(), loc="outside lower left", ncols=6, fontsize=8)
+    label_axes(resolution, "Angular resolution", "radius in the picture (px)", "degrees a pixel")
+    _draw_resolution(resolution, system)
+    return figure
+
+
+def _frame(axes: Axes, low_m: Floats, high_m: Floats) -> None:
+    """Show a part of a section between two corners (2,), and somewhat more."""
+    margin_m = _MARGIN * float((high_m - low_m).max())
+    axes.set_aspect("equal")
+    axes.set_xlim(1e3 * (low_m[0] - margin_m), 1e3 * (high_m[0] + margin_m))
+    axes.set_ylim(1e3 * (low_m[1] - margin_m), 1e3 * (high_m[1] + margin_m))
+
+
+def _row(system: OpticalSystem, count: int) -> Floats:
+    """Pixels (count, 2) along the row of the principal point."""
+    u = np.linspace(0.0, system.width_px - 1.0, count)
+    return np.column_stack((u, np.full(count, system.principal_point_px[1])))
+
+
+def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple[Floats, Floats]:
+    """Draw the section; return the corners (2,) of what rays reach of it."""
+    paths = system.paths(_row(system, _RAYS))
+    seen = paths.fates == Fate.SEEN
+    hits = paths.points_m[:, seen].reshape(-1, 3)
+    curves = [_curve(surface, hits) for surface in system.surfaces]
+    drawn = np.concatenate([hits, *curves])[:, [0, 2]]
+    low, high = np.nanmin(drawn, axis=0), np.nanmax(drawn, axis=0)
+    length_m = 30.0 * float((high - low).max())
+    # on behind the last surface, and back to where they seem to come from
+    ends, begins = (paths.points_m[-1] + sign * length_m * paths.directions for sign in (1.0, -1.0))
+    for ray in np.flatnonzero(seen):
+        way = 1e3 * np.concatenate((paths.points_m[:, ray], ends[ray : ray + 1]))
+        axes.plot(way[:, 0], way[:, 2], color=GREY, linewidth=0.6)
+        back = 1e3 * np.stack((begins[ray], paths.points_m[-1, ray]))
+        axes.plot(back[:, 0], back[:, 2], color=GREY, linewidth=0.3, linestyle=":")
+    for curve, surface in zip(curves, system.surfaces, strict=True):
+        color, label = (BLUE, "mirror") if surface.is_mirror else (GREEN, "boundary")
+        axes.plot(1e3 * curve[:, 0], 1e3 * curve[:, 2], color=color, linewidth=2.0, label=label)
+    for rod in system.obstacles:
+        is_cut = _is_in_section(rod, float(system.system_from_camera[1, 3]))
+        style = {"color": "black"} if is_cut else {"fill": False, "linestyle": "--"}
+        label = "obstacle" if is_cut else "obstacle beside the section"
+        axes.add_patch(Polygon(1e3 * _outline(rod), label=label, **style))
+    x, _, z = 1e3 * caustic_m.reshape(-1, 3).T
+    axes.plot(x, z, ".", color=ORANGE, markersize=2.5, label="caustic")
+    x, _, z = 1e3 * system.system_from_camera[:3, 3]
+    axes.plot(x, z, "o", color="black", markersize=4.0, label="pinhole")
+    return low, high
+
+
+def _is_in_section(rod: Rod, y_m: float) -> bool:
+    """Tell whether a rod meets the plane of a section."""
+    begin, end = rod.begin_m[1] - y_m, rod.end_m[1] - y_m
+    return min(begin, end) <= rod.radius_m and max(begin, end) >= -rod.radius_m
+
+
+def _curve(surface: Surface, hits_m: Floats) -> Floats:
+    """Section (n, 3) of a surface with its own plane y = 0, as far as rays need it."""
+    reach_m = surface.visible_radius_m
+    if np.isinf(reach_m):
+        local = surface.points_from_system(hits_m)
+        reach_m = 1.2 * float(np.hypot(local[:, 0], local[:, 1]).max(initial=1e-3))
+    middle = surface.rim_center_m[0]
+    x = np.linspace(-reach_m, reach_m, 401)
+    z = surface.shape.sag_m(np.abs(x))
+    gone = (np.abs(x - middle) > surface.rim_radius_m) | (np.abs(x) < surface.hole_radius_m)
+    points = np.column_stack((x, np.zeros_like(x), np.where(gone, np.nan, z)))
+    return surface.directions_to_system(points) + surface.system_from_surface[:3, 3]
+
+
+def _outline(rod: Rod) -> Floats:
+    """Outline (4, 2) of a rod seen along y: its sides, as flat as they are seen."""
+    begin, end = np.array((rod.begin_m, rod.end_m))[:, [0, 2]]
+    along = end - begin
+    length_m = float(np.hypot(*along))
+    unit = along / length_m if length_m > 0.0 else np.array([1.0, 0.0])
+    aside = rod.radius_m * np.array([-unit[1], unit[0]])
+    return np.stack((begin - aside, end - aside, end + aside, begin + aside))
+
+
+def _draw_resolution(axes: Axes, system: OpticalSystem) -> None:
+    pixels = _row(system, _COLUMNS)
+    radii_px = pixels[:, 0] - system.principal_point_px[0]
+    steps = np.degrees(np.linalg.norm(ray_jacobians(system, pixels).directions, axis=1))
+    axes.plot(radii_px, steps[:, 0], color=ORANGE, label="along the radius")
+    axes.plot(radii_px, steps[:, 1], color=BLUE, label="across it")
+    shown = steps[np.isfinite(steps)]
+    if len(shown):
+        axes.set_ylim(0.0, 1.1 * float(np.percentile(shown, 99.0)))
+    axes.legend(fontsize=8, framealpha=0.9)

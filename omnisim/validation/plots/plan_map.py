@@ -1,0 +1,86 @@
+"""Maps of a plan: each scene's free floor, and where its first samples stand."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from omnisim.datasets.free_space import FreeSpace
+from omnisim.datasets.generate.draw import Draw, draw, draw_which
+from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.validation.plots.scene_map import draw_scene_map
+from omnisim.validation.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
+
+MOST_SAMPLES = 400  # whose places are shown
+AROUND_M = 1.5
+SIDE_IN = 7.0
+
+
+def plan_figure(prepared: PreparedPlan) -> Figure:
+    """Free floors and places of a plan, from above: x to the right, y up.
+
+    Raises:
+        OmnisimError: a fault of a file of the plan, or no place.
+    """
+    plan = prepared.plan
+    drawn: list[list[Draw]] = [[] for _ in plan.scenes]
+    for number in range(min(plan.pictures, MOST_SAMPLES)):
+        drawn[draw_which(plan, number).scene].append(draw(prepared, number, 0))
+    columns = min(len(plan.scenes), 3)
+    rows = -(-len(plan.scenes) // columns)
+    size_in = (columns * SIDE_IN, rows * SIDE_IN)
+    figure = Figure(figsize=size_in, dpi=DPI, layout="constrained")
+    for number, samples in enumerate(drawn):
+        axes = figure.add_subplot(rows, columns, number + 1)
+        needs_floor = plan.stand.where != "poses" or prepared.objects
+        free = prepared.free_space(number) if needs_floor else None
+        _draw_scene(axes, prepared, number, free, samples)
+    return figure
+
+
+def _draw_scene(
+    axes: Axes, prepared: PreparedPlan, number: int, free: FreeSpace | None, samples: list[Draw]
+) -> None:
+    scene = prepared.scene(number)
+    points = np.array([one.position_m[:2] for one in samples]).reshape(-1, 2)
+    places = points if free is None else np.concatenate((points, _ends(free)))
+    if not len(places):
+        places = np.array([scene.start.position_m[:2]])
+    low, high = places.min(axis=0) - AROUND_M, places.max(axis=0) + AROUND_M
+    title = f"{scene.name}: {len(samples)} samples"
+    ground_m = scene.bounds_m()[0][2]
+    if free is not None:
+        title = f"{scene.name}: {free.area_m2:.1f} m² free; {len(samples)} samples"
+        ground_m = float(np.nanmedian(free.floor_m[free.is_free]))
+    label_axes(axes, title, "x (m)", "y (m)")
+    draw_scene_map(axes, scene, low, high, ground_m)
+    if free is not None:
+        extent_m = free.low_m + free.cell_m * np.array(free.is_free.shape[::-1])
+        pixels = np.zeros((*free.is_free.shape, 4))
+        pixels[free.is_free] = to_rgba(GREEN, 0.45)
+        sides = (free.low_m[0], extent_m[0], free.low_m[1], extent_m[1])
+        axes.imshow(pixels, extent=sides, origin="lower", interpolation="nearest", zorder=3)
+    yaw = np.radians([one.yaw_deg for one in samples])
+    axes.quiver(*points.T, np.cos(yaw), np.sin(yaw), color=BLUE, scale=45.0, width=0.003, zorder=5)
+    axes.plot(*points.T, ".", color=BLUE, markersize=3, zorder=5)
+    for placed in (placed for one in samples for placed in one.objects):
+        shape = prepared.objects[placed.object]
+        middle = placed.world_from_object @ (*shape.middle_m, 0.0, 1.0)
+        axes.add_patch(
+            Circle((middle[0], middle[1]), shape.radius_m, fill=False, color=ORANGE, zorder=4)
+        )
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+
+
+def _ends(free: FreeSpace) -> NDArray[np.float64]:
+    """Corners (2, 2) of the free cells' bounds."""
+    places = free.places()[:, ::-1]
+    ends = np.stack((places.min(axis=0), places.max(axis=0) + 1))
+    found: NDArray[np.float64] = free.low_m + free.cell_m * ends
+    return found

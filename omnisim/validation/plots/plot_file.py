@@ -1,0 +1,52 @@
+"""Figures into files."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import atomic_write, check_target
+from omnisim.core.version import __version__
+
+__all__ = ["FORMATS", "Figure", "check_plot_target", "figure_png", "write_plot"]
+FORMATS = ("png", "pdf", "svg")
+
+
+def check_plot_target(path: Path) -> None:
+    """Refuse a file that cannot be written, before the work is done.
+
+    Raises:
+        OutputError: an unknown format, or a file that cannot be written.
+    """
+    _format(path)
+    check_target(path)
+
+
+def write_plot(path: Path, figure: Figure) -> None:
+    """Write a figure; the file appears only when it is whole.
+
+    Raises:
+        OutputError: an unknown format, or the file cannot be written.
+    """
+    data = io.BytesIO()  # matplotlib's writers never see a disk that is full
+    figure.savefig(data, format=_format(path))
+    with atomic_write(path) as partial:
+        partial.write_bytes(data.getvalue())
+
+
+def figure_png(figure: Figure) -> bytes:
+    """A figure as the bytes of a PNG file."""
+    data = io.BytesIO()
+    figure.savefig(data, format="png", metadata={"Software": f"omnisim {__version__}"})
+    return data.getvalue()
+
+
+def _format(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix.removeprefix(".") not in FORMATS:
+        expected = ", ".join(f".{name}" for name in FORMATS)
+        raise OutputError(f"{path}: expected {expected}, got {suffix or 'no suffix'}")
+    return suffix.removeprefix(".")

@@ -1,0 +1,175 @@
+"""A run from above: the map, the path, dead reckoning, landmarks, and a strip of its pictures."""
+
+from __future__ import annotations
+
+import itertools
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from omnisim.core.srgb import srgb_from_linear
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.scene.model import Landmark, Scene
+from omnisim.validation.plots.scene_map import draw_scene_map
+
+TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
+RUNS = (TRUE, "#b03060", "#2b8a57", "#7a3fa0")
+STRIP = 6  # pictures
+STRIP_IN = 3.0  # height, at most
+OTHERS = ("#7a3fa0", "#2b8a57", "#b03060", "#8a6d1f")
+TITLE_LETTERS = 110  # in a line
+
+
+@dataclass(frozen=True, eq=False)
+class RunDrawing:
+    """One robot's run, as it is drawn.
+
+    Attributes:
+        truth: poses of the base.
+        reckoned: (n, 2) positions by dead reckoning, or None: no odometry.
+        pictures: (height, width, 3) by step, at most a handful.
+        name: of the robot, where there are several.
+    """
+
+    truth: Trajectory
+    reckoned: NDArray[np.float64] | None
+    pictures: Mapping[int, NDArray[np.uint8]]
+    name: str = ""
+
+
+def run_figure(
+    title: str,
+    scene: Scene | None,
+    runs: Sequence[RunDrawing],
+    others: Mapping[str, Trajectory] | None = None,
+) -> Figure:
+    """The plot of a run, or of the runs of robots that drove together.
+
+    Args:
+        title: lines, which are broken where they are long.
+        scene: its map and landmarks, or None: no map.
+        runs: one or more.
+        others: poses of other robots and of dynamic objects, by name.
+    """
+    low, high = _extent(runs, scene)
+    size = high - low
+    width_in = 9.0
+    # what the labels leave of the width, for axes of equal scale
+    map_in = float(np.clip((width_in - 0.8) * size[1] / size[0], 3.5, 12.0))
+    strips = [run for run in runs if run.pictures]
+    strips_in = [min(width_in / len(run.pictures), STRIP_IN) for run in strips]
+    figure = Figure(
+        figsize=(width_in, map_in + sum(strips_in) + 1.1), dpi=110, layout="constrained"
+    )
+    grid = figure.add_gridspec(1 + len(strips), 1, height_ratios=[map_in, *strips_in])
+    axes = figure.add_subplot(grid[0])
+    lines = (textwrap.fill(line, TITLE_LETTERS) for line in title.splitlines())
+    axes.set_title("\n".join(lines), fontsize=10, parse_math=False)
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    if scene is not None:
+        heights_m = np.concatenate([run.truth.positions_m[:, 2] for run in runs])
+        draw_scene_map(axes, scene, low, high, float(np.median(heights_m)))
+        for landmark in scene.landmarks:
+            draw_landmark(axes, landmark)
+    for k, (name, other) in enumerate((others or {}).items()):
+        color = OTHERS[k % len(OTHERS)]
+        axes.plot(*other.positions_m[:, :2].T, "o", color=color, ms=4, label=name, zorder=4)
+    for run, color in zip(runs, itertools.cycle(RUNS), strict=False):
+        _draw_run(axes, run, color)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+    figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    for row, run in enumerate(strips, start=1):
+        _draw_strip(figure, grid[row], run)
+    return figure
+
+
+def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
+    """Draw the true path with headings, dead reckoning, and the steps of the pictures."""
+    truth, whose = run.truth, f"{run.name}: " if run.name else ""
+    x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
+    if run.reckoned is not None:
+        reckoned_color = color if run.name else RECKONED
+        axes.plot(*run.reckoned.T, "--", color=reckoned_color, lw=1.6, label=f"{whose}odometry")
+    axes.plot(x, y, "-", color=color, lw=2.2, label=f"{whose}true path")
+    label = None if run.name else "start"
+    axes.plot(x[0], y[0], "o", color=color, markersize=9, markerfacecolor="white", label=label)
+    yaw = truth.yaw_rad
+    every = max(1, len(x) // 24)
+    axes.quiver(
+        x[::every], y[::every], np.cos(yaw[::every]), np.sin(yaw[::every]),
+        color=color, scale=36.0, width=0.003, zorder=3,
+    )  # fmt: skip
+    for position, steps in _steps_by_position(truth, list(run.pictures)).items():
+        axes.annotate(
+            ", ".join(map(str, steps)), position, textcoords="offset points", xytext=(7, 7),
+            fontsize=9, color=INK,
+            bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": color, "lw": 0.8},
+        )  # fmt: skip
+
+
+def _draw_strip(figure: Figure, place: SubplotSpec, run: RunDrawing) -> None:
+    """Draw the pictures side by side."""
+    columns = place.subgridspec(1, len(run.pictures))
+    whose = f"{run.name}, " if run.name else ""
+    for column, (step, picture) in enumerate(run.pictures.items()):
+        strip = figure.add_subplot(columns[column])
+        strip.set_axis_off()
+        strip.set_title(f"{whose}step {step}, {run.truth.times_s[step]:.1f} s", fontsize=8)
+        strip.imshow(picture)
+
+
+def steps_to_show(steps: int) -> list[int]:
+    """Steps evenly spread over a run, its first and last among them."""
+    return sorted({round(k) for k in np.linspace(0, steps - 1, min(STRIP, steps))})
+
+
+def _steps_by_position(truth: Trajectory, steps: list[int]) -> dict[tuple[float, float], list[int]]:
+    """Steps by position to a centimetre."""
+    found: dict[tuple[float, float], list[int]] = {}
+    for step in steps:
+        x, y = truth.positions_m[step, :2].round(2).tolist()
+        found.setdefault((x, y), []).append(step)
+    return found
+
+
+def _extent(
+    runs: Sequence[RunDrawing], scene: Scene | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (2,) of the map: the paths with a margin, and landmarks near them."""
+    places = [run.truth.positions_m[:, :2] for run in runs]
+    places += [run.reckoned for run in runs if run.reckoned is not None]
+    positions = np.concatenate(places)
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    room = max(1.5, 0.25 * float((high - low).max()))
+    low, high = low - room, high + room
+    for landmark in scene.landmarks if scene is not None else ():
+        position = np.array(landmark.position_m[:2])
+        if np.all(position > low - room) and np.all(position < high + room):
+            # half of a name's width, and of the marker's
+            margin = max(0.5, 0.08 * float(high[0] - low[0]))
+            low, high = np.minimum(low, position - margin), np.maximum(high, position + margin)
+    return low, high
+
+
+def draw_landmark(axes: Axes, landmark: Landmark) -> None:
+    """Draw its bands from the lowest, outside, to the highest, inside; its name below."""
+    for index, band in enumerate(landmark.bands):
+        axes.plot(
+            *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,
+            color=srgb_from_linear(band.linear_rgb), markeredgecolor=INK, markeredgewidth=0.6,
+        )  # fmt: skip
+    axes.annotate(
+        landmark.name, landmark.position_m[:2], textcoords="offset points", xytext=(0, -16),
+        ha="center", fontsize=7, color=INK, zorder=5,
+        path_effects=[withStroke(linewidth=2.0, foreground="white", alpha=0.8)],
+    )  # fmt: skip

@@ -1,0 +1,63 @@
+"""A laser scan from above."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from omnisim.sensors.laser_scanner.scan import Scan
+
+_POINT, _BEAM, _SCANNER, _GRID = "#c23b3b", "#9db8d6", "#333333", "#e4e4e4"
+_MARGIN = 0.06  # of the larger side, around everything
+_SCANNER_SIZE = 0.016  # of the larger side
+
+
+def scan_figure(scan: Scan) -> Figure:
+    """Scan in its scanner's frame, metres: x, straight ahead, is up and y, left, is left.
+
+    Beams that hit something are faint lines that end in a point; the others are not drawn.
+    """
+    points_m = scan.points_m[:, :2]
+    low = np.min(points_m, axis=0, initial=0.0)
+    high = np.max(points_m, axis=0, initial=0.0)
+    side_m = max(float((high - low).max()), 1.0)
+    size_m = np.maximum(high - low, 0.3 * side_m) + 2.0 * _MARGIN * side_m
+    middle = 0.5 * (low + high)
+
+    # what is left of the width for the axes, and what title and labels add to the height
+    height_in = float(np.clip(6.4 * size_m[0] / size_m[1], 2.0, 9.0)) + 1.1
+    figure = Figure(figsize=(7.0, height_in), dpi=120, layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_title(_title(scan), fontsize=10, parse_math=False)
+    axes.set_xlabel("y, to the left (m)")
+    axes.set_ylabel("x, ahead (m)")
+    axes.grid(True, color=_GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.set_aspect("equal")
+    axes.set_xlim(middle[1] + 0.5 * size_m[1], middle[1] - 0.5 * size_m[1])  # y grows to the left
+    axes.set_ylim(middle[0] - 0.5 * size_m[0], middle[0] + 0.5 * size_m[0])
+
+    shown = points_m[:, ::-1]
+    beams = np.stack((np.zeros_like(shown), shown), axis=1)
+    axes.add_collection(LineCollection(list(beams), colors=_BEAM, linewidths=0.4, alpha=0.5))
+    axes.plot(shown[:, 0], shown[:, 1], ".", color=_POINT, markersize=3.0)
+    half_m = _SCANNER_SIZE * side_m
+    corners = [(0.0, 1.6 * half_m), (half_m, -half_m), (-half_m, -half_m)]
+    axes.add_patch(Polygon(corners, closed=True, color=_SCANNER, zorder=3))
+    return figure
+
+
+def _title(scan: Scan) -> str:
+    beams, hits = len(scan.ranges_m), int(scan.hit.sum())
+    near = int(np.isneginf(scan.ranges_m).sum())
+    x, y, z = scan.world_from_scanner[:3, 3]
+    ahead = scan.world_from_scanner[:3, 0]
+    yaw_deg = np.degrees(np.arctan2(ahead[1], ahead[0]))
+    name = str(scan.metadata.get("scene", "")).rpartition("/")[2]
+    summary = f"{hits} of {beams} beams at {scan.scanner.resolution_deg:g}° hit something"
+    return (
+        f"{name + ': ' if name else ''}scan from ({x:.3g}, {y:.3g}, {z:.3g}) m at yaw "
+        f"{yaw_deg:.4g}°\n{summary}{f', {near} too near' if near else ''}"
+    )

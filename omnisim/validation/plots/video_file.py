@@ -1,0 +1,74 @@
+"""Pictures into a video file (the home of PyAV)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OutputError
+from omnisim.core.extras import require_extra
+from omnisim.core.files.atomic_file import atomic_write, check_target
+
+FORMATS = {".mp4": "mp4", ".mkv": "matroska"}
+# Constant quality, lower is better: at 18 few can tell it from the original.
+QUALITY = 18
+
+
+def check_video_target(path: Path) -> None:
+    """Refuse a file that cannot be written, before the work is done.
+
+    Raises:
+        OutputError: an unknown format, PyAV is not installed, or a file that cannot be written.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise OutputError(
+            f"{path}: expected {' or '.join(FORMATS)}, got {path.suffix or 'no suffix'}"
+        )
+    require_extra("video", str(path), OutputError)
+    check_target(path)
+
+
+def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
+    """Write pictures (height, width, 3), all of one size, as H.264; returns how many.
+
+    Odd sizes lose their last row or column, which the format cannot hold.
+
+    Raises:
+        OutputError: an unknown format, no pictures or too small ones, or the file cannot be
+            written.
+    """
+    check_video_target(path)
+    import av
+
+    count = 0
+    with atomic_write(path) as partial:
+        try:
+            with av.open(str(partial), "w", format=FORMATS[path.suffix.lower()]) as container:
+                stream = container.add_stream(
+                    "libx264", rate=Fraction(rate_hz).limit_denominator(1000)
+                )
+                stream.pix_fmt = "yuv420p"
+                stream.options = {"crf": str(QUALITY)}
+                for picture in pictures:
+                    height, width = (side // 2 * 2 for side in picture.shape[:2])
+                    if not (height and width):
+                        raise OutputError(
+                            f"{path}: expected pictures of at least 2 × 2 px, got "
+                            f"{picture.shape[1]} × {picture.shape[0]} px"
+                        )
+                    if count == 0:
+                        stream.width, stream.height = width, height
+                    cut = np.ascontiguousarray(picture[:height, :width, :3])
+                    frame = av.VideoFrame.from_ndarray(cut, format="rgb24")
+                    container.mux(stream.encode(frame))
+                    count += 1
+                if count == 0:
+                    raise OutputError(f"{path}: expected at least one picture, got none")
+                container.mux(stream.encode())
+        except av.FFmpegError as reason:
+            raise OutputError(f"{path}: cannot be encoded: {reason}") from None
+    return count

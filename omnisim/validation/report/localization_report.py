@@ -1,0 +1,134 @@
+"""Files and report of a localized run, as `omnisim localize` writes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.perception.landmarks.detection_files import write_detections
+from omnisim.perception.landmarks.landmark_detector import Detection
+from omnisim.perception.localization.consistency import mean_interval
+from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.track import Track, notices
+from omnisim.perception.localization.track_files import write_track
+from omnisim.runs.run_data import RunData
+from omnisim.validation.plots.detection_plots import detections_figure
+from omnisim.validation.plots.localization_plots import PathPanel, errors_figure, paths_figure
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Report, Section, make_folder
+
+LATE_STEP = 5  # first step whose errors count: the paper's start is worse than its odometry
+
+
+def write_localized(
+    folder: Path,
+    run: RunData,
+    track: Track,
+    parameters: FilterParameters,
+    detections: Sequence[Sequence[Detection]],
+    shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
+    warnings: Sequence[str] = (),
+) -> Report:
+    """Write tracks, detections and the report of a localized run.
+
+    Args:
+        folder: to write to, made where it is missing.
+        run: with ground truth, if any: only the errors use it.
+        track: estimates of its steps.
+        parameters: of the filter.
+        detections: of each step.
+        shown: panoramas: title, (height, width, 3) sRGB, detections.
+        warnings: for the reader.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    make_folder(folder)
+    write_track(folder, track)
+    write_detections(
+        folder / "detections.csv",
+        ((step, each) for step, found in enumerate(detections) for each in found),
+    )
+    report = Report(
+        f"Localization of {run.name}",
+        "The robot's position by an extended Kalman filter, from its wheels and from the landmarks "
+        "in its pictures.",
+        (_section(run, track, parameters, shown, warnings),),
+        {"parameters": parameters.model_dump(), "steps": len(track.estimates)},
+    )
+    report.write(folder)
+    return report
+
+
+def _section(
+    run: RunData,
+    track: Track,
+    parameters: FilterParameters,
+    shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
+    warnings: Sequence[str],
+) -> Section:
+    truth = run.true_poses
+    panel = PathPanel(run.name, track, truth, run.landmarks)
+    figures = [
+        CaptionedFigure("fig11-detections", detections_figure(shown),
+                "Panoramas with what was found in them: every box is around a landmark."),
+        CaptionedFigure("fig12-paths", paths_figure([panel]),
+                "From above: the estimate, with ellipses of three sigma, and the wheels alone."),
+    ]  # fmt: skip
+    warnings = [*warnings, *notices(track, parameters)]
+    if truth is None:
+        warnings.append("The run has no ground truth: no errors are shown.")
+    else:
+        figures.append(
+            CaptionedFigure("fig13-errors", errors_figure([panel]),
+                    "Distance from the true position, and how many landmarks the gate let through.")
+        )  # fmt: skip
+    return Section(
+        run.name,
+        "Successors of the paper's Fig. 11, 12 and 13.",
+        track_measures(track, truth),
+        figures=figures,
+        notices=warnings,
+    )
+
+
+def track_measures(track: Track, truth: NDArray[np.float64] | None) -> list[Measure]:
+    """Measures of a single track."""
+    accepted, rejected = int(track.counts(True).sum()), int(track.counts(False).sum())
+    opens = track.gate_opening_step
+    measures = [
+        Measure("landmarks let through the gate", accepted),
+        Measure("landmarks rejected", rejected),
+        Measure("step at which the gate opens", math.nan if opens is None else opens,
+               paper="23 in the real setting, 1 in simulation"),
+    ]  # fmt: skip
+    if truth is None:
+        return measures
+    errors, wheels = track.errors_m(truth), track.reckoned_errors_m(truth)
+    late = slice(min(LATE_STEP, len(errors) - 1), None)
+    each = track.nees(truth)
+    known = each[np.isfinite(each)]
+    measures += [
+        Measure(f"largest error after step {LATE_STEP}", float(errors[late].max()), "m",
+               paper="below 0.6 m, real and simulated"),
+        Measure(f"mean error after step {LATE_STEP}", float(errors[late].mean()), "m"),
+        Measure("largest error by the wheels alone", float(wheels.max()), "m",
+               paper="well above 1 m"),
+        Measure("NEES, mean of the run (3 expected)",
+               float(known.mean()) if len(known) else math.nan),
+    ]  # fmt: skip
+    found = [estimate for estimate in track.estimates if estimate.nis_degrees]
+    degrees = sum(estimate.nis_degrees for estimate in found)
+    if degrees:
+        low, high = mean_interval(1, degrees)
+        measures.append(
+            Measure(
+                f"NIS over its degrees of freedom (95 % band {low:.2f} to {high:.2f})",
+                sum(estimate.nis for estimate in found) / degrees,
+            )
+        )
+    return measures

@@ -1,0 +1,217 @@
+"""A report: sections of measures, tables and figures, as `report.json` and one HTML page."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import jinja2
+
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import atomic_write, check_target
+from omnisim.core.version import __version__
+from omnisim.validation.plots.plot_file import Figure, figure_png
+from omnisim.validation.report.measure import Measure
+
+TEMPLATE = Path(__file__).with_name("report.html.jinja")
+FORMAT_VERSION = 2
+HTML, JSON = "report.html", "report.json"
+Status = Literal["passed", "failed", "skipped"]
+
+
+@dataclass(frozen=True)
+class CaptionedFigure:
+    """A figure, the stem of its file, and a caption: one sentence of what must be seen."""
+
+    name: str
+    figure: Figure
+    caption: str
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """A caption, column headings, and rows of as many cells, as text."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a report.
+
+    Attributes:
+        text: method and result.
+        measures, tables, figures: in this order.
+        notices: warnings for the reader.
+        key: short name in the JSON file; empty for none.
+        seconds: time that it took, or None.
+        skipped: reason why nothing was measured; empty: something was.
+        failure: error that stopped the measurement; empty for none.
+    """
+
+    title: str
+    text: str = ""
+    measures: Sequence[Measure] = ()
+    tables: Sequence[ResultTable] = ()
+    figures: Sequence[CaptionedFigure] = ()
+    notices: Sequence[str] = ()
+    key: str = ""
+    seconds: float | None = None
+    skipped: str = ""
+    failure: str = ""
+
+    @property
+    def missed(self) -> list[Measure]:
+        """Measures whose bound does not hold."""
+        return [measure for measure in self.measures if measure.passed is False]
+
+    @property
+    def status(self) -> Status:
+        """Passed, if it was measured and no bound is missed."""
+        if self.skipped:
+            return "skipped"
+        return "failed" if self.failure or self.missed else "passed"
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON object without the figures' contents."""
+        return {
+            "key": self.key,
+            "title": self.title,
+            "status": self.status,
+            "seconds": None if self.seconds is None else round(self.seconds, 1),
+            "reason": self.skipped or self.failure,
+            "text": self.text,
+            "measures": [measure.as_dict() for measure in self.measures],
+            "tables": [
+                {"caption": table.caption, "columns": table.columns, "rows": table.rows}
+                for table in self.tables
+            ],
+            "figures": [
+                {"file": f"{figure.name}.png", "caption": figure.caption} for figure in self.figures
+            ],
+            "notices": list(self.notices),
+        }
+
+
+@dataclass(frozen=True)
+class Report:
+    """Sections of one run.
+
+    Attributes:
+        title: heading.
+        text: introduction.
+        sections: in order.
+        facts: parameters of the run, as JSON can hold them.
+        notices: warnings for the reader.
+        machine: machine and versions, see `describe_machine`; empty where they do not matter.
+    """
+
+    title: str
+    text: str
+    sections: Sequence[Section]
+    facts: dict[str, Any] = field(default_factory=dict)
+    notices: Sequence[str] = ()
+    machine: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def missed(self) -> list[Measure]:
+        """Measures whose bound does not hold."""
+        return [measure for section in self.sections for measure in section.missed]
+
+    @property
+    def status(self) -> Status:
+        """Failed, if a section is; skipped, if all are."""
+        found = {section.status for section in self.sections}
+        return "failed" if "failed" in found else "passed" if "passed" in found else "skipped"
+
+    @property
+    def passed(self) -> bool:
+        """True if no section failed; skipped ones do not count."""
+        return self.status != "failed"
+
+    @property
+    def verdict(self) -> str:
+        """One sentence on the bounds; empty where there are none."""
+        if not self.passed:
+            names = "; ".join(measure.name for measure in self.missed)
+            return f"Not every bound holds: {names}." if names else "Not every bound holds."
+        if self.status == "skipped":
+            return "Nothing was checked."
+        if all(measure.bound is None for part in self.sections for measure in part.measures):
+            return ""
+        return "Every bound that was checked holds." if self.notices else "Every bound holds."
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON object without the figures' contents."""
+        return {
+            "format": FORMAT_VERSION,
+            "omnisim": __version__,
+            "title": self.title,
+            "passed": self.passed,
+            "machine": self.machine,
+            "facts": self.facts,
+            "notices": list(self.notices),
+            "sections": [section.as_dict() for section in self.sections],
+        }
+
+    def write(self, folder: Path) -> None:
+        """Write `report.json`, `report.html` and the figures into a folder, made where missing.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        figures = {
+            figure.name: figure_png(figure.figure)
+            for section in self.sections
+            for figure in section.figures
+        }
+        environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+        template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+        encoded = {name: base64.b64encode(png).decode("ascii") for name, png in figures.items()}
+        page = template.render(report=self, version=__version__, figures=encoded)
+        make_folder(folder)
+        for name, png in figures.items():
+            _write(folder / f"{name}.png", png)
+        _write(folder / HTML, page.encode("utf-8"))
+        write_json(folder / JSON, self.as_dict())
+
+
+def check_report_target(folder: Path) -> None:
+    """Refuse a folder that cannot be written to, before the work is done.
+
+    Raises:
+        OutputError: it cannot be made or written to.
+    """
+    check_target(folder / JSON, may_make_folder=True)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder where it is missing.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
+
+
+def write_json(path: Path, content: object) -> None:
+    """Write a JSON file; it appears only when it is whole.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    _write(path, (json.dumps(content, indent=2) + "\n").encode("utf-8"))
+
+
+def _write(path: Path, data: bytes) -> None:
+    with atomic_write(path) as partial:
+        partial.write_bytes(data)

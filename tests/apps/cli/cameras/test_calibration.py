@@ -1,0 +1,263 @@
+"""`omnisim calibration` and `omnisim render --camera`: output, files and errors."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.calibration.calibration import calibration_of, load_calibration
+from omnisim.cameras.mirrored import MirroredCamera
+from omnisim.core.errors import SensorFileError
+from omnisim.core.files.image_files import read_image, write_image
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.robots.sensor_toml import sensor_toml
+from tests.camera_examples import CAMERA_EXAMPLES
+from tests.cameras.calibration.sample_files import FOLDER
+
+KITTI = FOLDER / "kitti360_image_02.yaml"
+TUM_VI = FOLDER / "kalibr_tum_vi.yaml"
+
+
+def test_convert_prints_a_summary(omnisim, tmp_path):
+    status, out, err = omnisim("calibration", "convert", TUM_VI, "--to", "colmap", "-o", "c.txt")
+    assert status == 0, err
+    assert "c.txt: COLMAP: cameras.txt" in out
+    assert "1 (was cam0): kannala_brandt, the same rays" in out
+    assert "note: 1: sees 115.6° from its axis: COLMAP's own projection ends at 90°" in err
+    assert "2 (was cam1): kannala_brandt, the same rays" in out
+    assert load_calibration(tmp_path / "c.txt").names == ["1", "2"]
+
+
+def test_convert_selects_one_camera_with_a_note(omnisim, tmp_path):
+    arguments = ("calibration", "convert", TUM_VI, "--to", "opencv_fisheye", "-o", "f.yaml")
+    status, out, err = omnisim(*arguments)
+    assert status == 0
+    assert "the first of 2 cameras, cam0: --camera-name takes another of cam0, cam1" in err
+    status, out, err = omnisim(*arguments, "--camera-name", "cam1")
+    assert status == 0
+    assert "the first" not in err
+    assert "cv2.fisheye's own projection is wrong past 90°" in err
+    assert "camera (was cam1): kannala_brandt, the same rays" in out
+    camera = load_calibration(tmp_path / "f.yaml").cameras[0].camera
+    assert camera.focal_lengths_px == (190.44236969414825, 190.4344384721956)
+
+
+def test_convert_states_the_residual(omnisim, tmp_path):
+    status, out, _ = omnisim(
+        "calibration", "convert", TUM_VI, "--to", "kalibr", "--model", "eucm",
+        "--camera-name", "cam0", "-o", "e.yaml",
+    )  # fmt: skip
+    assert status == 0
+    residual = load_calibration(tmp_path / "e.yaml").cameras[0].residuals
+    assert f"eucm, fitted to kannala_brandt: RMS {residual.rms_px:.3g} px" in out
+    assert f"at most {residual.max_px:.3g} px" in out
+
+
+def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
+    sensor = OmniCamera(CAMERA_EXAMPLES["hyperbolic-paper"])
+    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    status, out, err = omnisim(
+        "calibration", "convert", "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml"
+    )
+    assert status == 0, err
+    assert "camera: unified in a mirrored frame, the same rays" in out
+    assert "xi: 0.99549" in (tmp_path / "o.yaml").read_text()
+    status, _, err = omnisim("calibration", "show", "s.toml", "--camera-name", "x")
+    assert (status, "expected a calibration file, got s.toml" in err) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (KITTI, ["kitti360, 1 camera", "image_02", "unified", "1400 × 1400 px", "2.213404751",
+                 "field of view    198.2° × 197.9°", "116.86°", "86.8 %"]),
+        (TUM_VI, ["kalibr, 2 cameras", "cam0_from_imu", "512 × 512 px", "100.0 %"]),
+        (FOLDER / "transforms.json", ["world_from_images/frame_00002.jpeg"]),
+    ],
+)  # fmt: skip
+def test_show_lists_the_view_of_a_camera(omnisim, name, message):
+    status, out, err = omnisim("calibration", "show", name)
+    assert (status, err) == (0, "")
+    assert [line for line in message if line not in out] == []
+
+
+def test_show_of_a_mirror(omnisim, tmp_path):
+    calibration_of(CAMERA_EXAMPLES["parabolic"]).save(tmp_path / "m.yaml", "kalibr")
+    status, out, _ = omnisim("calibration", "show", "m.yaml")
+    assert status == 0
+    assert "from −z, as it looks into a mirror" in out
+    status, out, _ = omnisim("calibration", "show", "m.yaml", "--not-mirrored")
+    assert "mirror" not in out
+
+
+def test_the_formats_are_listed(omnisim):
+    status, out, _ = omnisim("calibration", "formats")
+    assert status == 0
+    assert all(word in out for word in ("camchain.yaml", "woodscape", "double_sphere", "*.sdf"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["convert", TUM_VI, "--to", "kalibr", "-o", "o.png"],
+            "o.png: expected .yaml or .yml for kalibr, got .png",
+        ),
+        (["convert", TUM_VI, "--to", "kalbr", "-o", "x"], "format 'kalbr': did you mean 'kalibr'?"),
+        (["convert", TUM_VI, "--to", "ros", "-o", "x"], "yaml: cam0: sees 115.6° from its axis"),
+        (
+            ["convert", KITTI, "--to", "gazebo", "-o", "x"],
+            "image_02: gazebo cannot represent",
+        ),
+        (["convert", "empty.yaml", "--to", "ros", "-o", "empty.yaml"], "is the file to convert"),
+        (["convert", TUM_VI, "--to", "colmap", "-o", "no/x"], "the folder no does not exist"),
+        (["convert", "none.yaml", "--to", "ros", "-o", "x"], "none.yaml: cannot be read"),
+        (
+            ["convert", "empty.yaml", "--to", "ros", "-o", "x"],
+            "empty.yaml: expected a",
+        ),
+        (
+            ["convert", TUM_VI, "--to", "ros", "-o", "x", "--camera-name", "c"],
+            "expected one of cam0, cam1, got 'c'",
+        ),
+        (["convert", TUM_VI, "--to", "colmap", "-o", "x", "--model", "gazebo"], "colmap has"),
+        (["show", TUM_VI, "--format", "colmap"], "looks like a kalibr file"),
+        (["show", "picture.png"], "picture.png"),
+        (["show", "foreign.png"], "foreign.png: expected a picture of omnisim's"),
+        (["convert", TUM_VI, "--to", "colmap", "-o", "pipe"], "pipe: is no regular file"),
+    ],
+)
+def test_wrong_arguments_are_one_line(omnisim, tmp_path, arguments, message):
+    (tmp_path / "empty.yaml").touch()
+    os.mkfifo(tmp_path / "pipe")
+    write_image(tmp_path / "foreign.png", np.zeros((2, 2, 3), np.uint8))
+    status, out, err = omnisim("calibration", *arguments)
+    assert status == 1
+    assert message in err
+    assert len([line for line in err.splitlines() if line.startswith("error:")]) == 1
+    assert "Traceback" not in out + err
+    assert not (tmp_path / "x").exists()
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_published_calibrations_render(omnisim, tmp_path):
+    status, out, err = omnisim("render", "rings", "--camera", KITTI, "--size", 140, "-o", "k.png")
+    assert status == 0, err
+    assert "k.png: 140 × 140 px, exact" in out
+    pixels, metadata = read_image(tmp_path / "k.png")
+    assert metadata["camera"]["model"] == "unified"
+    assert metadata["camera"]["xi"] == 2.2134047507854890
+    assert pixels[70, 70].any()
+    assert not pixels[0, 0, :3].any()  # past the rim
+    status, _, err = omnisim(
+        "render", "rings", "--camera", TUM_VI, "--camera-name", "cam1", "--size", 128, "-o", "t.png"
+    )
+    assert (status, err) == (0, "")
+    # what was rendered says its calibration, and becomes a file again
+    status, out, err = omnisim("calibration", "convert", "t.png", "--to", "kalibr", "-o", "t.yaml")
+    assert status == 0, err
+    assert "cam0 (was camera): kannala_brandt, the same rays" in out
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_mirror_from_a_file_renders_the_same_picture(omnisim, tmp_path):
+    arguments = ("render", "compass", "--size", 120)
+    calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(tmp_path / "m.yaml", "kalibr")
+    calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(
+        tmp_path / "kb.yaml", "kalibr", model="kannala_brandt"
+    )
+    assert omnisim(*arguments, "-n", "exact", "-o", "ours.png")[0] == 0
+    assert omnisim(*arguments, "--camera", "m.yaml", "-o", "file.png")[0] == 0
+    assert omnisim(*arguments, "--camera", "kb.yaml", "-o", "lens.png")[0] == 0
+    ours, by_file, by_lens = (
+        read_image(tmp_path / f"{name}.png")[0].astype(float) for name in ("ours", "file", "lens")
+    )
+    assert np.abs(ours - by_file).max() <= 1.0  # a colour's rounding
+    # of a lens that is fitted to it the edges are others by a little; mirrored, all would be
+    mirrored = np.mean(np.abs(ours - ours[:, ::-1]))
+    assert np.mean(np.abs(ours - by_lens)) < 0.1 * mirrored
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--camera", KITTI, "--sensor", "s.toml"], "--sensor, --camera: expected one of them"),
+        (["--camera-name", "cam0"], "--camera-name: requires --camera"),
+        (["--camera", "s.toml"], "got the sensor file s.toml: pass it as --sensor"),
+        (["--mirrored"], "--mirrored: requires --camera"),
+        (["--camera", KITTI, "-n", "16"], "has no mirror with a mesh"),
+        (["--camera", TUM_VI, "--camera-name", "cam7"], "expected one of cam0, cam1, got 'cam7'"),
+        (["--camera", "none.yaml"], "none.yaml: cannot be read"),
+    ],
+)
+def test_wrong_cameras_to_render_by(omnisim, tmp_path, arguments, message):
+    status, _, err = omnisim("render", "courtyard", "-o", "x.png", *arguments)
+    assert status == 1
+    assert message in err
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_a_sensor_file_may_refer_to_a_calibration(tmp_path):
+    (tmp_path / "camchain.yaml").write_text(TUM_VI.read_text())
+    text = (
+        '[lens]\ncalibration = "camchain.yaml"\ncamera = "cam1"\n[lens.mounting]\npitch_deg = 5.0\n'
+    )
+    (tmp_path / "s.toml").write_text(text)
+    sensor = OmniCamera.from_file(tmp_path / "s.toml")
+    assert sensor.model == load_calibration(TUM_VI).cameras[1].camera
+    assert sensor.polygons is None
+    looks_up = text.replace("[lens.mounting]", "mirrored = true\n[lens.mounting]")
+    (tmp_path / "up.toml").write_text(looks_up)
+    assert OmniCamera.from_file(tmp_path / "up.toml").model == MirroredCamera(sensor.model)
+    # a drive's own copy stands for itself
+    (tmp_path / "copy.toml").write_text(sensor_toml(sensor))
+    assert OmniCamera.from_file(tmp_path / "copy.toml").model == sensor.model
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('calibration = "none.yaml"', r"s\.toml: lens\.calibration: .*none\.yaml: cannot be read"),
+        ('calibration = "c.yaml"\ncamera = "left"', "expected one of cam0, cam1, got 'left'"),
+        ('calibration = "c.yaml"\nxi = 1.0', r"lens\.xi: calibration has it: expected one of"),
+        ('calibration = "c.yaml"\nmodel = "eucm"', r"lens\.model: calibration has it"),
+        ('model = "eucm"\ncamera = "cam0"', r"lens\.camera: is a name in a calibration file"),
+        ("", r"lens: model: missing; expected it, or calibration"),
+    ],
+)
+def test_sensor_files_that_name_no_calibration(tmp_path, text, message):
+    (tmp_path / "c.yaml").write_text(TUM_VI.read_text())
+    (tmp_path / "s.toml").write_text(f"[lens]\n{text}\n")
+    with pytest.raises(SensorFileError, match=message) as info:
+        OmniCamera.from_file(tmp_path / "s.toml")
+    assert "\n" not in str(info.value)
+
+
+SPHERE = Path(__file__).parents[4] / "examples" / "optics" / "sphere.toml"
+
+
+@pytest.mark.parametrize("by", ["option", "sensor file", "picture"])
+def test_optics_are_fitted_and_the_rest_is_told(omnisim, tmp_path, by):
+    (tmp_path / "sensor.toml").write_text(f'[optics]\nfile = "{SPHERE}"\n')
+    metadata = {"camera": OmniCamera.from_file(tmp_path / "sensor.toml").model.parameters()}
+    write_image(tmp_path / "taken.png", np.zeros((360, 360, 3), dtype=np.uint8), metadata)
+    given = {"option": ("--optics", SPHERE), "picture": ("taken.png",)}.get(by, ("sensor.toml",))
+    status, out, err = omnisim(
+        "calibration", "convert", *given, "--to", "opencv_fisheye", "-o", "a.yaml",
+        "--at-distance", 0.5, 2,
+    )  # fmt: skip
+    assert status == 0
+    assert err == (
+        "note: camera: sees 156.9° from its axis: cv2.fisheye's own projection is wrong past 90°\n"
+    )
+    assert "kannala_brandt in a mirrored frame, fitted to optics: RMS" in out
+    assert "viewpoint (0.00000, " in out
+    assert [line.split()[0] for line in out.splitlines()[-3:]] == ["infinity", "0.5", "2"]
+    shown = omnisim("calibration", "show", "a.yaml")[1]
+    assert "optics_from_camera" in shown
+    assert "points at 0.5 m" in shown
+    words = (
+        "expected a camera with one viewpoint, got optics: `omnisim calibration convert` fits one"
+    )
+    assert f"sensor.toml: {words}" in omnisim("calibration", "show", "sensor.toml")[2]

@@ -1,0 +1,41 @@
+"""The command line, run in an empty folder."""
+
+import sys
+from functools import cache
+
+import pytest
+import typer.main
+
+from omnisim.apps.cli.app import main
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _commands_are_built_once():
+    """The tree of commands, which does not change, is built once and not for each run."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(typer.main, "get_command", cache(typer.main.get_command))
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse(coarse_shadows):
+    """No test of the command is about the rims of shadows."""
+
+
+@pytest.fixture
+def omnisim(monkeypatch, capsys, tmp_path):
+    """Runs the command in an empty folder; returns exit status, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["omnisim", *map(str, arguments)])
+        status = 0
+        try:
+            main()
+        except SystemExit as stopped:
+            status = stopped.code or 0
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run

@@ -1,0 +1,106 @@
+"""`omnisim robot`: output, files and errors."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from omnisim.robots.robot_file import load_robot
+from omnisim.sensors.sensor_registry import parse_mounts
+
+SAMPLE = Path(__file__).resolve().parents[3] / "robot" / "usarsim" / "sample.ini"
+SCANNER = "(ItemClass=class'USARBot.SICKLMS',ItemName=\"a\",Position=(X=0.1,Y=0,Z=-0.2))"
+
+
+@pytest.fixture
+def sample(tmp_path):
+    shutil.copy(SAMPLE, tmp_path / "USARBot.ini")
+
+
+def test_list(omnisim):
+    status, out, error = omnisim("robot", "list")
+    assert (status, error) == (0, "")
+    assert out == (
+        "p2at        Pioneer 2 AT: skid steering, 1.2 m/s, 300 °/s; omnicam, lms200\n"
+        "superscout  Nomad Super Scout II: differential drive, 1 m/s, 90 °/s; omnicam\n"
+    )
+
+
+def test_check_summarizes_a_robot(omnisim):
+    status, out, error = omnisim("robot", "check", "p2at")
+    assert (status, error) == (0, "")
+    assert out.splitlines() == [
+        "p2at: good",
+        "  robot    p2at, Pioneer 2 AT",
+        "  body     p2at.glb, 9956 triangles, 18 nodes",
+        "  drive    skid steering, 1.2 m/s, 300 °/s",
+        "  wheels   report with errors",
+        "  size     0.626 × 0.505 × 0.67 m, 0.05 m clear of the ground",
+        "  camera   omnicam, hyperbolic 360 × 360 px, 3600 polygons (auto), "
+        "effective viewpoint (-0.08, 0, 0.65) m",
+        "  scanner  lms200, 361 beams at 0.5° to 8.19 m, origin (0.16, 0, 0.361) m, "
+        "does not see lms200",
+    ]
+
+
+def test_check_of_a_minimal_robot(omnisim, tmp_path):
+    (tmp_path / "a.toml").write_text('name = "cart"\n')
+    assert omnisim("robot", "check", "a.toml") == (
+        0,
+        "a.toml: good\n  robot    cart, cart\n  body     none\n  drive    no kinematics\n"
+        "  wheels   report the truth\n"
+        "  size     unknown: contacts with a scene are not looked for\n",
+        "",
+    )
+
+
+@pytest.mark.usefixtures("sample")
+def test_import_writes_a_robot_and_lists_omissions(omnisim, tmp_path):
+    status, out, error = omnisim(
+        "robot", "import", "USARBot.ini", "--class", "OmniP2AT", "-o", "robot.toml",
+        "--origin-height", 0.12,
+    )  # fmt: skip
+    assert status == 0
+    assert out == (
+        "robot.toml: omnip2at of [USARBot.OmniP2AT], Omni (omnicamera), "
+        "Scanner1 (usarsim_range_scanner), F1 (usarsim_sonar)\n"
+    )
+    lines = error.splitlines()
+    assert len(lines) == 10
+    assert all(line.startswith("note: USARBot.ini:") for line in lines)
+    assert "note: USARBot.ini:25: Sensors 'Odometry' (USARBot.OdometrySensor): left out" in lines
+    names = [mount.name for mount in parse_mounts(load_robot(tmp_path))]
+    assert names == ["Omni", "Scanner1", "F1"]
+    status, out, error = omnisim("robot", "check", ".")
+    assert (status, error) == (0, "")
+    assert "181 beams at 0.9998° to 20 m, origin (0.16, 0, 0.361) m" in out
+
+
+def test_import_in_unreal_units(omnisim, tmp_path):
+    line = SCANNER.replace("0.1", "40").replace("-0.2", "50")
+    (tmp_path / "a.ini").write_text(f"[USARBot.P2AT]\nSensors={line}\n")
+    status, out, error = omnisim("robot", "import", "a.ini", "-o", "a.toml")
+    assert (status, out) == (1, "")
+    assert (
+        "a.ini:2: Position X = 40 m: expected at most 10 m; 250 to a metre are read with" in error
+    )
+    assert omnisim("robot", "import", "a.ini", "-o", "a.toml", "--unreal-units")[0] == 0
+    assert parse_mounts(load_robot(tmp_path / "a.toml"))[0].position_m == (0.16, 0.0, 0.2)
+
+
+def test_import_keeps_existing_files(omnisim, tmp_path):
+    (tmp_path / "r.toml").write_text("mine")
+    (tmp_path / "a.ini").write_text("[a]\n")
+    assert omnisim("robot", "import", "a.ini", "-o", "r.toml")[0] == 1
+    assert omnisim("robot", "import", "none.ini", "-o", "r.toml")[0] == 1
+    assert (tmp_path / "r.toml").read_text() == "mine"
+    (tmp_path / "p.ini").write_text(f"[USARBot.P2AT]\nSensors={SCANNER}\n")
+    (tmp_path / "p.toml").symlink_to("p.ini")
+    _, _, error = omnisim("robot", "import", "p.ini", "-o", "p.toml")
+    assert "expected another name than the configuration's, got p.toml" in error
+    assert "SICKLMS" in (tmp_path / "p.ini").read_text()
+
+
+def test_wrong_usage_is_status_2(omnisim):
+    assert omnisim("robot", "import", "a.ini")[0] == 2
+    assert omnisim("robot", "fly")[0] == 2

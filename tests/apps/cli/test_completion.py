@@ -1,0 +1,98 @@
+"""Shell completion, as a shell asks for it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer.main
+
+from omnisim.apps.cli import completion
+from omnisim.cameras.calibration.calibration_formats import FORMATS
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.rendering.camera.degradations.degradation_file import preset_names
+from omnisim.robots.robot_lookup import builtin_robots
+from omnisim.scene.files.source import builtin_scenes
+from omnisim.validation.suite import CHECKS
+
+# What a key press must not wait for; typer itself imports pydantic.
+SLOW = ("numpy", "scipy", "moderngl", "trimesh", "OpenImageIO", "yaml")
+
+
+def _ask(*words, folder=None):
+    """Completions of a line whose last word is unfinished, by a process as the shell starts it."""
+    code = (
+        "import sys\n"
+        "sys.argv = ['omnisim']\n"
+        "from omnisim.apps.cli.app import main\n"
+        "try:\n    main()\n"
+        "finally:\n"
+        f"    slow = [name for name in {SLOW!r} if name in sys.modules]\n"
+        "    assert not slow, slow\n"
+    )
+    line = {"COMP_WORDS": " ".join(("omnisim", *words)), "COMP_CWORD": str(len(words))}
+    environment = {**os.environ, **line, "_OMNISIM_COMPLETE": "complete_bash"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment, cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert not done.stderr
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("calibr",), ["calibration"]),
+        (("render", "co"), ["compass", "courtyard"]),
+        (("scan", "rin"), ["rings"]),
+        (("drive", "soccer", "--robot", "p"), ["p2at"]),
+        (("drive", "soccer", "--path", "lap"), ["lap", "lap_clockwise"]),
+        (("drive", "soccer", "--path", "./"), []),  # the shell's: a file
+        (("render", "rings", "--also", "range,flow_"), ["range,flow_backward"]),
+        (("render", "rings", "--preset", "w"), ["webcam"]),
+        (("render", "rings", "--quality", "fa"), ["fast"]),
+        (("unwarp", "a.png", "--to", "c"), ["cylinder"]),
+        (("calibration", "convert", "a.yaml", "--to", "opencv_f"), ["opencv_fisheye"]),
+        (("validate", "--only", "r"), ["rings", "rays"]),
+        (("robot", "check", "s"), ["superscout"]),
+        (("render", "rings", "--trajectory-f"), ["--trajectory-frame"]),
+    ],
+    ids=" ".join,
+)
+def test_names_are_completed(words, expected):
+    assert _ask(*words) == expected
+
+
+def test_a_runs_cameras_are_completed(tmp_path):
+    cameras = {name: {"type": "omnicamera"} for name in ("cam0", "cam1", "front")}
+    sensors = {**cameras, "cam_imu": {"type": "imu"}}
+    (tmp_path / "manifest.json").write_text(json.dumps({"sensors": sensors}))
+    assert _ask("video", str(tmp_path), "--camera-name", "c") == ["cam0", "cam1"]
+    assert _ask("video", "none", "--camera-name", "c") == []
+
+
+def test_the_lists_are_those_of_the_modules():
+    assert tuple(CHANNELS) == completion.CHANNELS
+    assert tuple(FORMATS) == completion.CALIBRATION_FORMATS
+    assert sorted(completion.PRESETS) == preset_names()
+    assert tuple(check.key for check in CHECKS) == completion.CHECKS
+    assert completion.complete_scene("") == builtin_scenes()
+    assert completion.complete_robot("") == builtin_robots()
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_script_for_each_shell_is_shown(omnisim, shell, monkeypatch):
+    # the tests may not have been started by a shell, which typer would take
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    monkeypatch.setattr(typer.main, "get_command", typer.main.get_command.__wrapped__)
+    status, text, _ = omnisim("--show-completion", shell)
+    assert status == 0
+    assert "_OMNISIM_COMPLETE" in text
+
+
+def test_a_scene_of_ones_own_completes_its_paths(tmp_path):
+    Path(tmp_path, "yard.toml").write_text('[[paths]]\nname = "round"\n[[paths]]\nname = "there"\n')
+    assert _ask("drive", "yard.toml", "--path", "", folder=tmp_path) == ["round", "there"]

@@ -1,0 +1,53 @@
+"""Bad input of every kind: one line each, status 1, and no file.
+
+`messages.toml` has the commands, and all that they print. A fault that is mended changes its line
+there; a new one gets a line.
+"""
+
+import os
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.apps.cli.pictures import write_pictures
+
+TABLE = tomllib.loads(Path(__file__).with_name("messages.toml").read_text(encoding="utf-8"))
+OPENGL = "OpenGL"
+
+
+@pytest.fixture
+def inputs(tmp_path):
+    """Files of the table, and pictures; the names of all."""
+    write_pictures(tmp_path)
+    for name, text in TABLE["files"].items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return sorted(path.name for path in tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", TABLE["messages"])
+def test_bad_input_is_one_line_and_no_file(omnisim, inputs, tmp_path, request, kind):
+    if kind == OPENGL:
+        request.getfixturevalue("needs_opengl")
+    for command, expected in TABLE["messages"][kind].items():
+        status, out, error = omnisim(*shlex.split(command))
+        lines = "".join(f"error: {line}\n" for line in expected.split("\n"))
+        assert (command, status, out, error) == (command, 1, "", lines)
+    assert sorted(path.name for path in tmp_path.iterdir()) == inputs
+
+
+@pytest.mark.parametrize("name", ["o.png", "o.exr", "o.json"])
+def test_outputs_need_not_be_readable(omnisim, needs_opengl, tmp_path, monkeypatch, name):
+    """Nobody asks for permission to read; as root, `os.access` gives it always."""
+    readable = os.access
+    monkeypatch.setattr(
+        os, "access", lambda path, mode, **more: mode != os.R_OK and readable(path, mode, **more)
+    )
+    (tmp_path / name).touch()
+    (tmp_path / "a.obj").write_text(TABLE["files"]["a.obj"])
+    status, _, error = omnisim(
+        "render", "a.obj", "-o", "o.png", "--size", 16, "--rays", "o.exr", "--calibration", "o.json"
+    )
+    assert (status, error) == (0, "")
+    assert (tmp_path / name).stat().st_size > 0

@@ -1,0 +1,79 @@
+"""`omnisim render --calibration` and `--rays`: files and errors."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.calibration.calibrated_camera import find_pose
+from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration.ray_table import read_ray_table
+from omnisim.cameras.camera import pixel_grid
+from omnisim.core.files.image_files import read_image
+
+SENSOR = """
+[lens]
+model = "equidistant"
+width_px = 64
+height_px = 48
+focal_length_px = 18.0
+principal_point_px = [31.5, 23.5]
+theta_max_deg = 80
+[lens.mounting]
+position_m = [0.2, 0.0, 0.9]
+pitch_deg = -10
+"""
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_render_writes_calibration_and_rays(omnisim, tmp_path):
+    (tmp_path / "s.toml").write_text(SENSOR)
+    status, out, err = omnisim(
+        "render", "courtyard", "-o", "a.png", "--sensor", "s.toml", "--yaw", 30,
+        "--rays", "rays.exr", "--calibration", "calib.json",
+    )  # fmt: skip
+    assert status == 0, err
+    assert "rays.exr: a ray of each pixel" in out
+    _, metadata = read_image(tmp_path / "a.png")
+    said = load_calibration(Path("calib.json")).cameras[0]
+    assert said.camera.parameters() == metadata["camera"]
+    world_from_optical = find_pose(said.poses, "world", "camera")
+    np.testing.assert_allclose(world_from_optical, metadata["world_from_optical"], atol=1e-12)
+    table = read_ray_table(Path("rays.exr"))
+    rays = said.camera.ray_from_pixel(pixel_grid(64, 48))
+    np.testing.assert_array_equal(table.valid, rays.valid)
+    np.testing.assert_allclose(table.directions, rays.directions, atol=1e-7)
+    assert table.metadata["world_from_optical"] == metadata["world_from_optical"]
+    json.loads((tmp_path / "calib.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "a.exr", "--rays", "a.exr"], "a.exr: is the picture already"),
+        (
+            ["-o", "front.png", "--faces", "."],
+            "front.png: is the picture: expected another name for the face front",
+        ),
+        (["-o", "./unfolded.png", "--faces", "."], "unfolded.png: is the picture: expected"),
+        (
+            ["-o", "a.png", "--calibration", "c.yaml"],
+            "c.yaml: expected .json for omnisim, got .yaml",
+        ),
+        (
+            ["-o", "a.png", "--also", "position", "--rays", "a.position.exr"],
+            "--rays: expected another name than a channel's file, got a.position.exr",
+        ),
+        (
+            ["-o", "a.png", "--also", "range", "--calibration", "./a.channels.json"],
+            "--calibration: expected another name than a channel's file",
+        ),
+    ],
+)
+def test_no_file_is_written_over_another(omnisim, tmp_path, arguments, message):
+    status, _, err = omnisim("render", "courtyard", *arguments)
+    assert status == 1
+    assert message in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

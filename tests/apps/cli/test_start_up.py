@@ -1,0 +1,81 @@
+"""Start-up of the command: no module is imported that the command does not need."""
+
+import gc
+import subprocess
+import sys
+
+import pytest
+
+from omnisim.apps.cli.app import main
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
+
+# What only others need: plots, reports, other formats than glTF, oracles.
+RARE_LIBRARIES = (
+    "trimesh", "networkx", "matplotlib", "jinja2", "collada", "yaml", "av", "cv2", "mitsuba",
+    "pyrender", "pycolmap", "embreex",
+)  # fmt: skip
+# Modules of other commands: large tables that the paper's camera does not need.
+RARE_MODULES = (
+    "omnisim.cameras.calibration", "omnisim.validation.plots", "omnisim.rendering.rays", "omnisim.rendering.camera.sensor_file",
+)  # fmt: skip
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_picture_imports_nothing_of_other_commands(tmp_path):
+    _run(tmp_path, RARE_LIBRARIES + RARE_MODULES, "render", "rings", "--size", "24", "-o", "a.png")
+    assert (tmp_path / "a.png").is_file()
+
+
+def test_a_sensor_file_is_checked_without_scenes_pictures_and_graphics(tmp_path):
+    (tmp_path / "sensor.toml").write_bytes(DEFAULT_SENSOR_FILE.read_bytes())
+    rare = (
+        "moderngl", "OpenImageIO", "PIL", "omnisim.scene", "omnisim.core.files.image_files",
+        "omnisim.rendering.opengl.context", "omnisim.rendering.stage", "omnisim.ground_truth",
+    )  # fmt: skip
+    _run(tmp_path, RARE_LIBRARIES + rare, "sensor", "--check", "sensor.toml")
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_drive_imports_nothing_of_other_commands(tmp_path):
+    _run(
+        tmp_path, RARE_LIBRARIES,
+        "drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise",
+        "--size", "24", "--quality", "fast", "--step", "3", "--turn-step", "90", "-o", "run",
+    )  # fmt: skip
+    assert (tmp_path / "run" / "omnicam" / "000000.png").is_file()
+
+
+def test_an_error_is_one_line_after_the_process_has_ended():
+    code = (
+        "import sys\nfrom omnisim.apps.cli.app import main\n"
+        "sys.argv = ['omnisim', 'render', 'ringz', '-o', 'a.png']\nmain()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ringz: no such scene file")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_no_objects_stay_frozen_in_a_running_process(monkeypatch):
+    before = gc.get_freeze_count()
+    monkeypatch.setattr("sys.argv", ["omnisim", "--version"])
+    with pytest.raises(SystemExit):
+        main()
+    assert gc.get_freeze_count() <= before
+
+
+def _run(folder, rare, *arguments):
+    """The command in a process of its own, which must not import any of `rare`."""
+    code = (
+        "import sys\n"
+        "from omnisim.apps.cli.app import main\n"
+        f"sys.argv = {['omnisim', *arguments]!r}\n"
+        "try:\n    main()\nexcept SystemExit as stopped:\n    assert not stopped.code\n"
+        f"found = set({rare!r}) & set(sys.modules)\n"
+        "sys.exit(f'imported: {sorted(found)}' if found else 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr  # nor does a library say anything when the process ends

@@ -1,0 +1,109 @@
+"""`omnisim scene`: what a scene holds, against the scene itself."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.files.source import builtin_scenes
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_the_document_agrees_with_the_scene(omnisim, name):
+    status, out, error = omnisim("scene", name, "--json")
+    assert (status, error) == (0, "")
+    document, scene = json.loads(out), load_scene(name)
+    np.testing.assert_allclose(document["bounds_m"], scene.bounds_m())
+    instances = document["instances"]
+    assert [one["name"] for one in instances] == list(scene.instance_names)
+    assert sum(one["triangles"] for one in instances) == scene.triangle_count
+    assert sum(one["parts"] for one in instances) == len(scene.instances)
+    assert sum(one["instances"] for one in document["classes"]) == len(instances)
+    corners = np.array([(one["min_m"], one["max_m"]) for one in instances])
+    np.testing.assert_allclose(corners[:, 0].min(axis=0), scene.bounds_m()[0])
+    np.testing.assert_allclose(corners[:, 1].max(axis=0), scene.bounds_m()[1])
+    assert len(document["starts"]) == 1 + len(scene.starts)
+    assert len(document["paths"]) == len(scene.paths)
+    lamps = 0 if document["light"].startswith("none") else len(scene.lighting.lights)
+    assert len(document["lights"]) == lamps
+    assert document["notices"] == list(scene.notices)
+
+
+def test_the_table_names_what_is_there(omnisim):
+    status, out, error = omnisim("scene", "soccer")
+    assert (status, error) == (0, "")
+    for words in ("237", "30,835 triangles", "kick_off", "lap: 6 waypoints", "none: baked"):
+        assert words in out
+    assert "beacon_left_blue" in out  # a landmark
+    assert "and 217 smaller ones: --all" in out
+    assert len(omnisim("scene", "soccer", "--all")[1].splitlines()) > 237
+
+
+def test_a_scene_without_lamps_has_none(omnisim):
+    document = json.loads(omnisim("scene", "soccer", "--json")[1])
+    assert document["light"] == "none: baked light of what shines"
+    assert document["lights"] == []
+    assert "even light" in repr(load_scene("soccer", baked="none"))
+
+
+def test_bounds_of_a_small_scene_have_digits(omnisim, tmp_path):
+    import trimesh
+
+    trimesh.creation.box((0.02, 0.01, 0.001)).export(tmp_path / "small.stl")
+    out = omnisim("scene", tmp_path / "small.stl")[1]
+    assert "(-0.0100, -0.0050, -0.0005) to (0.0100, 0.0050, 0.0005) m" in out
+
+
+def test_floors_are_where_the_flat_surfaces_are(omnisim, tmp_path):
+    """Two slabs, of 16 and 4 m², whose undersides and sides are no floors."""
+    import trimesh
+
+    scene = trimesh.Scene()
+    for side, top in ((4.0, 0.0), (2.0, 1.5)):
+        slab = trimesh.creation.box((side, side, 0.2))
+        slab.apply_translation((0.0, 0.0, top - 0.1))
+        scene.add_geometry(slab)
+    scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))  # y up
+    scene.export(tmp_path / "slabs.glb")
+    floors = json.loads(omnisim("scene", tmp_path / "slabs.glb", "--json")[1])["floors"]
+    assert [one["height_m"] for one in floors] == [0.0, 1.5]
+    np.testing.assert_allclose([one["area_m2"] for one in floors], [16.0, 4.0], rtol=1e-5)
+
+
+def test_the_plot_is_written(omnisim, tmp_path):
+    pytest.importorskip("matplotlib")
+    status, out, _ = omnisim("scene", "compass", "--plot", tmp_path / "map.png")
+    assert status == 0
+    assert f"{tmp_path / 'map.png'}: the scene from above" in out
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_faults_are_one_line(omnisim, tmp_path):
+    for arguments, words in (
+        (("courtyrd",), "did you mean 'courtyard'?"),
+        (("courtyard", "--plot", tmp_path / "map.jpg"), "expected .png, .pdf, .svg"),
+        (("courtyard", "--up", "w"), "expected x, y or z"),
+        (("courtyard", "--labels", tmp_path / "none.toml"), "none.toml"),
+    ):
+        status, out, error = omnisim("scene", *arguments)
+        assert (status, out) == (1, "")
+        assert words in error
+        assert error.count("\n") == 1
+
+
+def test_textures_are_counted_once_with_all_maps(omnisim, tmp_path):
+    rng = np.random.default_rng(0)
+    images = [Image.fromarray(rng.integers(0, 256, (8, 8, 3), np.uint8)) for _ in range(2)]
+    material = trimesh.visual.material.PBRMaterial(
+        "look", baseColorTexture=images[0], metallicRoughnessTexture=images[1]
+    )
+    box = trimesh.creation.box()
+    box.visual = trimesh.visual.TextureVisuals(np.zeros((8, 2)), material)
+    (tmp_path / "a.glb").write_bytes(trimesh.Scene([box]).export(file_type="glb"))
+    document = json.loads(omnisim("scene", tmp_path / "a.glb", "--json")[1])
+    assert (document["textures"], document["texture_bytes"]) == (2, 2 * 8 * 8 * 4)
+    assert document["instances"][0]["textures_px"] == [[8, 8], [8, 8]]
+    assert "2 textures 0.0 MB" in omnisim("scene", tmp_path / "a.glb")[1]

@@ -1,0 +1,128 @@
+"""Camera documents: the text that is saved is the camera that is shown."""
+
+import importlib
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.apps.live.presets import PRESETS_FILE, preset_lists, with_preset
+from omnisim.cameras.camera import pixel_grid
+from omnisim.core.errors import OmnisimError, OutputError, SensorFileError
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+ROOT = Path(__file__).resolve().parents[3]
+PRESETS = [(kind, name) for kind, names in preset_lists().items() for name in names]
+
+
+@pytest.mark.parametrize(("kind", "name"), PRESETS)
+def test_the_saved_text_of_a_preset_is_its_camera(tmp_path, kind, name):
+    document = with_preset(CameraDocument(), kind, name)
+    path = tmp_path / "camera.toml"
+    path.write_text(document.text, encoding="utf-8")
+    camera, saved = document.camera(), OmniCamera.from_file(path)
+    assert saved.model.parameters() == camera.model.parameters()
+    assert saved.degradation == camera.degradation
+    assert saved.polygons == camera.polygons
+    assert CameraDocument.of_sensor_file(path) == document
+
+
+def test_presets_are_those_of_gallery_and_examples(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / ".ci"))
+    gallery = importlib.import_module("make_gallery")
+    assert PRESETS_FILE.read_text(encoding="utf-8") == gallery.presets(gallery.gallery_cameras())
+
+
+def test_an_unknown_preset_names_the_nearest():
+    with pytest.raises(OutputError, match="did you mean 'kannala_brandt'"):
+        with_preset(CameraDocument(), "lens", "kanala_brandt")
+    with pytest.raises(OutputError, match="preset 'lenses'"):
+        with_preset(CameraDocument(), "lenses", "eucm")
+
+
+def test_a_value_is_set_read_and_taken_away():
+    document = CameraDocument().with_value("sensor.mirror.k", 8.0)
+    assert document.value("sensor.mirror.k") == 8.0
+    assert document.camera().model.mirror.k == 8.0
+    assert document.with_value("sensor.mirror.k", None).camera().model.mirror.k == 11.546
+    assert CameraDocument().value("sensor.mirror.k") is None
+
+
+def test_what_is_saved_can_be_read_back(tmp_path):
+    path = tmp_path / "camera.toml"
+    path.write_text(CameraDocument().checked_text(), encoding="utf-8")
+    assert "[mirror]" in path.read_text(encoding="utf-8")
+    assert OmniCamera.from_file(path).model.parameters() == OmniCamera().model.parameters()
+    refused = CameraDocument().with_value("sensor.mirror.k", 1.0)  # is not drawn yet
+    with pytest.raises(SensorFileError, match=r"camera\.toml: mirror\.k: expected a number ≥ 2"):
+        refused.checked_text()
+
+
+def test_a_value_in_a_list_of_tables_is_set():
+    document = with_preset(CameraDocument(), "optics", "sphere")
+    changed = document.with_value("sensor.optics.surfaces.0.radius_m", 0.05)
+    assert changed.value("sensor.optics.surfaces.0.radius_m") == 0.05
+    assert document.value("sensor.optics.surfaces.0.radius_m") == 0.03
+
+
+@pytest.mark.parametrize("path", ["", "mirror.k", "sensor", "sensor.mirror.k.x", "size_px.x"])
+def test_an_impossible_path_is_refused(path):
+    document = CameraDocument().with_value("sensor.mirror.k", 3.0)
+    with pytest.raises(SensorFileError, match="expected a key"):
+        document.with_value(path, 1.0)
+
+
+@pytest.mark.parametrize("size", [100_000, 15, 1.5, "big", True])
+def test_an_impossible_size_is_refused(size):
+    with pytest.raises(SensorFileError, match="size_px: expected 16 to 2048 px"):
+        CameraDocument().with_value("size_px", size)
+
+
+def test_an_impossible_value_is_refused_when_the_camera_is_made():
+    with pytest.raises(OmnisimError, match=r"mirror\.k: expected a number ≥ 2"):
+        CameraDocument().with_value("sensor.mirror.k", 1.0).camera()
+
+
+def test_relative_files_become_absolute(tmp_path):
+    (tmp_path / "profile.csv").write_text("r_m,z_m\n0,0\n0.01,0.002\n0.02,0.007\n0.03,0.015\n")
+    optics = {
+        "camera": {"model": "perspective", "width_px": 64, "height_px": 64,
+                   "focal_length_px": 150.0},
+        "surfaces": [{"shape": "table", "file": "profile.csv", "position_m": [0.0, 0.0, 0.1]}],
+    }  # fmt: skip
+    from omnisim.core.files.toml_file import toml_text
+
+    (tmp_path / "optics.toml").write_text(toml_text(optics))
+    (tmp_path / "sensor.toml").write_text('[optics]\nfile = "optics.toml"\n')
+    document = CameraDocument.of_sensor_file(tmp_path / "sensor.toml")
+    assert document.value("sensor.optics.surfaces.0.file") == str(tmp_path / "profile.csv")
+    pixels = pixel_grid(64, 64)
+    expected = OmniCamera.from_file(tmp_path / "sensor.toml").model.ray_from_pixel(pixels)
+    np.testing.assert_array_equal(
+        document.camera().model.ray_from_pixel(pixels).directions, expected.directions
+    )
+
+
+def test_another_camera_keeps_mounting_quality_and_effects():
+    document = CameraDocument(
+        {
+            "mirror": {"k": 8.0, "mounting": {"position_m": [0.1, 0.0, 0.5]}},
+            "camera": {"width_px": 64, "quality": "fast"},
+            "degradation": {"jpeg": {"quality": 50}},
+        }
+    )
+    lens = with_preset(document, "lens", "equidistant")
+    assert lens.value("sensor.lens.mounting.position_m") == [0.1, 0.0, 0.5]
+    assert lens.value("sensor.camera") == {"quality": "fast"}
+    assert lens.camera().degradation.jpeg.quality == 50
+    assert lens.with_mirror().value("sensor.mirror") == {
+        "mounting": {"position_m": [0.1, 0.0, 0.5]}
+    }
+
+
+def test_a_document_is_json_and_toml():
+    document = with_preset(CameraDocument(), "degradation", "bad-day")
+    assert json.loads(json.dumps(document.sensor)) == tomllib.loads(document.text)

@@ -1,0 +1,119 @@
+"""Motion by hand: within the robot's limits, and never through a wall."""
+
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.apps.live.ground import Ground
+from omnisim.apps.live.viewpoint_motion import FreeFlight, Place, WheelDrive, Wish
+from omnisim.robots.body_boxes import BodyBoxes
+from omnisim.robots.kinematics import Kinematics
+from omnisim.scene.model import Scene
+
+LIMITS = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
+STEP_S = 0.05
+BOX = BodyBoxes(
+    np.array((-0.2, -0.2, 0.0)), np.array((0.2, 0.2, 0.5)), 0.03,
+    np.array([[[-0.2, -0.2, 0.03], [0.2, 0.2, 0.5]]]),
+)  # fmt: skip
+
+
+def _floor():
+    corners = [[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]
+    return Scene.from_arrays("floor", corners, [[0, 1, 2], [0, 2, 3]])
+
+
+def _room():
+    """Floor with a wall across x = 2, and a step of 2 cm at x = −1."""
+    wall = Scene.from_arrays("wall", [[2, -9, 0], [2, 9, 0], [2, 0, 3]], [[0, 1, 2]])
+    step = Scene.from_arrays(
+        "step", [[-9, -9, 0.02], [-1, -9, 0.02], [-1, 9, 0.02], [-9, 9, 0.02]],
+        [[0, 1, 2], [0, 2, 3]],
+    )  # fmt: skip
+    return _floor().added("wall", wall).added("step", step)
+
+
+@pytest.fixture
+def robot():
+    return WheelDrive(Place((0.0, 0.0, 0.0)), LIMITS, Ground(_room(), BOX))
+
+
+def test_a_robot_keeps_its_limits(robot):
+    robot.wish = Wish(ahead=-1.0, turn=1.0)
+    poses = [robot.place]
+    for _ in range(100):
+        robot.advance(STEP_S)
+        poses.append(robot.place)
+    positions = np.array([place.position_m[:2] for place in poses])
+    speeds = np.linalg.norm(np.diff(positions, axis=0), axis=1) / STEP_S
+    yaw = np.unwrap(np.radians([place.yaw_deg for place in poses]))
+    slack = 2e-4 / STEP_S  # places are rounded to 0.1 mm
+    assert speeds.max() <= LIMITS.max_speed_mps + slack
+    assert np.abs(np.diff(speeds)).max() / STEP_S <= LIMITS.max_acceleration_mps2 + slack / STEP_S
+    assert np.abs(np.diff(yaw)).max() / STEP_S <= LIMITS.max_turn_rate_radps + 1e-3
+    assert speeds[-1] == pytest.approx(LIMITS.max_speed_mps, abs=slack)
+
+
+def test_a_robot_stops_at_a_wall_and_names_it(robot):
+    robot.wish = Wish(ahead=1.0)
+    for _ in range(200):
+        robot.advance(STEP_S)
+    assert robot.blocked_by == "wall"
+    assert 1.6 < robot.place.position_m[0] <= 1.8
+    robot.wish = Wish(ahead=-1.0)
+    for _ in range(20):
+        robot.advance(STEP_S)
+    assert robot.place.position_m[0] < 1.75
+
+
+def test_a_robot_climbs_a_step_within_its_clearance(robot):
+    robot.wish = Wish(ahead=-1.0)
+    for _ in range(80):
+        robot.advance(STEP_S)
+    assert robot.place.position_m[0] < -1.2
+    assert robot.place.position_m[2] == 0.02
+
+
+@pytest.mark.parametrize("goal", [(1.0, 1.0), (-1.5, 0.4), (0.0, -2.0)])
+def test_a_robot_goes_to_a_clicked_point_and_rests(robot, goal):
+    robot.goal_m = goal
+    for _ in range(400):
+        robot.advance(STEP_S)
+        if not robot.is_moving:
+            break
+    assert math.dist(robot.place.position_m[:2], goal) < 0.05
+    assert not robot.is_moving
+
+
+def test_free_flight_goes_where_it_looks():
+    flight = FreeFlight(Place((0.0, 0.0, 1.0), 90.0))
+    flight.wish = Wish(ahead=1.0, up=0.5)
+    for _ in range(40):
+        flight.advance(STEP_S)
+    x, y, z = flight.place.position_m
+    assert x == pytest.approx(0.0, abs=1e-3)
+    assert 1.5 < y < 2.0
+    assert z > 1.5
+    flight.wish = Wish()
+    for _ in range(40):
+        flight.advance(STEP_S)
+    assert not flight.is_moving
+
+
+def test_free_flight_does_not_tip_over():
+    flight = FreeFlight(Place((0.0, 0.0, 1.0)))
+    flight.wish = Wish(tilt=1.0)
+    for _ in range(100):
+        flight.advance(0.2)
+    assert flight.place.pitch_deg == 89.0
+    flight.turn(10.0, 500.0)
+    assert flight.place.pitch_deg == 89.0
+    assert flight.place.yaw_deg == 10.0
+
+
+def test_a_pause_is_no_jump():
+    flight = FreeFlight(Place((0.0, 0.0, 1.0)))
+    flight.wish = Wish(ahead=1.0)
+    flight.advance(3600.0)
+    assert flight.place.position_m[0] < 0.3

@@ -1,0 +1,257 @@
+"""Faults of files: file, key, expected and actual value in one line."""
+
+import json
+import re
+import signal
+
+import numpy as np
+import pytest
+import yaml
+
+from omnisim.cameras.calibration import fit
+from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.core.errors import CalibrationError
+from tests.cameras.calibration.sample_files import FOLDER
+
+BAD = [
+    ("kalibr_tum_vi.yaml", "camera_model: pinhole", "camera_model: fisheye",
+     "cam0: camera_model: expected one of pinhole, omni, ds, eucm, got 'fisheye'"),
+    ("kalibr_tum_vi.yaml", "distortion_model: equidistant", "distortion_model: equi",
+     "cam0: distortion_model with pinhole: expected one of radtan, equidistant, .*, got 'equi'"),
+    ("kalibr_tum_vi.yaml", "[190.97847715128717, ", "[",
+     r"cam0: intrinsics: expected 4 numbers: fu, fv, pu, pv, got \[190\.9"),
+    ("kalibr_tum_vi.yaml", "190.97847715128717,", "'190.97847715128717',",
+     r"cam0: intrinsics\.0: expected a number.*, got '190.97847715128717'"),
+    ("kalibr_tum_vi.yaml", "  resolution: [512, 512]\n", "", "cam0: resolution: missing"),
+    ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [512, 512.5]",
+     "resolution.1: expected a whole number from 1 to 32768.*, got 512.5"),
+    ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [51, 51]",
+     r"cam0: centre: expected in the picture of 51 × 51 px .*, got \(254\.932, 256\.897\)"),
+    ("kalibr_tum_vi.yaml", "254.93170605935475", ".nan",
+     "intrinsics.2: expected a finite number.*, got nan"),
+    ("kalibr_tum_vi.yaml", "[0.0, 0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0, 2.0]",
+     "cam0: T_cam_imu: expected a rotation and a translation"),
+    ("kalibr_tum_vi.yaml", "cam1:", "cam0:", "not YAML in line 15: duplicate key 'cam0'"),
+    ("kalibr_models.yaml", "intrinsics: [-0.2, 0.6,", "intrinsics: [-0.2, 1.6,",
+     "cam1: alpha: expected 0 to 1, got 1.6"),
+    ("kalibr_models.yaml", "intrinsics: [1.6,", "intrinsics: [-1.6,",
+     "cam0: xi: expected at least 0, got -1.6"),
+    ("kalibr_models.yaml", "intrinsics: [0.6, 1.1,", "intrinsics: [0.6, -1.1,",
+     "cam2: beta: expected more than 0, got -1.1"),
+    ("kitti360_image_02.yaml", "model_type: MEI", "model_type: SCARAMUZZA",
+     "model_type: expected one of MEI, PINHOLE, KANNALA_BRANDT, got 'SCARAMUZZA'"),
+    ("kitti360_image_02.yaml", "mirror_parameters:\n   xi: 2.2134047507854890e+00\n", "",
+     "mirror_parameters: missing"),
+    ("kitti360_image_02.yaml", "   k2: ", "   k3: 0.1\n   k2: ",
+     "distortion_parameters.k3: unknown key"),
+    ("kitti360_image_02.yaml", "   p2: 4.2462134260997584e-04", "   p2: -1e300",
+     "distortion: expected numbers up to 1e"),
+    ("woodscape_fv.json", '"poly_order": 4', '"poly_order": 5',
+     "intrinsic: poly_order: expected 4, got 5"),
+    ("gazebo.sdf", "<horizontal_fov>", "<distortion><k1>0.1</k1></distortion><horizontal_fov>",
+     "fisheye: distortion/k1: expected 0, .* got 0.1"),
+    ("opencv_fisheye.yaml", "rows: 4", "rows: 5",
+     "distortion_coefficients: expected 5 × 1 numbers, got 4"),
+    ("opencv_fisheye.yaml", "fisheye_model: 1\n", "",
+     "distortion_coefficients: 4 numbers, of a fisheye or of a pinhole camera: pass --format"),
+    ("opencv_fisheye.yaml", "camera_matrix:", "intrinsics:", "camera_matrix: missing"),
+    ("ocamcalib.txt", "5 -2.1", "6 -2.1",
+     "line 3: polynomial: expected 6 numbers, got 5"),
+    ("ocamcalib.txt", "-2.100075968610522e+02", "2.100075968610522e+02",
+     "polynomial: expected 1 to 8 coefficients with a0 < 0, got .210\\.0"),
+    ("ocamcalib.txt", "480 640", "480", "line 19: image size: expected 2 numbers, got 1"),
+    ("ocamcalib.txt", "0.999958", "1,0",
+     "line 15: affine parameters: expected a number, got '1,0'"),
+    ("basalt_tum_vi_ds.json", '"ds"', '"ds2"',
+     "camera_type: expected one of pinhole, ucm, .* got 'ds2'"),
+    ("basalt_tum_vi_ds.json", '"xi": -0.172131', '"k1": -0.172131',
+     "intrinsics: expected fx, fy, cx, cy, xi, alpha, got 'fx, fy, cx, cy, k1, alpha'"),
+    ("basalt_tum_vi_ds.json", '"fx": 158.28600', '"fx": "158.28600"',
+     "intrinsics.fx: expected a number.*, got '158.28600'"),
+    ("basalt_tum_vi_ds.json", '"value0": {', '"value0": {"intrinsics": [],',
+     "not JSON: duplicate key 'intrinsics'"),
+    ("colmap_cameras.txt", "SIMPLE_RADIAL 3072", "MODEL_T 3072",
+     "line 4: MODEL: expected one of SIMPLE_PINHOLE, .* got 'MODEL_T'"),
+    ("colmap_cameras.txt", "2560.56 2560.56 1536 1152", "2560.56 2560.56 1536",
+     r"line 5: PINHOLE: expected 4 numbers: fx, fy, cx, cy, got \[2560\.56, "),
+    ("colmap_cameras.txt", "2560.56 2560.56 1536 1152", "2560.56 2560.56 1536 nan",
+     "line 5: expected a number, got 'nan'"),
+    ("colmap_cameras.txt", "2048 1024 2048 1024", "2048 1024 2048 1000",
+     r"line 9: EQUIRECTANGULAR: expected the picture's 2048 1024, got \[2048.0, 1000.0\]"),
+    ("colmap_cameras.txt", "2 PINHOLE", "1 PINHOLE",
+     "expected different names, got two cameras '1'"),
+    ("transforms.json", '"OPENCV_FISHEYE"', '"ORTHOPHOTO"',
+     "camera_model: expected one of PINHOLE, .* got 'ORTHOPHOTO'"),
+    ("transforms.json", '"fl_x": 1072.0,', "", "fl_x: missing"),
+    ("transforms.json", '"fl_x": 1072.0,', '"camera_angle_x": 9,',
+     "camera_angle_x: expected more than 0 and less than π, got 9"),
+    ("transforms.json", "[0.0, 0.0, -1.0, -2.0]", "[0.0, 0.0, -2.0, -2.0]",
+     "frames.0: transform_matrix: expected a rotation"),
+    ("woodscape_fv.json", '"k1": 339.749', '"k1": -339.749',
+     "intrinsic: coefficients_px: expected 1 to 8 numbers, .* got .-339\\.749"),
+    ("woodscape_fv.json", '"aspect_ratio": 1.0', '"aspect_ratio": 0.0',
+     "intrinsic: aspect_ratio: expected 0.1 to 10, got 0"),
+    ("woodscape_fv.json", "0.5946970238045494, ", "",
+     "extrinsic: quaternion: expected 4 numbers: x, y, z, w"),
+    ("gazebo.sdf", "<type>stereographic</type>", "<type>stereo</type>",
+     "stereographic: lens/type: expected one of gnomonical, .* got 'stereo'"),
+    ("gazebo.sdf", "<fun>tan</fun>", "<fun>cot</fun>",
+     "fisheye: fun: expected one of sin, tan, id, got 'cot'"),
+    ("gazebo.sdf", "<c2>4</c2>", "<c2>four</c2>",
+     "custom_function/c2: expected a number, got 'four'"),
+    ("gazebo.sdf", '<?xml version="1.0"?>', '<!DOCTYPE a [<!ENTITY b "c">]>',
+     "expected XML without entities of its own, got a DOCTYPE"),
+    ("gazebo.sdf", "</sdf>", "", "not XML: no element found"),
+    ("camera_info.yaml", "plumb_bob", "thin_prism",
+     "distortion_model: expected one of plumb_bob, rational_polynomial, .* got 'thin_prism'"),
+    ("camera_info.yaml", "distortion_model: plumb_bob\n", "", "distortion_model: missing"),
+    ("camera_info.yaml", "image_width", "width", "image_width: missing"),
+    ("foxglove.json", '"kannala_brandt"', '"fisheye62"',
+     "distortion_model: expected one of plumb_bob, .* got 'fisheye62'"),
+    ("foxglove.json", "-0.0003]", "-0.0003, 1.0]", "D: expected 4 numbers: k1, k2, k3, k4, got"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "old", "new", "words"), BAD)
+def test_faults_name_file_key_and_value(name, old, new, words, tmp_path):
+    text = (FOLDER / name).read_text()
+    assert old in text
+    (tmp_path / name).write_text(text.replace(old, new, 1))
+    with pytest.raises(CalibrationError, match=rf"{name}: (line|\w|\[).*") as info:
+        load_calibration(tmp_path / name)
+    assert info.match(words)
+    assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "got an empty one"),
+        (b" \n\n", "got an empty one"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "got no text in UTF-8"),
+        (b"hello\n", "expected a calibration in one of the formats omnisim, kalibr"),
+        (b"[lens]\nmodel = 'x'\n", "this looks like a sensor file"),
+        (b"a: &a [*a]\n", "expected a calibration in one of"),
+    ],
+)
+def test_files_that_are_no_calibration(content, words, tmp_path):
+    (tmp_path / "file.yaml").write_bytes(content)
+    with pytest.raises(CalibrationError, match=rf"file\.yaml: .*{words}"):
+        load_calibration(tmp_path / "file.yaml")
+
+
+def test_a_file_of_another_format_is_named():
+    path = FOLDER / "colmap_cameras.txt"
+    with pytest.raises(
+        CalibrationError, match=r"this looks like a colmap file .*pass --format colmap"
+    ):
+        load_calibration(path, "kalibr")
+    with pytest.raises(CalibrationError, match="format 'Kalbr': did you mean 'kalibr'"):
+        load_calibration(path, "Kalbr")
+    with pytest.raises(CalibrationError, match=r"'opencv_omnidir' or 'opencv_.*' or 'opencv_"):
+        load_calibration(path, "opencv")
+    with pytest.raises(CalibrationError, match="format 'word': expected one of omnisim, kalibr"):
+        load_calibration(path, "word")
+    with pytest.raises(CalibrationError, match=r"camera: expected one of 1, 2, 3, .* got 'cam0'"):
+        load_calibration(path, camera="cam0")
+    with pytest.raises(CalibrationError, match=r"nothing\.yaml: cannot be read: No such file"):
+        load_calibration("nothing.yaml")
+    with pytest.raises(CalibrationError, match="expected a calibration file, or KITTI-360"):
+        load_calibration(FOLDER)
+
+
+def test_floats_of_yaml_1_2_are_read(tmp_path):
+    text = (FOLDER / "kalibr_tum_vi.yaml").read_text()
+    (tmp_path / "a.yaml").write_text(text.replace("0.0034823894022493434", "3.5e-3"))
+    (tmp_path / "b.yaml").write_text(text.replace("0.0034823894022493434", "35e-4"))
+    one, other = (load_calibration(tmp_path / f"{name}.yaml").cameras[0].camera for name in "ab")
+    assert one == other
+    assert one.coefficients[0] == 3.5e-3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        (r'<camera name="[^"]*"', '<camera name="eye"', ["fisheye", "stereographic", "pinhole"]),
+        (r' name="[^"]*"', "", ["camera0", "camera1", "camera2"]),
+        (r' name="[^"]*"', ' name="eye"', ["camera0", "camera1", "camera2"]),
+    ],
+)
+def test_gazebo_cameras_get_distinct_names(old, new, names, tmp_path):
+    text = re.sub(old, new, (FOLDER / "gazebo.sdf").read_text())
+    (tmp_path / "a.sdf").write_text(text)
+    assert load_calibration(tmp_path / "a.sdf").names == names
+
+
+def test_yaml_in_other_styles_is_read(tmp_path):
+    plain = FOLDER / "kalibr_tum_vi.yaml"
+    cameras = yaml.safe_load(plain.read_text())
+    quoted = "".join(f'"{name}": {json.dumps(table)}\n' for name, table in cameras.items())
+    (tmp_path / "quoted.yaml").write_text(quoted)
+    (tmp_path / "crlf.yaml").write_bytes(
+        b"\xef\xbb\xbf" + plain.read_bytes().replace(b"\n", b"\r\n")
+    )
+    for name in ("quoted", "crlf"):
+        found = load_calibration(tmp_path / f"{name}.yaml")
+        assert [one.camera for one in found.cameras] == [
+            one.camera for one in load_calibration(plain).cameras
+        ]
+
+
+def _aliases(levels, opening, item, closing):
+    """A YAML text whose aliases make it nine times larger at each level."""
+    lines = [f"a0: &a0 {opening}{item.format(0)}{closing}"]
+    for level in range(1, levels):
+        inner = ", ".join(item.format(f"*a{level - 1}").replace("#", str(at)) for at in range(9))
+        lines.append(f"a{level}: &a{level} {opening}{inner}{closing}")
+    return "\n".join(lines) + f"\ncam0:\n  camera_model: pinhole\n  intrinsics: *a{levels - 1}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (_aliases(8, "[", "{}", "]"), "expected plain values, got aliases that grow"),
+        (_aliases(8, "{{", "k#: {}", "}}"), "expected plain values, got aliases that grow"),
+        ("model_type: &a [*a]\n", "expected plain values, got aliases that grow"),
+        ("model_type: " + "[" * 5000 + "]" * 5000 + "\n", "expected plain values, got too deep"),
+        ('{"fl_x": ' + "[" * 200_000 + "]" * 200_000 + "}", "expected plain values, got too deep"),
+        ('{"fl_x": ' + "9" * 5000 + "}", "expected a camera's numbers, got one of thousands"),
+        ("model_type: " + "9" * 5000 + "\n", "expected a camera's numbers, got one of thousands"),
+    ],
+)
+def test_files_that_grow_without_bound_are_refused(text, words, tmp_path):
+    (tmp_path / "bomb.yaml").write_text(text.replace("{{", "{").replace("}}", "}"))
+    with pytest.raises(CalibrationError, match=rf"bomb\.yaml: not (YAML|JSON): {words}"):
+        load_calibration(tmp_path / "bomb.yaml")
+
+
+@pytest.fixture
+def ends_hangs():
+    """Failure of a test after a minute of its processor's time, whatever else runs beside it."""
+
+    def fail(number, frame):
+        pytest.fail("hangs")
+
+    before = signal.signal(signal.SIGPROF, fail)
+    signal.setitimer(signal.ITIMER_PROF, 60.0)  # a tenth of one; minutes by the length's square
+    yield
+    signal.setitimer(signal.ITIMER_PROF, 0.0)
+    signal.signal(signal.SIGPROF, before)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["\n" * 200_000 + "x: 1", '{"fl_x": 0' + ',"k": 0' * 60_000 + "}"],
+    ids=["lines", "keys"],
+)
+def test_a_long_file_does_not_hang(text, tmp_path, ends_hangs):
+    (tmp_path / "long").write_text(text)
+    with pytest.raises(CalibrationError):
+        load_calibration(tmp_path / "long")
+
+
+def test_lens_of_another_model_states_its_residuals(monkeypatch):
+    monkeypatch.setattr(fit, "_refined", lambda start, *arguments: (start, np.eye(3)))
+    calibration = load_calibration(FOLDER / "kalibr_fov.yaml")
+    (note,) = calibration.notes
+    assert note.startswith("fov is none of omnisim's models: read as kannala_brandt, RMS")

@@ -1,0 +1,265 @@
+"""Calibration files in the readers and projections of other tools."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from omnisim.cameras.calibration.calibration import calibration_of, load_calibration
+from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras.models.unified import UnifiedCamera
+from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
+from tests.cameras.calibration.sample_files import FOLDER
+
+WITHIN_PX = 1e-6
+NO_TURN = np.zeros(3)
+
+
+def _assert_same(camera, points, pixels, within_px=WITHIN_PX):
+    ours = camera.pixel_from_ray(points)
+    assert ours.valid.all()
+    off = np.abs(ours.positions_px - np.asarray(pixels).reshape(-1, 2))
+    assert off.max() < within_px
+
+
+def _seen(camera, largest_theta_rad):
+    points = points_around_axis(largest_theta_rad)
+    points = points[camera.pixel_from_ray(points).valid]
+    assert len(points) > 300
+    return points
+
+
+def _matrices(cv2, path):
+    """K, D, ξ or 0, and the picture's size, as cv2.FileStorage reads them."""
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    assert storage.isOpened()
+    xi = storage.getNode("xi")
+    return (
+        storage.getNode("camera_matrix").mat(),
+        storage.getNode("distortion_coefficients").mat(),
+        0.0 if xi.empty() else xi.real(),
+        (storage.getNode("image_width").real(), storage.getNode("image_height").real()),
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["hyperbolic-paper", "unified-kitti-360", "unified-barrel-fold", "parabolic"]
+)
+def test_opencv_reads_our_omnidir_file_and_projects_the_same(name, tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
+    if not hasattr(cv2, "omnidir"):
+        pytest.skip("OpenCV without its contributed modules has no omnidir")
+    camera = CAMERA_EXAMPLES[name]
+    calibration_of(camera).save(tmp_path / "a.yaml", "opencv_omnidir")
+    k, d, xi, size = _matrices(cv2, tmp_path / "a.yaml")
+    assert size == (camera.width_px, camera.height_px)
+    looks_up = camera.rig_from_optical[2, 2] == 1.0
+    points = points_around_axis(math.radians(100.0))
+    flip = np.array([1.0, 1.0, -1.0]) if looks_up else np.ones(3)
+    points = points[camera.pixel_from_ray(points * flip).valid]
+    assert len(points) > 300
+    pixels, _ = cv2.omnidir.projectPoints(points[:, None], NO_TURN, NO_TURN, k, xi, d)
+    _assert_same(camera, points * flip, pixels)
+
+
+def test_opencv_reads_our_fisheye_file_and_projects_the_same(tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
+    camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
+    calibration_of(camera).save(tmp_path / "a.yaml", "opencv_fisheye")
+    k, d, _, _ = _matrices(cv2, tmp_path / "a.yaml")
+    points = points_around_axis(math.radians(80.0))  # past 90° OpenCV is wrong
+    pixels, _ = cv2.fisheye.projectPoints(points[:, None], NO_TURN, NO_TURN, k, d)
+    _assert_same(camera, points, pixels)
+
+
+def test_opencv_reads_our_pinhole_file_and_projects_the_same(tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
+    camera = CAMERA_EXAMPLES["unified-pinhole-with-k3"]
+    calibration_of(camera).save(tmp_path / "a.yaml", "opencv_pinhole")
+    k, d, _, _ = _matrices(cv2, tmp_path / "a.yaml")
+    points = _seen(camera, math.radians(45.0))
+    pixels, _ = cv2.projectPoints(points, NO_TURN, NO_TURN, k, d)
+    _assert_same(camera, points, pixels)
+
+
+@pytest.mark.parametrize("kind", ["omnidir", "fisheye", "pinhole"])
+def test_files_that_opencv_writes_are_read(kind, tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
+    k = np.array([[301.25, 0.0, 320.5], [0.0, 302.75, 239.125], [0.0, 0.0, 1.0]])
+    d = np.array([[1e-5, -0.02, 1.0 / 3.0, 2e-7]])
+    path = tmp_path / "theirs.yaml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 640)
+    storage.write("image_height", 480)
+    storage.write("camera_matrix", k)
+    storage.write("distortion_coefficients", d)
+    if kind == "omnidir":
+        storage.write("xi", np.array([[1.25]]))
+    storage.release()
+    camera = load_calibration(path, f"opencv_{kind}").cameras[0].camera
+    assert camera.focal_lengths_px == (301.25, 302.75)
+    assert camera.principal_point_px == (320.5, 239.125)
+    known = camera.coefficients if kind == "fisheye" else camera.distortion
+    assert known == tuple(d[0])
+    assert isinstance(camera, KannalaBrandtCamera if kind == "fisheye" else UnifiedCamera)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["perspective-off-centre", "kannala-brandt-tum-vi", "eucm", "equirectangular",
+     "unified-pinhole-with-k3"],
+)  # fmt: skip
+def test_colmap_reads_our_cameras_and_projects_the_same(name, tmp_path):
+    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
+    camera = CAMERA_EXAMPLES[name]
+    calibration_of(camera).save(tmp_path / "cameras.txt", "colmap")
+    for other in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
+        (tmp_path / other).write_text("# none\n")
+    theirs = pycolmap.Reconstruction(str(tmp_path)).cameras[1]
+    widest = {"perspective-off-centre": 70.0, "unified-pinhole-with-k3": 40.0}.get(name, 85.0)
+    points = _seen(camera, math.radians(widest))
+    # the first pixel's centre is at (0.5, 0.5)
+    _assert_same(camera, points, theirs.img_from_cam(points) - 0.5)
+
+
+def test_the_colmap_samples_are_what_colmap_reads(tmp_path):
+    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
+    (tmp_path / "cameras.txt").write_text((FOLDER / "colmap_cameras.txt").read_text())
+    for other in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
+        (tmp_path / other).write_text("# none\n")
+    theirs = pycolmap.Reconstruction(str(tmp_path)).cameras
+    for found in load_calibration(FOLDER / "colmap_cameras.txt").cameras:
+        points = _seen(found.camera, math.radians(35.0))
+        pixels = theirs[int(found.name)].img_from_cam(points) - 0.5
+        _assert_same(found.camera, points, pixels)
+
+
+@pytest.mark.parametrize("name", ["hyperbolic-paper", "kannala-brandt-tum-vi", "eucm"])
+def test_a_plain_yaml_reader_finds_floats_for_kalibr(name, tmp_path):
+    """Kalibr takes no integer, and PyYAML takes 1e-05 for a word."""
+    camera = CAMERA_EXAMPLES[name]
+    tiny = dataclasses.replace(camera, principal_point_px=(1e-5, 250.0))
+    calibration_of(tiny).save(tmp_path / "camchain.yaml", "kalibr")
+    document = yaml.safe_load((tmp_path / "camchain.yaml").read_text())["cam0"]
+    numbers = document["intrinsics"] + document["distortion_coeffs"]
+    assert all(type(number) is float for number in numbers)
+    assert document["intrinsics"][-2:] == [1e-5, 250.0]
+    assert document["resolution"] == [camera.width_px, camera.height_px]
+
+
+def test_matlabs_ocamcalib_counts_from_one(tmp_path):
+    text = (FOLDER / "ocamcalib.txt").read_text()
+    (tmp_path / "m.txt").write_text(text.replace("starting from 0 (C", "starting from 1 (MATLAB"))
+    ours, theirs = (
+        load_calibration(path).cameras[0].camera.principal_point_px
+        for path in (FOLDER / "ocamcalib.txt", tmp_path / "m.txt")
+    )
+    assert ours == (309.9506845, 250.7950823902723)  # column, row
+    np.testing.assert_allclose(np.subtract(ours, theirs), 1.0)
+
+
+def _scaramuzza_cam2world(text, row, column):
+    """The toolbox's rays (n, 3): x down, y right; written anew from its paper."""
+    numbers = [
+        [float(word) for word in line.split()]
+        for line in text.splitlines()
+        if line.strip() and not line.startswith("#")
+    ]
+    (_, *polynomial), (_, *inverse), (xc, yc), (c, d, e), _ = numbers
+    xy = np.linalg.solve([[c, d], [e, 1.0]], np.stack((row - xc, column - yc)))
+    rho = np.hypot(*xy)
+    z = np.polynomial.polynomial.polyval(rho, polynomial)
+    return np.stack((xy[0], xy[1], z), axis=-1), rho, inverse
+
+
+@pytest.mark.parametrize("name", ["ocamcalib-fisheye", "parabolic-off-centre"])
+def test_scaramuzzas_functions_agree_with_our_ocamcalib_file(name, tmp_path):
+    camera = CAMERA_EXAMPLES[name]
+    calibration_of(camera).save(tmp_path / "a.txt", "ocamcalib")
+    text = (tmp_path / "a.txt").read_text()
+    v, u = (grid.ravel() for grid in np.mgrid[: camera.height_px : 9, : camera.width_px : 9])
+    theirs, rho, inverse = _scaramuzza_cam2world(text, v.astype(float), u.astype(float))
+    theirs /= np.linalg.norm(theirs, axis=-1, keepdims=True)
+    ours = camera.ray_from_pixel(np.stack((u, v), axis=-1))
+    depth = -1.0 if camera.rig_from_optical[2, 2] == 0.0 else 1.0  # a lens looks along their −z
+    turned = np.stack((theirs[:, 1], theirs[:, 0], depth * theirs[:, 2]), axis=-1)
+    assert np.abs(turned - ours.directions)[ours.valid].max() < 1e-12
+    # and the way back, whose polynomial is only a fit: to the toolbox's hundredth of a pixel
+    theta = np.arctan2(theirs[:, 2], np.hypot(theirs[:, 0], theirs[:, 1]))
+    found = np.polynomial.polynomial.polyval(theta, inverse)
+    assert np.abs(found - rho)[ours.valid].max() < 0.011
+
+
+def test_woodscapes_own_projection_agrees():
+    path = FOLDER / "woodscape_fv.json"
+    part = json.loads(path.read_text())["intrinsic"]
+    camera = load_calibration(path).cameras[0].camera
+    points = points_around_axis(math.radians(95.0))
+    chi = np.hypot(points[:, 0], points[:, 1])
+    theta = np.arctan2(chi, points[:, 2])
+    rho = sum(part[f"k{n}"] * theta**n for n in (1, 2, 3, 4))
+    u = rho * points[:, 0] / chi + part["cx_offset"] + part["width"] / 2 - 0.5
+    v = rho * points[:, 1] / chi + part["cy_offset"] + part["height"] / 2 - 0.5
+    _assert_same(camera, points, np.stack((u, v), axis=-1))
+
+
+def test_basalts_double_sphere_agrees():
+    path = FOLDER / "basalt_tum_vi_ds.json"
+    value = json.loads(path.read_text())["value0"]["intrinsics"][0]["intrinsics"]
+    found = load_calibration(path).cameras[0]
+    points = points_around_axis(math.radians(100.0))
+    x, y, z = points.T
+    d1 = np.linalg.norm(points, axis=-1)
+    k = value["xi"] * d1 + z
+    d2 = np.sqrt(x * x + y * y + k * k)
+    scale = value["alpha"] * d2 + (1.0 - value["alpha"]) * k
+    pixels = (value["fx"] * x / scale + value["cx"], value["fy"] * y / scale + value["cy"])
+    _assert_same(found.camera, points, np.stack(pixels, axis=-1))
+    # the camera sits some centimetres beside the IMU, its axis along the IMU's −y
+    (pose,) = found.poses
+    assert (pose.target, pose.source) == ("imu", "cam0")
+    assert pose.target_from_source[1, 2] < -0.99
+
+
+def test_gazebos_lens_agrees():
+    """r in half widths, f such that half of horizontal_fov reaches the edge."""
+    fisheye, stereographic, pinhole = load_calibration(FOLDER / "gazebo.sdf").cameras
+    theta = np.array([0.1, 0.7, 1.5])
+    rays = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
+    f = 1.0 / (1.05 * math.tan(3.14159 / 2.0 / 4.0))
+    u = 399.5 + 400.0 * 1.05 * f * np.tan(theta / 4.0)
+    _assert_same(fisheye.camera, rays, np.stack((u, np.full(3, 299.5)), axis=-1))
+    f = 1.0 / (2.0 * math.tan(3.4 / 2.0 / 2.0))
+    u = 319.5 + 320.0 * 2.0 * f * np.tan(theta / 2.0)
+    _assert_same(stereographic.camera, rays, np.stack((u, np.full(3, 319.5)), axis=-1))
+    assert pinhole.camera == PerspectiveCamera.with_field_of_view(320, 240, 1.047)
+
+
+def test_nerfstudios_rays_agree(tmp_path):
+    """Through (u + 0.5, v + 0.5), y up and z back."""
+    camera = CAMERA_EXAMPLES["equirectangular"]
+    calibration_of(camera).save(tmp_path / "a.json", "nerfstudio")
+    document = json.loads((tmp_path / "a.json").read_text())
+    u, v = np.array([0.0, 17.0, 399.0]), np.array([0.0, 80.0, 199.0])
+    x = (u + 0.5 - document["cx"]) / document["fl_x"]
+    y = -(v + 0.5 - document["cy"]) / document["fl_y"]
+    theta, phi = -math.pi * x, math.pi * (0.5 - y)  # its equirectangular camera
+    theirs = np.stack(
+        (-np.sin(theta) * np.sin(phi), np.cos(phi), -np.cos(theta) * np.sin(phi)), axis=-1
+    )
+    ours = camera.ray_from_pixel(np.stack((u, v), axis=-1)).directions
+    np.testing.assert_allclose(ours * (1.0, -1.0, -1.0), theirs, atol=1e-12)
+
+
+def test_nerfstudios_poses_are_opengls():
+    found = load_calibration(FOLDER / "transforms.json").cameras[0]
+    first = found.poses[0]
+    assert (first.target, first.source) == ("world", "images/frame_00001.jpeg")
+    # it stands upright and looks along the world's +y: z back is −y
+    np.testing.assert_allclose(first.target_from_source[:3, 2], (0.0, 1.0, 0.0))
+    np.testing.assert_allclose(first.target_from_source[:3, 1], (0.0, 0.0, -1.0))  # down
+    np.testing.assert_allclose(first.target_from_source[:3, 3], (0.5, -2.0, 1.25))

@@ -1,0 +1,171 @@
+"""Baked light against closed forms."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("embreex")
+pytest.importorskip("xatlas")
+
+from omnisim.rendering.baking.atlas.bake_tiles import TileFolder, no_progress
+from omnisim.rendering.baking.atlas.lightmap import lightmap
+from omnisim.rendering.baking.bake import Bake
+from omnisim.rendering.baking.settings import BakeSettings
+from omnisim.scene.model import Light, Lighting, LightKind, Scene
+from tests.rendering.baking.rooms import DARK, box, lit_by, shining
+
+
+def baked(tmp_path, scene, **settings):
+    bake = Bake(scene, BakeSettings(**settings))
+    folder = TileFolder(tmp_path / "x.baked", {})
+    found = bake.run(folder, 1, no_progress)
+    return bake, found, bake.probes(folder, found, 1, no_progress)
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.5, 0.8])
+def test_furnace(tmp_path, albedo):
+    """All walls of a closed room shine alike: E = Le / (1 − a)."""
+    room = lit_by(shining(box("room", (2.0, 3.0, 1.5), color=(albedo,) * 3, inwards=True), 0.7))
+    _, found, (_, probes) = baked(tmp_path, room, texel_m=0.25, samples=16, bounces=60)
+    expected = 0.7 / (1.0 - albedo)
+    light = found.gathered[found.is_valid]
+    assert len(light) > 100
+    # rays aimed at walls and rays by the cosine weigh each other: a mean has little noise
+    np.testing.assert_allclose(light.mean(axis=0), expected, rtol=0.02)
+    np.testing.assert_allclose(np.median(light, axis=0), expected, rtol=0.03)
+    level = probes["sh"][probes["valid"]][:, 0]
+    np.testing.assert_allclose(level, expected, rtol=0.03)
+
+
+def at(bake, light, surface, place, normal=(0.0, 0.0, 1.0), within_m=0.15):
+    """Mean light (3,) of an instance's patches near a place, that face along a normal."""
+    surfaces = bake.surfaces(np.ones(bake.patches.count, dtype=bool))
+    positions = surfaces.positions_m + bake.transport.centre_m
+    near = np.linalg.norm(positions - place, axis=1) < within_m
+    near &= surfaces.normals @ np.array(normal) > 0.99
+    near &= (bake.patches.surfaces == surface) & (np.diff(bake.patches.first) > 0)
+    assert near.any()
+    return light[near].mean(axis=0)
+
+
+def black_room(lighting=DARK):
+    return lit_by(box("room", (4.0, 4.0, 3.0), color=(0.0, 0.0, 0.0), inwards=True), lighting)
+
+
+def _share_of_corner(a, b):
+    """Share of light that a rectangle gives a point below its corner, its sides over the height.
+
+    Source: Howell, "A catalog of radiation heat transfer configuration factors", B-3.
+    """
+    first, second = np.hypot(1.0, a), np.hypot(1.0, b)
+    return (a / first * np.arctan(b / first) + b / second * np.arctan(a / second)) / (2.0 * np.pi)
+
+
+@pytest.mark.parametrize("half_m", [0.2, 1.0])
+def test_panel(tmp_path, half_m):
+    """An emissive panel gives all of the floor below it what its form factor says."""
+    panel = box("panel", (2.0 * half_m, 2.0 * half_m, 0.002), (0.0, 0.0, 1.001))
+    room = black_room().added("panel", shining(panel, 5.0))
+    bake, found, _ = baked(tmp_path, room, texel_m=0.2, samples=64, bounces=0)
+    surfaces = bake.surfaces(found.is_valid)
+    places = surfaces.positions_m + bake.transport.centre_m
+    floor = found.is_valid & (surfaces.normals[:, 2] > 0.99) & (bake.patches.surfaces == 0)
+    x, y, _ = places[floor].T
+    expected = 5.0 * sum(
+        _share_of_corner((half_m + one * x) / 2.5, (half_m + other * y) / 2.5)
+        for one in (-1.0, 1.0)
+        for other in (-1.0, 1.0)
+    )
+    light = found.gathered[floor, 0]
+    assert len(light) > 300
+    assert light.mean() == pytest.approx(expected.mean(), rel=0.01)
+    assert np.sqrt(np.mean((light / expected - 1.0) ** 2)) < 0.1  # the noise of 32 rays
+
+
+def test_lamp_and_its_shadow(tmp_path):
+    """A point lamp gives I cos θ / d², and nothing behind a crate."""
+    lamp = Light(LightKind.POINT, (1.0, 0.5, 0.25), 8.0, position_m=np.array([0.0, 0.0, 0.5]))
+    lighting = Lighting((0.0, 0.0, 0.0), (lamp,), exposure=0.5)
+    crate = box("crate", (0.5, 0.5, 0.2), (1.0, 0.0, -0.4))
+    room = black_room(lighting).added("crate", crate)
+    bake, found, (_, probes) = baked(tmp_path, room, texel_m=0.1, samples=4, bounces=0)
+    expected = 4.0 * np.array([1.0, 0.5, 0.25])
+    np.testing.assert_allclose(at(bake, found.lamps, 0, (0, 0, -1.5)), expected / 4.0, rtol=0.01)
+    slanted = expected * 2.0 / (4.0 + 1.0) ** 1.5
+    np.testing.assert_allclose(at(bake, found.lamps, 0, (0, -1, -1.5)), slanted, rtol=0.02)
+    assert not at(bake, found.lamps, 0, (1.8, 0.0, -1.5)).any()
+    assert probes["valid"].mean() > 0.9
+
+
+def test_sky_over_a_plain(tmp_path):
+    plain = lit_by(box("plain", (6.0, 6.0, 0.2)), Lighting((0.2, 0.4, 0.6), ()), (0.0, 0.0, 1.0))
+    bake, found, (_, probes) = baked(tmp_path, plain, texel_m=0.5, samples=16)
+    top = at(bake, found.gathered, 0, (0.0, 0.0, 0.1), within_m=3.0)
+    np.testing.assert_allclose(top, [0.2, 0.4, 0.6], rtol=1e-5)
+    bottom = at(bake, found.gathered, 0, (0.0, 0.0, -0.1), (0.0, 0.0, -1.0), within_m=3.0)
+    np.testing.assert_allclose(bottom, [0.2, 0.4, 0.6], rtol=1e-5)
+    assert probes["sh"].shape[-2:] == (9, 3)
+
+
+def test_foot_of_a_wall_is_not_darker(tmp_path):
+    """Texels that a wall half covers have the light of their other half, and so have its pixels."""
+    lighting = Lighting((0.0, 0.0, 0.0), (Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1.0),))
+    floor = lit_by(box("floor", (4.0, 4.0, 0.1)), lighting, (1.0, 0.0, 1.0))
+    scene = floor.added("wall", box("wall", (0.37, 3.1, 1.0), (0.01, 0.0, 0.55)))
+    bake, found, _ = baked(tmp_path, scene, texel_m=0.2, samples=8, bounces=0)
+    places = bake.patches.places[found.is_valid & (bake.patches.surfaces == 0)]
+    assert len(places) < (bake.patches.surfaces == 0).sum()  # those below the wall are none
+    pixels = lightmap(bake.patches, bake.light(found), found.is_valid)
+    left, top, wide, high = bake.atlas.rects_px[0]
+    upper = found.lamps[found.is_valid & (bake.patches.surfaces == 0)][:, 0] > 0.0
+    np.testing.assert_allclose(
+        found.lamps[found.is_valid & (bake.patches.surfaces == 0)][upper], 1.0, rtol=1e-5
+    )
+    lit = pixels[top : top + high, left : left + wide]
+    assert lit.max() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_both_sides_of_a_sheet_have_their_own_light(tmp_path):
+    corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    sheet = Scene.from_arrays("sheet", corners, [(0, 1, 2), (0, 2, 3)], base_color=(0.5, 0.5, 0.5))
+    lighting = Lighting((0.0, 0.0, 0.0), (Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1.0),))
+    bake, found, _ = baked(
+        tmp_path, lit_by(sheet, lighting, (0, 0, 1)), texel_m=0.25, samples=4, bounces=0
+    )
+    assert list(bake.atlas.shares(bake.atlas.back_rects_px)) == [0]
+    pixels = lightmap(bake.patches, found.lamps, found.is_valid)
+    for rect, level in ((bake.atlas.rects_px[0], 1.0), (bake.atlas.back_rects_px[0], 0.0)):
+        left, top, wide, high = rect
+        middle = pixels[top + high // 2, left + wide // 2]
+        np.testing.assert_allclose(middle, level, atol=1e-5)
+
+
+def test_red_wall_colours_its_neighbour(tmp_path):
+    """A floor lit from the ceiling reddens towards a red wall."""
+    room = lit_by(box("room", (2.0, 2.0, 2.0), color=(0.7, 0.7, 0.7), inwards=True))
+    red = box("red", (0.02, 1.9, 1.9), (-0.98, 0.0, 0.0), color=(0.7, 0.05, 0.05))
+    panel = shining(box("panel", (0.5, 0.5, 0.02), (0.0, 0.0, 0.98)), 10.0)
+    scene = room.added("red", red).added("panel", panel)
+    bake, found, _ = baked(tmp_path, scene, texel_m=0.1, samples=32, bounces=8)
+    near, far = (at(bake, found.gathered, 0, (x, 0.0, -1.0), within_m=0.2) for x in (-0.7, 0.7))
+    assert near[0] / near[1] > 1.15 * far[0] / far[1]
+    assert bake.light(found)[found.is_valid].min() > 0.0
+
+
+def test_few_rays_are_enough_for_small_lamps(tmp_path):
+    """Rays go to what gives light: a lamp's reflector, and not to a bright sky behind the walls."""
+    room = lit_by(box("room", (2.0, 2.0, 2.0), color=(0.1, 0.1, 0.1), inwards=True))
+    lamp = shining(box("lamp", (0.3, 0.3, 0.02), (0.0, 0.0, 0.6)), 50.0)
+    shade = box("shade", (0.32, 0.32, 0.02), (0.0, 0.0, 0.5), color=(0.0, 0.0, 0.0))
+    tray = box("tray", (0.6, 0.6, 0.02), (0.0, 0.0, 0.8), color=(0.8, 0.8, 0.8))
+    outside = shining(box("outside", (20.0, 20.0, 20.0), inwards=True), 1.0)
+    scene = room.added("lamp", lamp).added("shade", shade).added("tray", tray)
+    scene = scene.added("outside", outside)
+    bake, found, _ = baked(tmp_path, scene, texel_m=0.1, samples=64, bounces=2)
+    surfaces = bake.surfaces(found.is_valid)
+    floor = found.is_valid & (surfaces.normals[:, 2] > 0.99) & (bake.patches.surfaces == 0)
+    light = found.gathered[floor, 0]
+    x, y, _ = surfaces.positions_m[floor].T
+    terms = np.stack([x**i * y**j for i in (0, 2, 4, 6) for j in (0, 2, 4, 6)], axis=1)
+    smooth = terms @ np.linalg.lstsq(terms, light, rcond=None)[0]
+    # 1.1 when the sky takes all of the rays that are aimed
+    assert np.std(light - smooth) < 0.55 * light.mean()

@@ -1,0 +1,69 @@
+"""Draw commands of the last frame, and cullers that leave everything, or nothing to occlusion."""
+
+import numpy as np
+
+from omnisim.rendering.opengl.culling.command_slices import BANDS
+
+
+def submitted_commands(culler, pass_index=0):
+    """Commands (n, 5) of a pass of a culler, whose context is current, as they are drawn."""
+    (ranges,) = culler.slices
+    counts = np.frombuffer(culler.counts.read(), "<u4").reshape(-1, BANDS, len(ranges))
+    commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
+    return np.concatenate(
+        [
+            commands[one.first + band * one.most :][:count]
+            for band in range(BANDS)
+            for one, count in zip(ranges, counts[pass_index, band], strict=True)
+        ]
+    )
+
+
+def count_triangles(culler):
+    """Count the triangles that a culler submits, pass by pass, into a list that is returned."""
+    submitted, run = [], culler.run
+
+    def counted(pass_index):
+        run(pass_index)
+        submitted.append(int(submitted_commands(culler, pass_index)[:, 0].sum()) // 3)
+
+    culler.run = counted
+    return submitted
+
+
+class _ShowAll:
+    """Shader that culls, and then shows all clusters in all of up to 32 tiles."""
+
+    def __init__(self, shader, culler):
+        self._shader, bound = shader, culler._bound.buffers
+        self._visible, self._of_group = bound[6], bound[13]
+        self._shown = culler._buffers.all_shown
+        self._tiles = np.uint32((1 << culler.views.tiles) - 1)
+
+    def run_indirect(self, *place):
+        self._shader.run_indirect(*place)
+        self._visible.write(np.full(self._visible.size // 4, self._tiles))
+        self._of_group.write(self._shown)
+
+
+class _NoDepth:
+    """A shader that leaves infinite depth."""
+
+    def __setitem__(self, name, value):
+        pass
+
+    def run(self, *groups):
+        pass
+
+
+def show_all(culler):
+    """Let a culler leave everything."""
+    shaders = culler._shaders
+    culler._shaders = shaders._replace(cull=tuple(_ShowAll(one, culler) for one in shaders.cull))
+
+
+def show_occluded(culler):
+    """Let a culler draw in two passes, but leave what is occluded."""
+    with culler._context:
+        culler._bound.buffers[11].clear()
+    culler._shaders = culler._shaders._replace(hi_z=(_NoDepth(),) * 2)

@@ -1,0 +1,70 @@
+"""Hierarchical z buffer, beside the farthest depth of every cell."""
+
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.rendering.opengl.culling.cluster_buffers import DEPTH_UNIT
+from omnisim.rendering.opengl.culling.cluster_culling import SETTINGS
+from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
+from omnisim.rendering.opengl.shader_files import build_compute_shader
+
+CELL_PX, LEVELS, SIDE = 4, 5, 16
+PLANE = """
+#version 430 core
+uniform sampler2D u_values;
+void main() { gl_FragDepth = texelFetch(u_values, ivec2(gl_FragCoord.xy), 0).r; }
+"""
+TRIANGLE = """
+#version 430 core
+void main() { gl_Position = vec4(4.0 * (gl_VertexID & 1) - 1.0, 2.0 * (gl_VertexID & 2) - 1.0, 0.5, 1.0); }
+"""  # noqa: E501
+
+
+def _drawn(context, values):
+    """Depth texture with values (height, width)."""
+    height, width = values.shape
+    depth = depth_texture(context, (width, height))
+    target = context.framebuffer([], depth)
+    target.use()
+    target.clear(depth=0.0)
+    texture = context.texture((width, height), 1, values, dtype="f4")
+    texture.filter = (context.NEAREST, context.NEAREST)
+    texture.use(0)
+    context.enable_only(context.DEPTH_TEST)
+    context.depth_func = ">"
+    program = context.program(vertex_shader=TRIANGLE, fragment_shader=PLANE)
+    context.vertex_array(program, []).render(vertices=3)
+    context.enable_only(context.NOTHING)
+    return depth
+
+
+@pytest.mark.parametrize("shape", [(64, 96), (61, 83), (130, 7), (3, 3), (200, 300)])
+def test_each_cell_has_its_farthest_depth(context, shape):
+    generator = np.random.default_rng(shape)
+    values = generator.uniform(0.1, 0.9, shape).astype(np.float32)
+    values[generator.random(shape) < 1e-3] = 0.0
+    fine = build_compute_shader(context, "culling/hi_z.comp")
+    fine["u_atlas_depth"] = DEPTH_UNIT
+    coarse = build_compute_shader(context, "culling/hi_z.comp", ["COARSE"])
+    groups = [math.ceil(side / (CELL_PX * SIDE)) for side in shape[::-1]]
+    cells = [groups[0] * groups[1] * (SIDE >> level) ** 2 for level in range(LEVELS)]
+    buffer = context.buffer(reserve=4 * sum(cells))
+    buffer.bind_to_storage_buffer(11)
+    _drawn(context, values).use(DEPTH_UNIT)
+    settings = np.zeros(1, dtype=SETTINGS)
+    settings["atlas_px"] = shape[::-1]
+    context.buffer(settings).bind_to_uniform_block(0)
+    fine.run(*groups)
+    context.memory_barrier()
+    coarse.run(*(math.ceil(side / 8) for side in groups))
+    context.finish()
+    found = np.split(np.frombuffer(buffer.read(), np.float32), np.cumsum(cells)[:-1])
+    for level, of_level in enumerate(found):
+        cell = CELL_PX << level
+        of_level = of_level.reshape(groups[1] * (SIDE >> level), groups[0] * (SIDE >> level))
+        for row in range(math.ceil(shape[0] / cell)):
+            for column in range(math.ceil(shape[1] / cell)):
+                own = values[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell]
+                assert of_level[row, column] == own.min()

@@ -1,0 +1,94 @@
+"""Blended surfaces drawn at once, beside items drawn one after the other."""
+
+import numpy as np
+import pytest
+
+from omnisim.core.poses import pose as make_pose
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl.drawing import blended_drawer
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.scene.model import AlphaMode, Lighting, Material, Texture, Wrap
+from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
+from tests.rendering.opengl.sheets import LAMP, SUN, sheet
+from tests.scenes import room, scene_of
+
+CAMERA = OmniCamera().with_quality("fast").resized(160)
+
+
+def _texture(size, wrap=Wrap.REPEAT):
+    generator = np.random.default_rng(size)
+    return Texture(generator.integers(40, 256, (size, size, 4), dtype=np.uint8), wrap, wrap)
+
+
+def _glass(**options):
+    return Material(base_color=(0.7, 0.8, 0.9, 0.6), alpha_mode=AlphaMode.BLEND, **options)
+
+
+MATERIALS = [
+    Material("room", double_sided=True),
+    _glass(),
+    _glass(double_sided=True),
+    _glass(texture=_texture(8), double_sided=True),
+    _glass(texture=_texture(16), unlit=True),
+    _glass(texture=_texture(16, Wrap.CLAMP_TO_EDGE), double_sided=True, unlit=True),
+]
+
+
+def _scene(*lights):
+    """Sheets of every material behind each other, some of them mirrored."""
+    generator = np.random.default_rng(3)
+    meshes, poses = [room()], [np.eye(4)]
+    for number in range(20):
+        kind = 1 + number % (len(MATERIALS) - 1)
+        meshes.append(sheet(f"sheet {number}", kind, seed=number, up=(None, 0.3)[number % 2]))
+        at = generator.uniform((-2.5, -1.6, -1.2), (2.5, 1.6, 0.6))
+        at *= max(1.0, 1.0 / np.linalg.norm(at))
+        pose = make_pose(at, *generator.uniform(0.0, 360.0, 3))
+        if number % 3 == 0:
+            pose[:3, :3] = pose[:3, :3] @ np.diag((1.0, -0.8, 1.2))
+        poses.append(pose)
+    return scene_of(meshes, MATERIALS, poses, lighting=Lighting((0.2, 0.2, 0.3), lights))
+
+
+def _body():
+    """Panes beside the camera, which move with it."""
+    poses = [make_pose((0.3, 0.6, 0.1), roll_deg=80.0), make_pose((-0.5, 0.4, 0.2), 70.0, 20.0)]
+    return scene_of([sheet("pane", 3), sheet("window", 1, seed=2)], MATERIALS, poses)
+
+
+POSES = [make_pose((0.1 * n, 0.2 - 0.2 * n, -0.3), yaw_deg=80.0 * n) for n in range(3)]
+
+
+def _take(stage, unlit=False):
+    with Renderer(stage, CAMERA, unlit=unlit) as renderer:
+        drawer = renderer._passes.cube._blended_drawer
+        return drawer, [renderer.render(pose).rgba for pose in POSES]
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("unlit", [False, True])
+@pytest.mark.parametrize("lights", [(SUN, LAMP), (SUN,)], ids=["point", "directional"])
+def test_they_look_as_if_drawn_one_by_one(lights, unlit, monkeypatch):
+    scenes = _scene(*lights), _body()
+    with Stage(*scenes) as stage, reference_stage(monkeypatch, *scenes) as reference:
+        drawer, pictures = _take(stage, unlit)
+        none, expected = _take(reference, unlit)
+        assert drawer is not None
+        assert none is None
+        for ours, theirs in zip(pictures, expected, strict=True):
+            assert_same(ours, theirs)
+        again = _take(stage, unlit)[1]
+        assert all(map(np.array_equal, pictures, again))
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize("limit", ["MAX_ARRAYS", "MAX_TRIANGLES_OF_ITEM", "MAX_ITEMS"])
+def test_too_many_are_drawn_one_by_one(limit, monkeypatch):
+    with Stage(_scene(SUN)) as stage:
+        with Renderer(stage, CAMERA) as renderer:
+            expected = renderer.render(POSES[0]).rgba
+        monkeypatch.setattr(blended_drawer, limit, 1)
+        with Renderer(stage, CAMERA) as renderer:
+            assert renderer._passes.cube._blended_drawer is None
+            assert_same(renderer.render(POSES[0]).rgba, expected)

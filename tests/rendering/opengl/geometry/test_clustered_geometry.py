@@ -1,0 +1,93 @@
+"""Clustered geometry: items, positions and winding."""
+
+import numpy as np
+import pytest
+
+from omnisim.core.poses import pose as make_pose
+from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
+from omnisim.rendering.opengl.geometry.light_baking import Shading
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
+from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
+from tests.rendering.opengl.sheets import SUN, sheet
+from tests.scenes import scene_of
+
+MATERIALS = [Material(), Material(alpha_mode=AlphaMode.BLEND)]
+NOTHING = Mesh("nothing", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.uint32), 0)
+
+
+def corners_m(geometry):
+    """Corners (n, 3, 3) of all triangles, world."""
+    vertices = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)
+    triangles = geometry.triangles
+    return vertices["in_position"][triangles].astype(np.float64) + geometry.anchor_m
+
+
+def _sorted(corners_m):
+    """Triangles in an order of their own; each begins with whichever corner it began with."""
+    flat = np.round(corners_m.reshape(len(corners_m), -1), 3)
+    return corners_m[np.lexsort(flat.T)]
+
+
+@pytest.mark.parametrize("far_m", [0.0, 700.0])
+def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m):
+    mesh = sheet("sheet", 0, side=20)
+    scales = np.diag((1.5, -0.7, 2.0)), np.eye(3)
+    poses = []
+    for number, scale in enumerate(scales):
+        pose = make_pose((far_m + number, -far_m, 2.0), roll_deg=30.0, yaw_deg=50.0 * number)
+        pose[:3, :3] = pose[:3, :3] @ scale
+        poses.append(pose)
+    geometry = SceneBuffers(context, scene_of([mesh, mesh], MATERIALS, poses)).clustered_geometry
+    assert geometry.contains.all()
+    assert len(geometry.buckets) == 1
+    expected = []
+    for pose, turn in zip(poses, ((0, 2, 1), (0, 1, 2)), strict=True):
+        positions = mesh.positions.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+        expected.append(positions[mesh.triangles[:, turn]])  # a mirrored one is turned back
+    # half a float32's last digit of what is a few metres from the anchor, however far that is
+    np.testing.assert_allclose(
+        _sorted(corners_m(geometry)), _sorted(np.concatenate(expected)), atol=1e-6
+    )
+
+
+def test_glass_far_and_empty_meshes_are_not_contained(context):
+    meshes = [sheet("near", 0), sheet("glass", 1), sheet("far", 0), NOTHING, sheet("far too", 0)]
+    poses = [np.eye(4) for _ in meshes]
+    poses[2][0, 3], poses[4][0, 3] = 2.1 * MAX_DISTANCE_M, -2.1 * MAX_DISTANCE_M
+    buffers = SceneBuffers(context, scene_of(meshes, MATERIALS, poses))
+    contained = {
+        draw.mesh.name
+        for draw, is_contained in zip(
+            buffers.draw_items, buffers.clustered_geometry.contains, strict=True
+        )
+        if is_contained
+    }
+    assert contained == {"near"}
+    assert len(corners_m(buffers.clustered_geometry)) == len(meshes[0].triangles)
+
+
+def test_light_on_dynamic_objects_is_not_baked(context):
+    lighting = Lighting((0.1, 0.1, 0.1), (SUN,))
+    scene = scene_of([sheet("static", 0)], [Material()], lighting=lighting)
+    buffers = SceneBuffers(context, scene, (scene_of([sheet("dynamic", 0)], [Material()]),))
+    geometry = buffers.clustered_geometry
+    assert geometry.contains.all()
+    assert geometry.objects == 2
+    dynamic = [draw.object_index is not None for draw in buffers.draw_items]
+    of_cluster = np.array(dynamic)[geometry.item_of_triangle[geometry.clusters.first]]
+    shadings = np.array([bucket.shading.value for bucket in geometry.buckets])
+    shadings = shadings[geometry.bucket_of_cluster]
+    assert Shading.BAKED.value in shadings[~of_cluster]
+    assert Shading.BAKED.value not in shadings[of_cluster]
+
+
+def test_a_scene_of_glass_has_no_clustered_geometry(context):
+    scene = scene_of([sheet("glass", 1)], MATERIALS)
+    assert SceneBuffers(context, scene).clustered_geometry is None
+
+
+def test_without_clusters_all_items_are_drawn_one_by_one(context):
+    buffers = SceneBuffers(context, scene_of([sheet("sheet", 0)]), uses_clusters=False)
+    assert buffers.clustered_geometry is None
+    assert buffers.shown_one_by_one().all()

@@ -1,0 +1,26 @@
+"""Estimate of GPU memory beside the buffers that are made."""
+
+import pytest
+
+from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.scene.files.load import load_scene
+
+
+@pytest.mark.parametrize("name", ["soccer", "courtyard"])
+def test_estimate_is_that_of_the_buffers(name, context):
+    scene = load_scene(name)
+    buffers = SceneBuffers(context, scene)
+    geometry = buffers.clustered_geometry
+    made = sum(
+        one.size for one in (buffers.vertices, buffers.indices, geometry.vertices, geometry.indices)
+    )
+    layers = {
+        layer.glo: layer
+        for one in buffers.draw_items
+        if one.texture_layer.array is not None
+        for layer in one.texture_layer.array.layers
+    }
+    made += sum(4 * one.width * one.height * 4 / 3 for one in layers.values())
+    # baked light gives some vertices copies; textures of the same pixels may have several layers
+    assert gpu_bytes(scene) == pytest.approx(made, rel=0.2)

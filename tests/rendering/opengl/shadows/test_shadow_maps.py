@@ -1,0 +1,329 @@
+"""Shadows of the virtual cameras: against geometry, against rays, and as things move."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.camera import pixel_grid
+from omnisim.core.poses import pose
+from omnisim.core.world import WorldState
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.scene.labels import BODY
+from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
+from tests.scenes import room, scene_of, square
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+FLOOR_LIGHT, AMBIENT = 0.6, 0.1
+HEIGHT_M, HALF_M = 1.0, 0.5
+VIEWPOINT_M = np.array([0.3, -0.2, 0.8])
+LAMP_M = np.array([0.4, 0.3, 2.5])
+
+
+def _light(kind, **options):
+    options.setdefault("position_m", LAMP_M)
+    options.setdefault("direction", np.array([0.36, -0.48, -0.8]))
+    return Light(kind, (1.0, 1.0, 1.0), 1.0, **options)
+
+
+DOWN = np.array([0.0, 0.0, -1.0])
+LIGHTS = {
+    "directional": _light(LightKind.DIRECTIONAL),
+    "point": _light(LightKind.POINT),
+    "spot": _light(LightKind.SPOT, direction=DOWN, cone_cosines=(0.7, 0.6)),
+    "wide-spot": _light(LightKind.SPOT, direction=DOWN, cone_cosines=(0.3, 0.1)),
+}
+
+
+def _camera(size_px=120):
+    return OmniCamera(polygons=None).resized(size_px)
+
+
+def _lighting(*lights):
+    return Lighting((AMBIENT,) * 3, lights, exposure=1.0)
+
+
+def _table(material=0):
+    """A floor, and a square above it."""
+    return [square(6.0), square(HALF_M, HEIGHT_M, material=material, name="table")]
+
+
+def _render(scene, camera, backend="cube", **options):
+    with Renderer(scene, camera, backend=backend) as renderer:
+        return renderer.render(_pose(camera), linear=True, **options).linear[..., 1]
+
+
+def _pose(camera):
+    return camera.base_pose(VIEWPOINT_M, yaw_deg=20.0)
+
+
+def _is_shadowed(light, points_m):
+    """Mask of points (n, 3) of the floor from where the table hides the lamp."""
+    if light.kind is LightKind.DIRECTIONAL:
+        toward = np.broadcast_to(-light.direction, points_m.shape)
+    else:
+        toward = light.position_m - points_m
+    at_m = points_m + toward * (HEIGHT_M - points_m[..., 2:]) / toward[..., 2:]
+    return np.all(np.abs(at_m[..., :2]) < HALF_M, axis=-1)
+
+
+@pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
+def test_edges_of_shadows_are_where_geometry_has_them(light):
+    camera = _camera()
+    scene = scene_of(_table(), lighting=_lighting(light))
+    shown = _render(scene, camera)
+    lit = _render(replace(scene, lighting=scene.lighting.without_shadows()), camera)
+    # samples of the pixels on the floor
+    model, side = camera.model, 6
+    fine = (pixel_grid(model.width_px * side, model.height_px * side) + 0.5) / side - 0.5
+    rays, has_ray = model.ray_from_pixel(fine)[:2]
+    world_from_optical = _pose(camera)[:3, :3] @ model.rig_from_optical
+    directions = rays @ world_from_optical.T
+    with np.errstate(all="ignore"):
+        floor_m = VIEWPOINT_M + directions * (-VIEWPOINT_M[2] / directions[..., 2:])
+    on_floor = has_ray & (directions[..., 2] < -0.2) & (np.abs(floor_m).max(axis=-1) < 5.0)
+    dark = _is_shadowed(light, np.nan_to_num(floor_m))
+
+    def of_pixels(mask):
+        height, width = mask.shape
+        return mask.reshape(height // side, side, width // side, side).mean(axis=(1, 3))
+
+    whole = of_pixels(on_floor) == 1.0
+    dark = of_pixels(dark)
+    assert (dark[whole] == 1.0).sum() > 100
+    seen = (lit - shown) / np.maximum(lit - AMBIENT, 1e-3)
+    off = np.abs(seen - dark)[whole & (lit > AMBIENT + 0.02)]
+    edge_px = np.count_nonzero((dark > 0.0) & (dark < 1.0) & whole)
+    # areas of wrong light over the length of the edges: how far they are off, in pixels
+    assert off.sum() / edge_px < 0.5
+    assert np.mean(off > 0.02) < 2.0 * edge_px / off.size
+
+
+@pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
+@pytest.mark.parametrize("turned_deg", [0.0, 37.0])
+def test_a_convex_room_has_no_shadow(light, turned_deg):
+    if light.kind is LightKind.DIRECTIONAL:
+        pytest.skip("its light comes from outside")
+    at = light.position_m * (1.0, 1.0, 0.4)
+    lighting = _lighting(replace(light, position_m=at))
+    poses = [pose((0.0, 0.0, 0.0), yaw_deg=turned_deg, roll_deg=0.5 * turned_deg)]
+    scene = scene_of([room()], [Material(double_sided=True)], poses, lighting)
+    camera = _camera(240)
+    shown = _render(scene, camera)
+    expected = _render(replace(scene, lighting=lighting.without_shadows()), camera)
+    # in its corners a map's texel has two walls
+    assert np.mean(np.abs(shown - expected) > 0.01) < 0.003
+    np.testing.assert_allclose(shown, expected, atol=0.08)
+
+
+def _leaves():
+    pixels = np.full((2, 2, 4), 255, dtype=np.uint8)
+    pixels[0, 0, 3] = pixels[1, 1, 3] = 0
+    return Texture(pixels)
+
+
+MATERIALS = {
+    "one-sided": Material(base_color=(0.8, 0.2, 0.2, 1.0)),
+    "holes": Material(texture=_leaves(), alpha_mode=AlphaMode.MASK, double_sided=True),
+    "clear": Material(base_color=(1, 1, 1, 0.3), alpha_mode=AlphaMode.BLEND, double_sided=True),
+    "dense": Material(base_color=(1, 1, 1, 0.7), alpha_mode=AlphaMode.BLEND, double_sided=True),
+}
+
+
+def _flat(mesh, material):
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32) * 0.5 + 0.25
+    return replace(mesh, material=material, texture_coordinates=uv)
+
+
+@pytest.mark.parametrize("light", [LIGHTS["directional"], LIGHTS["point"]], ids=["sun", "point"])
+@pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS.keys())
+def test_materials_cast_the_shadows_of_rays(material, light):
+    pytest.importorskip("embreex")
+    floor, table = _table()
+    # upside down: a front that the lamp does not see
+    table = replace(_flat(table, 1), triangles=table.triangles[:, ::-1].copy())
+    materials = [Material(double_sided=True), material]
+    scene = scene_of([floor, table], materials, lighting=_lighting(light))
+    camera = _camera()
+    shown, expected = _render(scene, camera), _render(scene, camera, "rays")
+    error = np.sqrt(np.mean((shown - expected) ** 2))
+    assert error < 0.02
+    if material.alpha_mode is AlphaMode.BLEND and material.base_color[3] < 0.5:
+        plain = _render(replace(scene, lighting=scene.lighting.without_shadows()), camera)
+        np.testing.assert_allclose(shown, plain, atol=1e-3)
+
+
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+def test_materials_may_cast_no_shadow(backend):
+    if backend == "rays":
+        pytest.importorskip("embreex")
+    materials = [Material(double_sided=True), Material(double_sided=True, casts_shadow=False)]
+    scene = scene_of(_table(1), materials, lighting=_lighting(LIGHTS["directional"]))
+    camera = _camera()
+    plain = _render(replace(scene, lighting=scene.lighting.without_shadows()), camera, backend)
+    np.testing.assert_allclose(_render(scene, camera, backend), plain, atol=1e-3)
+
+
+def _moving():
+    return scene_of([square(0.25, 0.0, name="moving")], [Material(double_sided=True)])
+
+
+def _state(camera, place):
+    return WorldState({BODY: _pose(camera), "moving": pose(place)})
+
+
+PLACES = [(0.2, 0.1, 1.0), (-0.6, 0.5, 0.7), (0.2, 0.1, 1.0)]
+
+
+@pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
+def test_shadows_of_what_moves_follow_it(light):
+    """The same bytes as if it had been drawn there first, whatever was drawn before."""
+    camera, scene = _camera(), scene_of([square(6.0)], lighting=_lighting(light))
+    with Stage(scene, dynamic_objects={"moving": _moving()}) as stage:
+        renderer = Renderer(stage, camera)
+        frames = [renderer.render(_state(camera, place), linear=True).linear for place in PLACES]
+        batch = renderer.render_batch([_state(camera, place) for place in PLACES])
+        eight_bits = [renderer.render(_state(camera, place)).rgb for place in PLACES]
+    assert np.array_equal(frames[0], frames[2])
+    assert not np.array_equal(frames[0], frames[1])
+    assert np.array_equal(batch, eight_bits)
+    for place, frame in zip(PLACES, frames, strict=False):
+        # as static geometry it is rounded elsewhere
+        still = scene.added("moving", _moving(), pose(place))
+        assert np.mean(np.abs(_render(still, camera) - frame[..., 1]) > 0.01) < 2e-3
+
+
+def test_a_batch_of_what_is_static_is_drawn_together():
+    camera = _camera()
+    lights = _lighting(*(replace(light, intensity=0.3) for light in LIGHTS.values()))
+    scene = scene_of([*_table(), square(0.3, 1.8)], lighting=lights)
+    states = [camera.base_pose(VIEWPOINT_M + (0.1 * i, 0, 0), yaw_deg=30.0 * i) for i in range(5)]
+    with Renderer(scene, camera) as renderer:
+        single = [renderer.render(state).rgb for state in states]
+        assert np.array_equal(renderer.render_batch(states), single)
+
+
+def _in_batches(renderer, states, monkeypatch):
+    """Pictures of a batch, and whether they were drawn together."""
+    alone = []
+    with monkeypatch.context() as patch:
+        draw_each = CubePass._draw_each
+        patch.setattr(
+            CubePass, "_draw_each", lambda *given: alone.append(given) or draw_each(*given)
+        )
+        return renderer.render_batch(states), not alone
+
+
+@pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
+def test_a_batch_in_a_world_that_rests_is_drawn_together(light, monkeypatch):
+    """Shadows of what moves are drawn once for all viewpoints, and again when it has moved."""
+    camera, scene = _camera(), scene_of([square(6.0)], lighting=_lighting(light))
+    with Stage(scene, dynamic_objects={"moving": _moving()}) as stage:
+        renderer = Renderer(stage, camera)
+        rests = [
+            [_state(camera, place).moved({BODY: camera.base_pose(at, yaw_deg=10.0)}) for at in eyes]
+            for place in PLACES
+            for eyes in [[VIEWPOINT_M, VIEWPOINT_M + (0.3, 0.2, 0.0), VIEWPOINT_M - 0.1]]
+        ]
+        for states in (*rests, rests[0][:1] + rests[1][1:]):
+            batch, is_together = _in_batches(renderer, states, monkeypatch)
+            assert is_together == (states in rests)
+            single = [renderer.render(state).rgb for state in states]
+            assert np.array_equal(batch, single)
+            assert len({picture.tobytes() for picture in batch}) == 3
+
+
+def test_edited_instances_cast_shadows_where_they_are():
+    camera, scene = _camera(), scene_of(_table(), lighting=_lighting(LIGHTS["point"]))
+    with Renderer(scene, camera) as renderer:
+        state = _pose(camera)
+        before = renderer.render(state).rgb
+        renderer.scene = scene.moved("object 1", pose((0.5, 0.2, 0.3)))
+        moved = renderer.render(state).rgb
+        renderer.scene = scene
+        assert np.array_equal(renderer.render(state).rgb, before)
+    with Renderer(scene.moved("object 1", pose((0.5, 0.2, 0.3))), camera) as renderer:
+        expected = renderer.render(state).rgb
+    # one is drawn by its matrix, the other one's vertices are in the world
+    assert np.mean(np.abs(moved.astype(int) - expected) > 1) < 1e-3
+
+
+def test_cascades_are_around_the_viewpoint(monkeypatch):
+    """Far apart in a large scene, shadows are as fine as in a small one."""
+    camera, light = _camera(), LIGHTS["directional"]
+    small = _render(scene_of(_table(), lighting=_lighting(light)), camera)
+    away_m = np.array([400.0, -300.0, 0.0])
+    moved = [pose(away_m), pose(away_m), pose((-600.0, 600.0, 0.0))]
+    large = scene_of([*_table(), square(0.5)], poses=moved, lighting=_lighting(light))
+    with Renderer(large, camera) as renderer:
+        renderer.render(camera.base_pose((0.0, 0.0, 1.0)))
+        there = camera.base_pose(VIEWPOINT_M + away_m, yaw_deg=20.0)
+        shown = renderer.render(there, linear=True).linear[..., 1]
+        beside = camera.base_pose(VIEWPOINT_M + away_m + 0.02, yaw_deg=60.0)
+        here = camera.base_pose(VIEWPOINT_M)
+        for states, has_same_maps in [([there, beside], True), ([there, here], False)]:
+            batch, is_together = _in_batches(renderer, states, monkeypatch)
+            assert is_together == has_same_maps
+            assert np.array_equal(batch, [renderer.render(state).rgb for state in states])
+    assert np.mean(np.abs(shown - small) > 0.02) < 0.01
+
+
+def test_many_lamps_share_bounded_memory():
+    lights = [replace(LIGHTS["point"], position_m=LAMP_M + (0.02 * i, 0, 0)) for i in range(32)]
+    plan = make_shadow_plan(_lighting(*lights), np.array([[[-5.0] * 3, [5.0] * 3]]), 16384)
+    assert plan.width_px * plan.height_px <= 1 << 25
+    left, top, width, height = plan.rectangles_px.T
+    assert (left + width).max() <= plan.width_px
+    assert (top + height).max() <= plan.height_px
+    corners = np.stack((left, top), axis=1)
+    assert len(np.unique(corners, axis=0)) == 32 * 6
+
+
+SCALES = {"millimetres": 1e-3, "metres": 1.0, "kilometres": 1e3}
+GRAZING_DEG = (1.0, 4.0, 15.0, 50.0)
+
+
+def _sized(camera, scale):
+    return replace(camera, near_m=camera.near_m * scale)
+
+
+@pytest.mark.parametrize("scale", SCALES.values(), ids=SCALES.keys())
+@pytest.mark.parametrize("grazing_deg", GRAZING_DEG)
+@pytest.mark.parametrize("kind", ["directional", "point"])
+def test_no_surface_shadows_itself_however_light_grazes_it(kind, grazing_deg, scale):
+    """A panel above a floor, lit at an angle to its plane; the floor has its shadow."""
+    if kind == "point" and scale < 1.0:
+        pytest.skip("what is so near to a lamp casts no shadow")
+    angle = np.deg2rad(grazing_deg)
+    # the panel's normal is the world's y, after the mesh's z
+    toward = np.array([0.3 * np.cos(angle), np.sin(angle), np.cos(angle)])
+    toward /= np.linalg.norm(toward)
+    light = _light(LightKind[kind.upper()], direction=-toward, position_m=3.0 * scale * toward)
+    light = replace(light, intensity=9.0 * scale**2 if kind == "point" else 1.0)
+    panel = square(0.5 * scale, material=1, name="panel")
+    floor = square(6.0 * scale)
+    poses = [pose((0.0, 0.0, -scale)), pose((0.0, 0.0, 0.0), roll_deg=-90.0)]
+    blue, red = (0, 0, 1, 1), (1, 0, 0, 1)
+    materials = [Material(base_color=one, double_sided=True) for one in (blue, red)]
+    scene = scene_of([floor, panel], materials, poses, _lighting(light))
+    camera = _sized(_camera(200), scale)
+    state = camera.base_pose(np.array([0.1, 0.7, 0.05]) * scale, yaw_deg=-90.0)
+    expected, shown = (
+        _linear(one, camera, state)
+        for one in (replace(scene, lighting=scene.lighting.without_shadows()), scene)
+    )
+    on_panel = expected[..., 0] > 0.02
+    assert on_panel.sum() > 500
+    assert (shown[..., 2] < 0.9 * expected[..., 2]).sum() > 20  # the shadow on the floor
+    off = np.abs(shown - expected)[..., 0][on_panel]
+    assert np.mean(off > 0.01) == 0.0
+
+
+def _linear(scene, camera, state):
+    with Renderer(scene, camera) as renderer:
+        return renderer.render(state, linear=True).linear

@@ -1,0 +1,114 @@
+"""Errors of a missing or old OpenGL, each in a process of its own."""
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import omnisim.rendering.opengl.context as context_module
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.context import (
+    graphics_info,
+    list_devices,
+    open_context,
+    release_context,
+)
+
+
+def _info(**environment):
+    code = (
+        "from omnisim.apps.cli.app import main; import sys; sys.argv = ['omnisim', 'info']; main()"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+    )
+
+
+def test_no_driver_says_what_to_install(needs_opengl):
+    done = _info(__EGL_VENDOR_LIBRARY_DIRS="/nonexistent")
+    assert done.returncode == 1
+    assert "there is no OpenGL driver: install OpenGL: sudo apt-get install" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_too_old_an_opengl_says_so(context):
+    if "llvmpipe" not in graphics_info(context).renderer:
+        pytest.skip("only Mesa can be told to be old")
+    done = _info(MESA_GL_VERSION_OVERRIDE="3.3")
+    assert done.returncode == 1
+    assert "error: OpenGL 4.5 or newer is needed and not there" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
+    real = context_module._open
+
+    def first_is_broken(device):
+        if device in (None, 0):
+            raise GraphicsError("no permission")
+        if device == 1:
+            return real(0)
+        raise GraphicsError(f"device {device}: {context_module._NO_SUCH_DEVICE}")
+
+    monkeypatch.setattr(context_module, "_open", first_is_broken)
+    broken, working = list_devices()
+    assert isinstance(broken[1], GraphicsError)
+    assert working[0] == 1
+    assert working[1].renderer
+    open_context().release()  # the first that works
+    with pytest.raises(GraphicsError, match="no permission"):
+        open_context(0)  # but not instead of one that was asked for
+
+
+def test_a_released_context_is_emptied_and_used_again(needs_opengl):
+    context = open_context()
+    context.texture((4, 4), 4)
+    assert context.objects
+    release_context(context)
+    assert not context.objects
+    again = open_context()
+    assert again is context
+    other = open_context()
+    assert other is not again
+    other.release()
+    again.release()
+
+
+def test_a_thread_uses_no_context_of_another(needs_opengl):
+    context = open_context()
+    release_context(context)
+    with ThreadPoolExecutor(1) as executor:
+        other = executor.submit(open_context).result()
+        assert other is not context
+        executor.submit(other.release).result()
+    assert open_context() is context
+    context.release()
+
+
+ENDED_DISPLAY = """
+import ctypes
+from omnisim.rendering.opengl.context import open_context, release_context
+first = open_context()
+egl = ctypes.CDLL("libEGL.so.1")
+egl.eglGetCurrentDisplay.restype = ctypes.c_void_p
+display = egl.eglGetCurrentDisplay()
+release_context(first)
+assert egl.eglReleaseThread()
+assert egl.eglTerminate(ctypes.c_void_p(display))  # as pyrender does
+second = open_context()
+second.texture((4, 4), 4)
+assert second.error == "GL_NO_ERROR"
+"""
+
+
+def test_a_display_that_another_library_ended_opens_again(needs_opengl):
+    done = subprocess.run(
+        [sys.executable, "-c", ENDED_DISPLAY], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,67 @@
+"""Calls of OpenGL in a frame: as many for one view as for many, for few objects as for many."""
+
+import numpy as np
+import pytest
+
+import omnisim
+from omnisim.core.poses import pose
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.scene.model import Material
+from tests.rendering.opengl.gl_calls import GlCalls
+from tests.rendering.opengl.sheets import sheet
+from tests.scenes import scene_of
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+CAMERA = OmniCamera().resized(60).with_quality("fast")
+SUBMISSIONS = (
+    "glDispatchCompute", "glDispatchComputeIndirect", "glMultiDrawElementsIndirectCountARB",
+    "glDrawArraysInstanced", "glDrawElementsInstanced", "glMultiDrawElementsIndirect",
+)  # fmt: skip
+# In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
+MOST_CALLS, MOST_SUBMISSIONS = 210, 45
+
+
+def _poses(count):
+    return np.stack([CAMERA.base_pose((0.1 * number, 0.0, 1.0)) for number in range(count)])
+
+
+def _frame(calls, renderer):
+    """Calls of a frame, and of batches of 1, 3 and 9 pictures."""
+    poses = _poses(9)
+    runs = [lambda: renderer.render(poses[0])]
+    runs += [lambda some=poses[:count]: renderer.render_batch(some) for count in (1, 3, 9)]
+    counted = []
+    for run in runs:
+        run()  # programs are compiled, buffers made
+        run()
+        counted.append(calls.of(run))
+    return counted
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["soccer", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mapping", "courtyard"))],
+)
+def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(name, monkeypatch):
+    calls = GlCalls(monkeypatch)
+    # the courtyard's sun has maps that follow the viewpoint, and are drawn for each picture
+    sky = "none" if name == "courtyard" else None
+    with Renderer(omnisim.load_scene(name, sky=sky), CAMERA) as renderer:
+        frame, *batches = _frame(calls, renderer)
+    assert batches[0] == batches[1] == batches[2]
+    for made in (frame, batches[0]):
+        assert 0 < sum(made.values()) <= MOST_CALLS
+        assert sum(made[one] for one in SUBMISSIONS) <= MOST_SUBMISSIONS
+
+
+def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):
+    calls = GlCalls(monkeypatch)
+    made = []
+    for count in (2, 40):
+        meshes = [sheet(f"sheet {number}", 0, seed=number) for number in range(count)]
+        poses = [pose((0.2 * number, 1.0, 0.0)) for number in range(count)]
+        with Renderer(scene_of(meshes, [Material()], poses), CAMERA) as renderer:
+            made.append(_frame(calls, renderer))
+    assert made[0] == made[1]

@@ -1,0 +1,92 @@
+"""The exact capture against colours computed without any renderer."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.core import poses
+from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.cube import face_index
+from omnisim.core.srgb import srgb_from_linear
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+
+def _analytic(camera, world_from_base):
+    """8-bit sRGB picture of the room, its valid mask and the face of the cube at each pixel."""
+    rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    rig = rays.directions @ RIG_FROM_OPTICAL_LOOKING_UP.T
+    world = rig @ world_from_base[:3, :3].T
+    hits = room_hit(world_from_base[:3, 3], world)
+    return 255.0 * srgb_from_linear(room_color(hits)), rays.valid, face_index(rig), hits
+
+
+@pytest.mark.parametrize("theta_max_deg", [105.0, 150.0])
+@pytest.mark.parametrize("face_size_px", [None, 128, 1024])
+@pytest.mark.parametrize(
+    "pose",
+    [
+        poses.pose((0.3, -0.4, 0.1)),
+        poses.pose((-1.0, 0.7, -0.5), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0),
+    ],
+    ids=["level", "tilted"],
+)
+def test_no_seam_and_the_right_colour_everywhere(theta_max_deg, face_size_px, pose):
+    mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
+    camera = HyperbolicCamera.framed_on_rim(mirror, 360, 360)
+    sensor = OmniCamera(model=camera, polygons=None, face_size_px=face_size_px)
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        frame = renderer.render(pose)
+    expected, valid, faces, hits = _analytic(camera, pose)
+    # a pixel counts where the mirror covers half of its four samples, which are ¼ px from its
+    # middle: those whose middle is up to that far outside may count, too
+    radii = np.linalg.norm(pixel_grid(360, 360) - camera.principal_point_px, axis=-1)
+    assert np.all(frame.valid[valid])
+    assert not np.any(frame.valid[radii > camera.rim_radius_px + 0.25])
+    off = np.abs(frame.rgb - expected).max(axis=-1)
+    # The room is smooth but for its own edges, where any filter rounds the crease off a little:
+    # leave out what is within three pixels of one. A pixel is at most 1/h radians wide where the
+    # room's edges are; the second nearest wall is at the edge.
+    crease_m = np.sort(np.abs(np.abs(hits) - ROOM_HALF_M), axis=-1)[..., 1]
+    distance_m = np.linalg.norm(hits - pose[:3, 3], axis=-1)
+    smooth = valid & (crease_m / distance_m > 3.0 / camera.horizon_radius_px)
+    assert smooth.sum() > 0.7 * valid.sum()
+    assert off[smooth].max() <= 2.0
+    # And across an edge of the cube it is no worse than inside a face.
+    seam = smooth & next_to_another_face(faces)
+    assert seam.sum() > 500
+    assert off[seam].max() <= 2.0
+    assert off[seam].mean() < 1.0
+
+
+def test_thousand_polygons_show_the_exact_picture():
+    sensor = OmniCamera()
+    pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=20.0)
+    pictures = []
+    for polygons in (None, 1024):
+        with Renderer(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
+            pictures.append(renderer.render(pose))
+    both = pictures[0].valid & pictures[1].valid
+    assert both.sum() > 0.99 * pictures[0].valid.sum()
+    off = np.abs(pictures[0].rgb.astype(int) - pictures[1].rgb.astype(int))[both]
+    # 0.4 px of geometry at the steepest gradient of the room
+    assert off.max() <= 4
+
+
+def test_tilted_mounting_is_a_tilted_vehicle():
+    tilt = poses.pose((0.2, 0.1, 0.3), roll_deg=10.0, pitch_deg=5.0, yaw_deg=90.0)
+    mounted = dataclasses.replace(OmniCamera(polygons=None), base_from_rig=tilt)
+    vehicle = poses.pose((0.4, -0.2, 0.0), yaw_deg=-40.0)
+    with Renderer(scene_of([room()]), mounted) as renderer:
+        one = renderer.render(vehicle)
+    with Renderer(scene_of([room()]), OmniCamera(polygons=None)) as renderer:
+        other = renderer.render(vehicle @ tilt)
+    np.testing.assert_array_equal(one.rgba, other.rgba)

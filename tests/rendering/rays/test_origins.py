@@ -1,0 +1,52 @@
+"""Pictures and hits of a camera whose rays do not meet in one point, by formulas."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.camera import Rays, pixel_grid
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core.poses import pose
+from omnisim.ground_truth.hits import NO_DETAILS
+from tests.scenes import room, room_color, room_hit, scene_of
+
+pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.picture import RayPicture
+from omnisim.rendering.rays.pixel_hits import PixelHits
+from omnisim.rendering.rays.pixel_rays import PixelRays
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+
+
+@dataclass(frozen=True)
+class AxialCamera(EquidistantCamera):
+    """Rays that start along the axis: the farther from it they look, the higher."""
+
+    def ray_from_pixel(self, pixels_px):
+        """As the lens, from 0 to 0.4 m along the axis."""
+        rays = super().ray_from_pixel(pixels_px)
+        heights_m = 0.4 * (1.0 - rays.directions[..., 2]) / 2.0
+        return Rays(rays.directions, rays.valid, heights_m[..., None] * np.array([0.0, 0.0, 1.0]))
+
+
+def test_each_ray_starts_at_its_own_origin():
+    camera = AxialCamera(40, 30, 12.0, (19.5, 14.5), math.radians(100.0))
+    scene, world_from_rig = RayScene(scene_of([room()])), pose((0.3, -0.2, 0.1), 3.0, -8.0, 40.0)
+    limits, still = DepthLimits(0.01, math.inf), ObjectState()
+    rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+    origins = rays.origins_m[rays.valid] @ world_from_optical.T + world_from_rig[:3, 3]
+    directions = rays.directions[rays.valid] @ world_from_optical.T
+    assert np.ptp(rays.origins_m[..., 2]) > 0.15
+    expected = room_hit(origins, directions)
+    pixels = PixelHits(scene, PixelRays(camera, None), limits)
+    hits = pixels.cast(world_from_rig, still, NO_DETAILS)
+    points = hits.points_m[rays.valid] + world_from_rig[:3, 3]
+    np.testing.assert_allclose(points, expected, atol=1e-6)
+    lengths_m = np.linalg.norm(expected - origins, axis=1)
+    np.testing.assert_allclose(hits.ranges_m[rays.valid], lengths_m, rtol=1e-6)
+    picture = RayPicture(scene, camera, None, 1, limits).render(world_from_rig, still)
+    np.testing.assert_allclose(picture[rays.valid, :3], room_color(expected), atol=1e-5)

@@ -1,0 +1,133 @@
+"""Polygons that are chosen for a picture, against the rays that the GPU then has."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from omnisim import OmniCamera, Renderer
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.errors import OpticsError
+from omnisim.core.poses import pose
+from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px
+from omnisim.rendering.camera.valid_mask import valid_mask
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from tests.scenes import room, scene_of
+
+PAPER = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 360, 360)
+HIGH_RIM = HyperbolicCamera.framed_on_rim(HyperbolicMirror(theta_max_rad=2.6), 300, 300)
+CAMERAS = {
+    "paper-91": PAPER.scaled(91 / 360),
+    "paper-360": PAPER,
+    "paper-1024": PAPER.scaled(1024 / 360),
+    "off its axis": dataclasses.replace(PAPER, principal_point_px=(31.3, 402.9)),
+    "axis far outside": dataclasses.replace(PAPER, principal_point_px=(-150.0, 180.0)),
+    "cropped": dataclasses.replace(PAPER, focal_length_px=6.0 * PAPER.focal_length_px),
+    "wide": HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 500, 90),
+    "to its asymptote": HIGH_RIM,
+    "plane": HyperbolicCamera.framed_on_rim(
+        HyperbolicMirror(k=2.0, theta_max_rad=math.radians(40.0)), 200, 200
+    ),
+    "a few pixels": PAPER.scaled(5 / 360),
+}
+cameras = pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
+
+
+def _off_px(context, camera, polygons):
+    """Distances (n,) between pixels with a ray and where the exact mirror shows it, and (m,) of the
+    others from the principal point."""  # fmt: skip
+    rays, seen = PixelMap(context, camera, polygons).read_rays()
+    positions_px = pixel_grid(camera.width_px, camera.height_px) - camera.principal_point_px
+    shown_px = _shown_px(camera, rays[seen].astype(np.float64))
+    off_px = np.linalg.norm(shown_px - positions_px[seen], axis=1)
+    return off_px, np.linalg.norm(positions_px[~seen], axis=1)
+
+
+def _shown_px(camera, rays):
+    """Positions (n, 2), from the principal point, where the exact mirror shows rays (n, 3)."""
+    theta = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), -rays[:, 2])
+    # not `pixel_from_ray`, which ends at the rim: a mesh shows a little more
+    radii_px = camera.focal_length_px * camera.mirror.tangent_from_theta(theta)
+    azimuth = np.arctan2(rays[:, 1], rays[:, 0])
+    return np.stack((np.cos(azimuth), np.sin(azimuth)), axis=-1) * radii_px[:, None]
+
+
+@cameras
+@pytest.mark.parametrize("supersampling", [1, 2])
+def test_rays_of_the_gpu_are_right_to_a_tenth_of_a_pixel(context, camera, supersampling):
+    fine = camera.scaled(supersampling)
+    off_px, unseen_radii_px = _off_px(context, fine, auto_polygons(camera))
+    assert off_px.max() / supersampling < MAX_ERROR_PX
+    lost_px = fine.rim_radius_px - unseen_radii_px
+    assert lost_px.max(initial=0.0) / supersampling < MAX_ERROR_PX
+
+
+@cameras
+def test_stated_error_is_that_of_the_gpu(context, camera):
+    """No pixel is off by more than is said."""
+    for polygons in (16, 1024):
+        stated_px = mesh_error_px(camera, polygons)
+        off_px, _ = _off_px(context, camera, polygons)
+        assert off_px.max() < stated_px
+
+
+def test_larger_pictures_need_more_polygons_and_cropped_ones_fewer():
+    counts = [OmniCamera().resized(size_px).mesh_polygons for size_px in (90, 360, 1024, 4096)]
+    assert counts == [900, 3600, 10000, 40000]
+    middle = dataclasses.replace(PAPER, width_px=36, height_px=36, principal_point_px=(17.5, 17.5))
+    assert auto_polygons(middle) < 3600
+
+
+def test_choice_follows_every_change_of_the_sensor():
+    sensor = OmniCamera()
+    assert (sensor.polygons, sensor.mesh_polygons) == ("auto", 3600)
+    assert sensor.with_quality("fast").mesh_polygons == 3600
+    assert sensor.resized(1024).resized(360).mesh_polygons == 3600
+    assert sensor.with_polygons(1024).mesh_polygons == 1024
+    assert sensor.with_polygons(None).mesh_polygons is None
+    assert sensor.with_polygons(1024).with_polygons("auto").mesh_polygons == 3600
+    assert OmniCamera.of(PAPER).polygons == "auto"
+    assert OmniCamera.of(PerspectiveCamera(8, 8, 5.0, (3.5, 3.5))).mesh_polygons is None
+    with pytest.raises(OpticsError, match="polygons: expected a whole number, 'auto' or None"):
+        OmniCamera(polygons="many")
+
+
+def test_words_say_what_was_chosen_and_why():
+    assert "3600 polygons (auto)" in repr(OmniCamera())
+    assert repr(OmniCamera(polygons=64)).endswith("64 polygons)")
+    assert OmniCamera(polygons=None).mesh_summary == "exact"
+    close_up = dataclasses.replace(PAPER, focal_length_px=1e7)
+    too_fine = OmniCamera(close_up)
+    assert too_fine.mesh_polygons is None
+    assert too_fine.mesh_error_px == 0.0
+    assert too_fine.mesh_summary == "exact (auto: 0.1 px need more than 1048576 polygons)"
+
+
+def test_valid_pixels_are_those_of_the_exact_mirror_but_for_a_tenth_of_a_pixel():
+    sensor = OmniCamera()
+    exact, mesh = (valid_mask(PAPER, polygons) for polygons in (None, sensor.mesh_polygons))
+    assert not (mesh & ~exact).any()
+    radii_px = np.linalg.norm(pixel_grid(360, 360) - PAPER.principal_point_px, axis=-1)
+    assert (PAPER.rim_radius_px - radii_px[exact & ~mesh] < MAX_ERROR_PX).all()
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize(("polygons", "bound_px"), [("auto", MAX_ERROR_PX), (None, 1e-3)])
+@pytest.mark.parametrize("size_px", [120, 480])
+def test_ground_truth_lies_on_the_rays_of_the_exact_camera(size_px, polygons, bound_px):
+    """Points of the scene, put through the exported camera, come back to their pixels."""
+    sensor = OmniCamera(polygons=polygons, supersampling=1, face_size_px=256).resized(size_px)
+    world_from_base = pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        frame = renderer.render(world_from_base, also=("position", "valid"))
+    valid = frame.channels["valid"] > 0
+    optical_from_world = np.linalg.inv(world_from_base @ sensor.base_from_optical)
+    points_m = frame.channels["position"][valid] @ optical_from_world[:3, :3].T
+    seen = sensor.model.pixel_from_ray(points_m + optical_from_world[:3, 3])
+    off_px = np.linalg.norm(seen.positions_px - pixel_grid(size_px, size_px)[valid], axis=1)
+    assert off_px[seen.valid].max() < bound_px
+    assert seen.valid.mean() > 0.995  # on the rim a mesh's edge shows a little more

@@ -1,0 +1,304 @@
+"""Batches: byte for byte the single frames, in any slices, into any arrays that can take them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core.errors import GraphicsError, OmnisimError
+from omnisim.core.poses import pose
+from omnisim.core.world import WorldState
+from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.noise import Noise
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl import batch_pipeline
+from omnisim.rendering.opengl.drawing import cube_pass
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import Stage
+from omnisim.scene.files.load import load_scene
+from omnisim.scene.model import Light, Lighting, LightKind
+from tests.rendering.opengl.sheets import mixed_scene
+from tests.scenes import room, scene_of
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+SIZE_PX = 60
+PAPER = OmniCamera().resized(SIZE_PX)
+FISHEYE = OmniCamera(
+    model=EquidistantCamera(72, 40, 22.0, (35.5, 19.5), theta_max_rad=1.5), polygons=None
+)
+CAMERAS = {
+    "fast": PAPER.with_quality("fast"),
+    "default": PAPER,
+    "several samples": dataclasses.replace(PAPER, samples=4),
+    "fisheye": FISHEYE,
+}
+
+
+def _poses(count, camera=PAPER):
+    return np.stack(
+        [
+            camera.base_pose((0.3 * number - 0.7, 0.2 * number, 0.8), yaw_deg=37.0 * number)
+            for number in range(count)
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def stage():
+    with Stage(mixed_scene()) as stage:
+        yield stage
+
+
+@pytest.fixture
+def renderer(stage):
+    with Renderer(stage, PAPER) as renderer:
+        yield renderer
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
+@pytest.mark.parametrize("pictures_a_slice", [None, 2])
+def test_pictures_are_those_of_single_frames(stage, camera, pictures_a_slice, monkeypatch):
+    with Renderer(stage, camera) as renderer:
+        poses = _poses(5, camera)
+        if pictures_a_slice:
+            monkeypatch.setattr(renderer._passes.batches, "slice_length", pictures_a_slice)
+        pictures = renderer.render_batch(poses)
+        with_alpha = renderer.render_batch(poses, channels=["rgba"])["rgba"]
+        frames = [renderer.render(one) for one in poses]
+    np.testing.assert_array_equal(pictures, [frame.rgb for frame in frames])
+    np.testing.assert_array_equal(with_alpha, [frame.rgba for frame in frames])
+    assert len({picture.tobytes() for picture in pictures}) == 5
+
+
+def test_slices_bound_the_memory(stage, monkeypatch):
+    monkeypatch.setattr(batch_pipeline, "MAX_SLICE_BYTES", 1 << 20)
+    with Renderer(stage, PAPER) as renderer:
+        renderer.render_batch(_poses(9))
+        batches = renderer._passes.batches
+        texels = batches._atlases.width * batches._atlases.height * batches._atlases.layers
+        assert 1 <= batches.slice_length < 9
+        assert 8 * texels <= 1 << 20 or batches.slice_length == 1
+
+
+def test_channels_are_those_of_single_frames(renderer):
+    poses, following = _poses(3), _poses(4)[1:]
+    names = ("range", "instance", "normals", "albedo", "flow", "flow_backward")
+    batch = renderer.render_batch(
+        poses, channels=("rgb", *names), next_states=following, previous_states=poses[::-1]
+    )
+    for number, (now, then, before) in enumerate(zip(poses, following, poses[::-1], strict=True)):
+        frame = renderer.render(now, also=names, next_state=then, previous_state=before)
+        assert batch.keys() == {"rgb", *frame.channels}
+        np.testing.assert_array_equal(batch["rgb"][number], frame.rgb)
+        for name, values in frame.channels.items():
+            assert batch[name].dtype == values.dtype
+            np.testing.assert_array_equal(batch[name][number], values, err_msg=name)
+
+
+def test_states_of_moving_worlds():
+    ball = mixed_scene()
+    with Stage(mixed_scene(), ball, dynamic_objects={"other": ball}) as stage:
+        states = [
+            WorldState({"body": one, "other": pose((2.0, 0.1 * number, 0.2))}, 0.1 * number)
+            for number, one in enumerate(_poses(3))
+        ]
+        with Renderer(stage, PAPER) as renderer:
+            pictures = renderer.render_batch(states)
+            for state, picture in zip(states, pictures, strict=True):
+                np.testing.assert_array_equal(picture, renderer.render(state).rgb)
+
+
+def test_a_body_moves_with_its_poses():
+    with Stage(load_scene("soccer"), mixed_scene()) as stage, Renderer(stage, PAPER) as renderer:
+        poses = _poses(2)
+        for form in (poses, list(poses), poses.tolist()):
+            for one, picture in zip(poses, renderer.render_batch(form), strict=True):
+                np.testing.assert_array_equal(picture, renderer.render(one).rgb)
+
+
+def test_cameras_of_a_stage_are_drawn_together(stage):
+    poses = _poses(3)
+    with Renderer(stage, PAPER) as mirror, Renderer(stage, FISHEYE) as lens:
+        pending = [one.begin_batch(poses) for one in (mirror, lens, mirror)]
+        pictures = [one.result()["rgb"] for one in pending]
+        np.testing.assert_array_equal(pictures[0], pictures[2])
+        np.testing.assert_array_equal(pictures[1], [lens.render(one).rgb for one in poses])
+        assert pending[0].result()["rgb"] is pictures[0]
+        unread = mirror.begin_batch(poses)
+    with pytest.raises(GraphicsError, match="closed"):
+        unread.result()
+
+
+@pytest.mark.parametrize("camera", ["degraded", "large"])
+def test_what_is_not_drawn_together_is_the_same(stage, camera, monkeypatch):
+    if camera == "large":
+        monkeypatch.setattr("omnisim.rendering.opengl.capture.picture_pass.MAX_TABLE_BYTES", 1000)
+        sensor = PAPER
+    else:
+        sensor = dataclasses.replace(PAPER, degradation=Degradation(noise=Noise()))
+    with Renderer(stage, sensor) as renderer:
+        assert renderer._passes.batches is None
+        pictures = renderer.render_batch(_poses(2), frame_number=7)
+        for number, one in enumerate(_poses(2)):
+            frame = renderer.render(one, frame_number=7 + number)
+            np.testing.assert_array_equal(pictures[number], frame.rgb)
+
+
+def test_fills_the_callers_arrays(renderer):
+    poses = _poses(2)
+    expected = renderer.render_batch(poses, channels=("rgb", "range"))
+    rgb = np.empty((2, SIZE_PX, SIZE_PX, 3), np.uint8)
+    assert renderer.render_batch(poses, out=rgb) is rgb
+    np.testing.assert_array_equal(rgb, expected["rgb"])
+    out = {"rgb": np.zeros_like(rgb), "range": np.empty((2, SIZE_PX, SIZE_PX), np.float32)}
+    filled = renderer.render_batch(poses, channels=("range", "rgb"), out=out)
+    for name, array in out.items():
+        assert filled[name] is array
+        np.testing.assert_array_equal(array, expected[name])
+    part = np.zeros((5, *rgb.shape[1:]), np.uint8)  # rows of a larger array
+    renderer.render_batch(poses, out=part[1:3])
+    np.testing.assert_array_equal(part[1:3], rgb)
+    assert not part[[0, 3, 4]].any()
+
+
+def test_other_libraries_take_the_arrays_without_a_copy(renderer):
+    pictures = renderer.render_batch(_poses(2))
+    assert all(stride > 0 for stride in pictures.strides)
+    taken = np.from_dlpack(pictures)
+    assert np.shares_memory(taken, pictures)
+    torch = pytest.importorskip("torch", reason="torch is not installed")
+    tensor = torch.from_dlpack(pictures)
+    assert tensor.data_ptr() == pictures.ctypes.data
+    renderer.render_batch(_poses(2)[::-1].copy(), out=tensor.numpy())
+    np.testing.assert_array_equal(tensor.numpy(), pictures)
+
+
+RIGHT = np.empty((2, SIZE_PX, SIZE_PX, 3), np.uint8)
+LOCKED = RIGHT.copy()
+LOCKED.flags.writeable = False
+SHAPE = f"of uint8 and shape (2, {SIZE_PX}, {SIZE_PX}, 3)"
+
+
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        (RIGHT.tolist(), f"NumPy array {SHAPE}, got list"),
+        (RIGHT.astype(np.float32), f"{SHAPE}, got type float32"),
+        (RIGHT[:1], f"{SHAPE}, got shape (1, {SIZE_PX}, {SIZE_PX}, 3)"),
+        (RIGHT[:, ::-1], f"{SHAPE}, got one that is not contiguous"),
+        (LOCKED, f"{SHAPE}, got a read-only one"),
+        ({"range": RIGHT}, "out: expected arrays by name: rgb, got range"),
+    ],
+)
+def test_refuses_arrays_that_cannot_take_pictures(renderer, out, message):
+    with pytest.raises(OmnisimError) as error:
+        renderer.render_batch(_poses(2), out=out)
+    assert str(error.value).endswith(message)
+
+
+@pytest.mark.parametrize(
+    ("states", "options", "message"),
+    [
+        (np.eye(4), {}, "poses: expected finite matrices (n, 4, 4), got an array of shape (4, 4)"),
+        ([np.eye(4), 2.0 * np.eye(4)], {}, "poses[1]: expected a rotation and a translation"),
+        ([np.full((4, 4), np.nan)], {}, "poses[0]: expected a finite 4 × 4 matrix"),
+        ("poses", {}, "poses: expected a finite 4 × 4 matrix, got str"),
+        ([np.eye(4)], {"channels": "range"}, "channels 'range': expected a list of names"),
+        ([np.eye(4)], {"channels": ["rgb", "rgba"]}, "expected one of rgb and rgba, got both"),
+        ([np.eye(4)], {"channels": ["depth"]}, "channel 'depth': there is no such channel"),
+        ([np.eye(4)], {"channels": ["flow"]}, "channel 'flow': expected next_states, got none"),
+        (
+            [np.eye(4)],
+            {"channels": ["flow"], "next_states": [np.eye(4)] * 2},
+            "next_states: expected 1, got 2",
+        ),
+    ],
+)
+def test_refuses_impossible_requests(renderer, states, options, message):
+    with pytest.raises(OmnisimError) as error:
+        renderer.render_batch(states, **options)
+    assert message in str(error.value)
+
+
+def test_an_empty_batch_has_no_pictures(renderer):
+    assert renderer.render_batch(np.empty((0, 4, 4))).shape == (0, SIZE_PX, SIZE_PX, 3)
+
+
+def test_an_interrupted_batch_leaves_later_ones_alone(renderer, monkeypatch):
+    poses, stale = _poses(3), np.zeros((3, SIZE_PX, SIZE_PX, 3), np.uint8)
+    expected = renderer.render_batch(poses)
+    passes = renderer._passes
+    monkeypatch.setattr(passes.batches, "slice_length", 1)
+    draw, drawn = passes.cube.render_layers, []
+
+    def interrupted(some, *targets):
+        if drawn:
+            raise KeyboardInterrupt
+        drawn.append(some)
+        draw(some, *targets)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(passes.cube, "render_layers", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            renderer.render_batch(poses, out=stale)
+    np.testing.assert_array_equal(renderer.render_batch(poses), expected)
+    assert not stale.any()
+
+
+def test_sees_edits_of_the_scene(stage):
+    with Stage(load_scene("soccer")) as stage, Renderer(stage, PAPER) as renderer:
+        poses = _poses(2)
+        renderer.render_batch(poses)
+        stage.scene = mixed_like(stage.scene)
+        np.testing.assert_array_equal(
+            renderer.render_batch(poses), [renderer.render(one).rgb for one in poses]
+        )
+
+
+def mixed_like(scene):
+    """The same scene without its first instance."""
+    return dataclasses.replace(scene, instances=scene.instances[1:])
+
+
+@pytest.mark.parametrize("name", ["mapping", "courtyard"])
+def test_occlusion_is_that_of_each_camera(name):
+    """In `mapping` clusters are tested for occlusion, in the depth of their own camera."""
+    with Stage(name) as stage, Renderer(stage, PAPER) as renderer:
+        start = stage.scene.start
+        poses = np.stack(
+            [PAPER.base_pose(start.position_m, start.yaw_deg + 50.0 * k) for k in range(3)]
+        )
+        poses[1, 0, 3] += 2.0
+        poses[2, 1, 3] += 1.5
+        np.testing.assert_array_equal(
+            renderer.render_batch(poses), [renderer.render(one).rgb for one in poses]
+        )
+
+
+def test_lamps_are_near_each_camera():
+    """Light of a lamp is computed for each fragment, from each camera's own viewpoint."""
+    position_m = np.array([0.5, 0.3, 1.2])
+    lamp = Light(LightKind.POINT, (1.0, 0.8, 0.5), 6.0, position_m=position_m)
+    scene = scene_of([room()], lighting=Lighting(ambient=(0.1, 0.1, 0.1), lights=(lamp,)))
+    with Stage(scene) as stage, Renderer(stage, PAPER) as renderer:
+        pictures = renderer.render_batch(_poses(4))
+        np.testing.assert_array_equal(pictures, [renderer.render(one).rgb for one in _poses(4)])
+        assert pictures.max() > 60
+
+
+def test_layers_drawn_one_after_the_other_are_the_same(stage, monkeypatch):
+    """Some drivers cannot draw them together."""
+    with Renderer(stage, PAPER) as renderer:
+        together = renderer.render_batch(_poses(3))
+        assert renderer._passes.cube._layers is not None
+        monkeypatch.setattr(cube_pass, "EXTENSIONS", {"GL_NONE_such"})
+        np.testing.assert_array_equal(renderer.render_batch(_poses(3)), together)
+
+
+def test_batches_of_other_sizes_are_the_same(renderer):
+    """Layers of a larger batch stay, and are not drawn."""
+    for count in (6, 4, 1, 5):
+        pictures = renderer.render_batch(_poses(count))
+        np.testing.assert_array_equal(pictures, [renderer.render(one).rgb for one in _poses(count)])

@@ -1,0 +1,123 @@
+"""Lenses as sensors: by a sensor file, rendered, resized, and mounted on a robot."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core import poses
+from omnisim.core.errors import OpticsError, SensorFileError
+from omnisim.core.srgb import srgb_from_linear
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.robots.sensor_toml import sensor_toml
+from tests.camera_examples import CAMERA_EXAMPLES
+from tests.scenes import room, room_color, room_hit, scene_of
+
+LENS = EquidistantCamera(320, 240, 90.0, (160.25, 118.5), math.radians(100.0))
+TEXT = """
+[lens]
+model = "equidistant"
+width_px = 320
+height_px = 240
+focal_length_px = 90.0
+principal_point_px = [160.25, 118.5]
+theta_max_deg = 100.0
+[lens.mounting]
+position_m = [0.1, 0.2, 0.3]
+pitch_deg = 10.0
+[camera]
+supersampling = 1
+"""
+
+
+def test_lens_from_a_sensor_file(tmp_path):
+    (tmp_path / "lens.toml").write_text(TEXT)
+    sensor = OmniCamera.from_file(tmp_path / "lens.toml")
+    assert sensor.model == LENS
+    assert sensor.polygons is None
+    assert sensor.supersampling == 1
+    np.testing.assert_allclose(sensor.base_from_rig, poses.pose((0.1, 0.2, 0.3), pitch_deg=10.0))
+    # it looks the way the vehicle goes
+    np.testing.assert_allclose(
+        OmniCamera(LENS, polygons=None).base_from_optical[:3, 2], (1.0, 0.0, 0.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("equidistant", "equidistand", r"lens\.model: expected one of .*, got 'equidistand'"),
+        ("focal_length_px = 90.0\n", "", r"lens\.focal_length_px: missing"),
+        ("90.0", "'90'", r"lens\.focal_length_px: expected a number, got '90'"),
+        ("theta_max_deg", "theta_deg", r"lens\.theta_max_deg: missing"),
+        (
+            "theta_max_deg = 100.0",
+            "theta_max_deg = 100.0\nk5 = 1",
+            r"lens\.k5: unknown key; expected one of model",
+        ),
+        ("[camera]", "[mirror]\nk = 5.0\n[camera]", r"\[lens\] and \[mirror\] both define"),
+        ("[camera]", "[camera]\nwidth_px = 9", r"camera\.width_px: is a key of \[lens\]"),
+        ("theta_max_deg = 100.0", "theta_max_deg = 200.0", r"lens\.theta_max"),
+    ],
+)
+def test_bad_lenses_are_named(tmp_path, old, new, words):
+    (tmp_path / "lens.toml").write_text(TEXT.replace(old, new))
+    with pytest.raises(SensorFileError, match=r"lens\.toml: .*" + words) as info:
+        OmniCamera.from_file(tmp_path / "lens.toml")
+    assert "\n" not in str(info.value)
+
+
+def test_a_lens_has_no_mesh():
+    assert OmniCamera(LENS).mesh_polygons is None
+    assert OmniCamera(LENS).mesh_error_px == 0.0
+    message = "model 'equidistant' has no mirror with a mesh: expected 'auto' or 'exact'"
+    with pytest.raises(OpticsError, match=message):
+        OmniCamera(LENS, polygons=1024)
+
+
+@pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
+def test_scaled_model_has_the_same_rays(camera):
+    """Resizing of every model: each knows its lengths in pixels."""
+    large = camera.scaled(2.0)
+    assert (large.width_px, large.height_px) == (2 * camera.width_px, 2 * camera.height_px)
+    pixels = pixel_grid(camera.width_px, camera.height_px)[::11, ::13]
+    one, other = camera.ray_from_pixel(pixels), large.ray_from_pixel(2.0 * pixels + 0.5)
+    both = one.valid & other.valid
+    assert both.sum() >= 0.98 * one.valid.sum()
+    np.testing.assert_allclose(one.directions[both], other.directions[both], atol=1e-9)
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_lens_renders_the_room():
+    pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=25.0)
+    sensor = OmniCamera(LENS, polygons=None)
+    with Renderer(scene_of([room()]), sensor) as renderer:
+        frame = renderer.render(pose)
+    rays = LENS.ray_from_pixel(pixel_grid(LENS.width_px, LENS.height_px))
+    optical = np.array(frame.metadata["world_from_optical"])
+    hits = room_hit(pose[:3, 3], rays.directions @ optical[:3, :3].T)
+    off = np.abs(frame.rgb - 255.0 * srgb_from_linear(room_color(hits))).max(axis=-1)
+    assert np.percentile(off[rays.valid], 98) <= 2.0  # the rest are the room's own creases
+    middle = LENS.ray_from_pixel(LENS.principal_point_px).directions
+    np.testing.assert_allclose(optical[:3, :3] @ middle, pose[:3, 0], atol=1e-12)  # ahead
+
+
+@pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
+def test_sensor_toml_round_trip_of_every_model(camera, tmp_path):
+    sensor = OmniCamera(camera, polygons=None)
+    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    again = OmniCamera.from_file(tmp_path / "s.toml")
+    assert type(again.model) is type(camera)
+    if not isinstance(camera, HyperbolicCamera):
+        pixels = pixel_grid(camera.width_px, camera.height_px)[::9, ::9]
+        np.testing.assert_allclose(
+            again.model.ray_from_pixel(pixels).directions,
+            camera.ray_from_pixel(pixels).directions,
+            atol=1e-12,
+        )
+    assert dataclasses.replace(again, model=camera).supersampling == sensor.supersampling

@@ -1,0 +1,388 @@
+"""Pictures and ground truth of optical systems without one viewpoint, by formulas."""
+
+import dataclasses
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim import OmniCamera, Renderer, load_scene
+from omnisim.cameras.calibration.calibration import calibration_of
+from omnisim.cameras.calibration.fit import fit_camera
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras.optics.shapes.quadrics import Conic
+from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.errors import OmnisimError
+from omnisim.core.poses import pose
+from omnisim.ground_truth.hits import NO_DETAILS
+from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.stage import Stage
+from omnisim.rendering.truth.sample_rays import sample_rays
+from omnisim.rendering.twist import moved_px
+from omnisim.scene.model import Material
+from omnisim.validation.markers import centroids
+from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
+from omnisim.validation.optical_systems import validation_systems
+from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.same_triangles import pose_beside_nearest, same_triangles
+from tests.cameras.optics.examples import SYSTEMS
+from tests.cameras.optics.samples import all_samples
+from tests.scenes import room, room_color, room_hit, scene_of
+from tests.slow import slow_but
+from tests.vehicles import box, p2at_body
+
+NOW = pose((0.4, -0.3, 0.1), 2.0, -4.0, 30.0)
+BEFORE = NOW @ pose((-0.1, 0.02, 0.0), 0.0, 0.0, -3.0)
+AFTER = NOW @ pose((0.12, 0.05, 0.02), 1.0, 0.5, 4.0)
+
+
+@pytest.fixture
+def embree():
+    """Skip without the ray caster."""
+    pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+
+
+def _small(name):
+    return SYSTEMS[name].scaled(0.2)
+
+
+def _world_rays(system, world_from_rig, pixels):
+    """Origins and directions in the world of pixels, and their validity."""
+    world_from_optical = world_from_rig[:3, :3] @ system.rig_from_optical
+    rays = system.ray_from_pixel(pixels)
+    origins = rays.origins_m @ world_from_optical.T + world_from_rig[:3, 3]
+    return origins, rays.directions @ world_from_optical.T, rays.valid
+
+
+@pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola", "port", "folded"])
+def test_picture_and_channels(embree, name):
+    system = _small(name)
+    origins, directions, valid = _world_rays(system, NOW, pixel_grid(72, 72))
+    expected = room_hit(origins, directions)
+    sensor = OmniCamera(system, supersampling=1)
+    channels = ("range", "z", "position", "normals", "normals_camera", "albedo", "instance")
+    with Renderer(scene_of([room()]), sensor, backend="rays") as renderer:
+        frame = renderer.render(NOW, linear=True, also=channels)
+    np.testing.assert_array_equal(frame.has_ray, valid)
+    assert valid.mean() > 0.2
+    found = {key: value[valid] for key, value in frame.channels.items()}
+    np.testing.assert_allclose(frame.linear[valid], room_color(expected[valid]), atol=1e-3)
+    np.testing.assert_allclose(found["position"], expected[valid], atol=2e-6)
+    lengths_m = np.linalg.norm(expected - origins, axis=-1)
+    np.testing.assert_allclose(found["range"], lengths_m[valid], rtol=2e-6)
+    axis = NOW[:3, :3] @ system.rig_from_optical[:, 2]
+    np.testing.assert_allclose(found["z"], (expected[valid] - NOW[:3, 3]) @ axis, atol=2e-6)
+    assert (found["instance"] == 1).all()
+    facing = np.einsum("nj,nj->n", found["normals"], directions[valid])
+    assert (facing < 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["sphere", "cone", "tilted port"])
+def test_flow_leads_to_the_pixel_whose_ray_meets_the_point(embree, name):
+    system = _small(name)
+    meshes, poses = [room(), box("box", 0, half_m=0.4)], [np.eye(4), pose((1.0, 0.6, 0.1))]
+    with Renderer(scene_of(meshes, poses=poses), system, backend="rays") as renderer:
+        frame = renderer.render(NOW, also=("flow", "position"), next_state=AFTER)
+    points, status = frame.channels["position"], frame.channels["occluded"]
+    flow = frame.channels["flow"].astype(np.float64)
+    # a few rays leave a port so obliquely that they start behind the room's wall
+    known = np.isfinite(flow[..., 0]) & (status < 2) & np.isfinite(points[..., 0])
+    assert known.sum() > 500
+    there = pixel_grid(72, 72)[known] + flow[known]
+    origins, directions, valid = _world_rays(system, AFTER, there)
+    assert valid.mean() > 0.99
+    ways = points[known] - origins
+    lengths_m = np.linalg.norm(ways, axis=-1)
+    # flow is stored in float32, and a pixel is up to 0.1 rad
+    misses = np.linalg.norm(np.cross(ways, directions), axis=-1) / lengths_m
+    assert misses[valid].max() < 1e-5
+    shown = _shows(renderer.scene, origins, directions, lengths_m)
+    assert (shown == (status[known] == 0))[valid].mean() > 0.995
+    assert (status == 1).sum() > 3
+
+
+def _shows(scene, origins, directions, lengths_m):
+    """Mask of the rays in whose way nothing is before a length."""
+    from omnisim.rendering.rays.caster import RayCaster, Rays
+
+    count = len(origins)
+    rays = Rays(origins, directions, np.full(count, 0.05), np.full(count, np.inf))
+    return RayCaster(scene).cast(rays).ranges_m >= (1.0 - 2e-3) * lengths_m
+
+
+def test_what_is_near_is_seen_from_where_the_mirror_is(embree):
+    """A hand's breadth from a sphere of 100 mm, one viewpoint would be off by pixels."""
+    system = OpticalSystem(
+        SYSTEMS["tilted camera"].camera.scaled(0.5), (Surface(Conic(0.1), pose((0, 0, 0.3))),)
+    )
+    origins, directions, valid = _world_rays(system, NOW, pixel_grid(180, 180))
+    near = pose((0.4, -0.1, 0.35), yaw_deg=20.0)
+    with Renderer(
+        scene_of([room(), box("box", 0, half_m=0.05)], poses=[np.eye(4), near]),
+        OmniCamera(system, near_m=0.01),
+        backend="rays",
+    ) as renderer:
+        instance = renderer.render(NOW, also=("instance",)).channels["instance"]
+        np.testing.assert_array_equal(
+            instance[valid] == 2, _hits_box(origins[valid], directions[valid], near)
+        )
+        middle = np.mean(origins[valid], axis=0)
+        central = _hits_box(np.broadcast_to(middle, origins[valid].shape), directions[valid], near)
+    exact = instance[valid] == 2
+    assert exact.sum() > 100
+    assert (exact != central).sum() > 20
+
+
+def _hits_box(origins, directions, world_from_box, half_m=0.05):
+    local = (origins - world_from_box[:3, 3]) @ world_from_box[:3, :3]
+    toward = directions @ world_from_box[:3, :3]
+    ends = np.sort(np.stack(((-half_m - local) / toward, (half_m - local) / toward)), 0)
+    return ends[1].min(axis=-1) >= np.maximum(ends[0].max(axis=-1), 0.0)
+
+
+def test_degraded(embree):
+    system = _small("sphere")
+    sensor = OmniCamera(system, degradation=preset("webcam"))
+    with Renderer(scene_of([room()]), sensor, backend="rays") as renderer:
+        frame = renderer.render(NOW, motion=lambda now_s: NOW)
+        again = renderer.render(NOW, motion=lambda now_s: NOW)
+    assert frame.rgb[frame.valid].std() > 5.0
+    np.testing.assert_array_equal(frame.rgb, again.rgb)
+
+
+def test_motion_by_the_exact_inverse():
+    """A step towards a port moves the picture by as much as the inverse of its rays says."""
+    assert moved_px(_small("sphere"), [ScenePoses(NOW), ScenePoses(NOW)]) == pytest.approx(
+        0.0, abs=1e-6
+    )
+    assert moved_px(_small("sphere"), [ScenePoses(NOW), ScenePoses(AFTER)]) > 1.0
+
+
+STATES = {"next_state": AFTER, "previous_state": BEFORE}
+
+
+def _near_boxes():
+    """A room with boxes from 0.15 m on around the mirror of `_by_both`."""
+    places = [(0.4, 0.05, 0.3, 20.0), (0.1, -0.5, 0.1, 50.0), (0.75, -0.2, 0.45, 5.0)]
+    poses = [np.eye(4), *(pose(place[:3], yaw_deg=place[3]) for place in places)]
+    colors = ((0.9, 0.9, 0.9), (0.8, 0.2, 0.1), (0.1, 0.3, 0.8), (0.2, 0.7, 0.2))
+    meshes = [room(), *(box("box", k, half_m=0.08) for k in (1, 2, 3))]
+    materials = [Material((*color, 1.0), double_sided=True) for color in colors]
+    return scene_of(meshes, materials, poses)
+
+
+def _frames(system, **options):
+    frames = []
+    for backend in ("cube", "rays"):
+        with Renderer(_near_boxes(), system, backend=backend) as renderer:
+            frames.append(renderer.render(NOW, **options))
+    return frames
+
+
+def _psnr_db(one, other):
+    seen = one.valid & other.valid
+    return psnr_of_levels_db(one.rgb[seen], other.rgb[seen])
+
+
+# As all cameras' pictures by both back ends; a cone squeezes more edges into fewer pixels.
+@pytest.mark.parametrize(("name", "db"), [("tilted camera", 36.0), ("cone", 33.0), ("port", 36.0)])
+def test_virtual_cameras_show_what_rays_do(embree, name, db):
+    cube, rays = _frames(SYSTEMS[name].scaled(0.5))
+    np.testing.assert_array_equal(cube.valid, rays.valid)
+    assert _psnr_db(cube, rays) > db
+    assert cube.metadata["undecided"]["cast"]
+    assert 0 < cube.metadata["undecided"]["samples"] < 0.1 * 9 * cube.valid.sum()
+
+
+def test_nothing_shines_through_beside_edges(embree):
+    """Discs on black, seen by a cone: nothing of them is beside them."""
+    system = validation_systems()["cone"]
+    world_from_optical = NOW.copy()
+    world_from_optical[:3, :3] = NOW[:3, :3] @ system.rig_from_optical
+    pixels = marker_pixels(system, 40)
+    scene = markers_on_rays(system, pixels, world_from_optical)
+    middles = []
+    for backend in ("cube", "rays"):
+        with Renderer(scene, system, backend=backend) as renderer:
+            linear = renderer.render(NOW, linear=True).linear[..., 1]
+        middles.append(centroids(linear.astype(np.float64), pixels))
+    assert len(pixels) > 10
+    assert np.linalg.norm(middles[0] - middles[1], axis=1).max() < 0.08
+
+
+def test_no_seam_shows_in_the_sky():
+    """Pixels at a ball's limb are many texels wide: their samples may be past a tile's gutter."""
+    system, ground = SYSTEMS["sphere"].scaled(0.5), pose((0.0, 0.0, -101.0))
+    scene = scene_of([box("ground", 0, half_m=100.0)], poses=[ground], background=(0.6, 0.7, 0.9))
+    with Renderer(scene, system) as renderer:
+        frame = renderer.render(NOW, linear=True)
+    directions = _world_rays(system, NOW, pixel_grid(180, 180))[1]
+    is_sky = frame.valid & (directions[..., 2] > 0.1)
+    assert is_sky.mean() > 0.1
+    np.testing.assert_allclose(frame.linear[is_sky], [scene.background] * is_sky.sum(), atol=1e-3)
+
+
+def test_undecided_samples_are_counted_without_rays(embree, monkeypatch):
+    monkeypatch.setattr("omnisim.rendering.parallax_camera.missing_packages", lambda extra: ["a"])
+    system = SYSTEMS["tilted camera"].scaled(0.5)
+    cube, rays = _frames(system)
+    assert not cube.metadata["undecided"]["cast"]
+    assert cube.metadata["undecided"]["samples"] > 0
+    assert _psnr_db(cube, rays) > 28.0
+
+
+CHANNELS = ("range", "z", "position", "normals", "normals_camera", "albedo", "instance", "semantic",
+            "flow", "occluded", "flow_backward", "scene_flow", "valid")  # fmt: skip
+
+
+TOLERANCES = {"albedo": 0.1, "flow": 0.01, "flow_backward": 0.01}  # filtered; a sensitive inverse
+
+
+def _off(one, other, tolerance=2e-6):
+    """Pixels whose values differ by more than float32 does, or a tolerance."""
+    if one.dtype.kind in "iu":
+        return one != other
+    near = np.isclose(one, other, rtol=1e-5, atol=tolerance, equal_nan=True)
+    return ~near.reshape(*near.shape[:2], -1).all(axis=-1)
+
+
+@pytest.mark.parametrize("name", slow_but(["sphere", "cone", "port"], "sphere"))
+def test_ground_truth_is_that_of_rays(embree, name):
+    """A hand's breadth from boxes."""
+    cube, rays = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS, **STATES)
+    ray = rays.has_ray
+    np.testing.assert_array_equal(cube.has_ray, ray)
+    for channel in CHANNELS:
+        values = cube.channels[channel], rays.channels[channel]
+        assert _off(*values, TOLERANCES.get(channel, 2e-6))[ray].mean() <= 1e-3, channel
+
+
+OWN_CAMERA = {"glass_tube", "mirror_cap", "mirror", "mast", "camera_body"}
+
+
+@pytest.mark.parametrize("casts", [True, False])
+def test_the_robot_itself_is_right(embree, monkeypatch, casts):
+    """A sphere of 100 mm, 8 cm from the scanner and a hand's breadth above the deck."""
+    if not casts:
+        monkeypatch.setattr(
+            "omnisim.rendering.parallax_camera.missing_packages", lambda extra: ["a"]
+        )
+    sensor = OmniCamera(
+        SYSTEMS["tilted camera"].scaled(0.5), base_from_rig=pose((-0.1, 0.0, 0.05)), near_m=0.02
+    )
+    base, frames = pose((0.3, -0.2, -1.2), 1.0, -2.0, 40.0), []
+    for backend in ("cube", "rays"):
+        with (
+            Stage(scene_of([room()]), p2at_body(), backend=backend) as stage,
+            Renderer(stage, sensor, hidden=OWN_CAMERA) as renderer,
+            renderer._current() as camera,
+        ):
+            frames.append(renderer.render(base, also=("range", "instance")))
+            if backend == "cube":
+                decided = ~camera.hit_source(NO_DETAILS).undecided
+    cube, rays = frames
+    ray, body = rays.has_ray, rays.channels["instance"] > 1
+    assert body[ray].mean() > 0.3
+    assert rays.channels["range"][body].min() < 0.08
+    assert decided[ray].mean() > 0.8
+    for channel in ("range", "instance"):
+        off = _off(cube.channels[channel], rays.channels[channel])
+        assert off[ray & decided].mean() <= 1e-3, channel
+        assert off[ray].mean() <= (1e-3 if casts else 0.02), channel
+    if casts:
+        assert psnr_of_levels_db(*(one.rgb[rays.valid] for one in frames)) > 36.0
+
+
+@pytest.mark.parametrize("name", slow_but(["tilted camera", "cone"], "tilted camera"))
+def test_ground_truth_without_rays(embree, monkeypatch, name):
+    """No channel needs them; 99.4 % of the pixels are right."""
+    expected = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS[:-2], **STATES)[1].channels
+    monkeypatch.setattr("omnisim.rendering.parallax_camera.missing_packages", lambda extra: ["a"])
+    monkeypatch.setitem(sys.modules, "embreex", None)
+    with Renderer(_near_boxes(), SYSTEMS[name].scaled(0.3)) as renderer:
+        frame = renderer.render(NOW, also=CHANNELS[:-2], **STATES)
+    for channel in ("range", "position", "normals", "instance"):
+        off = _off(frame.channels[channel], expected[channel])
+        assert off[frame.has_ray].mean() <= 6e-3, channel
+    off = frame.channels["occluded"] != expected["occluded"]
+    assert off[frame.has_ray].mean() <= 6e-3
+
+
+WAREHOUSE = Path(__file__).parents[3] / "shared" / "assets" / "small_warehouse.glb"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", ["soccer", "mapping", WAREHOUSE])
+@pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola"])
+def test_same_triangles_as_exact_rays(embree, source, name):
+    """At a scene's start, and 0.2 m beside furniture."""
+    if source is WAREHOUSE and not WAREHOUSE.exists():
+        pytest.skip("a real warehouse is not part of the project")
+    scene, sensor = load_scene(source), OmniCamera(SYSTEMS[name])
+    start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+    rays = RayScene(scene)
+    with Stage(scene) as stage:
+        for base in (start, pose_beside_nearest(sensor, rays, start)):
+            shares = same_triangles(stage, rays, sensor, base)
+            assert shares.cast >= 0.999
+            assert shares.decided >= 0.999
+            assert shares.alone >= 0.994
+            assert shares.undecided <= 0.2
+
+
+def test_ground_truth_follows_an_edit(embree):
+    """A box goes, beside others that stay."""
+    system, frames = SYSTEMS["sphere"].scaled(0.3), []
+    scene = _near_boxes()
+    edited = dataclasses.replace(scene, instances=(*scene.instances[:2], *scene.instances[3:]))
+    for backend in ("cube", "rays"):
+        with Renderer(scene, system, backend=backend) as renderer:
+            before = renderer.render(NOW, also=("range", "instance"))
+            renderer.scene = edited
+            frames.append(renderer.render(NOW, also=("range", "instance")))
+    cube, rays = frames
+    assert (before.channels["range"] != cube.channels["range"]).any()
+    for channel in ("range", "instance"):
+        off = _off(cube.channels[channel], rays.channels[channel])
+        assert off[rays.has_ray].mean() <= 1e-3
+
+
+def test_degraded_by_virtual_cameras(embree):
+    sensor = OmniCamera(SYSTEMS["sphere"].scaled(0.4), degradation=preset("webcam"))
+    cube, rays = _frames(sensor, motion=lambda now_s: NOW)
+    assert _psnr_db(cube, rays) > 30.0
+
+
+@pytest.mark.parametrize("name", ["sphere", "port", "needle", "tilted camera"])
+def test_rays_between_pixels(name):
+    """Interpolated rays are within 0.02 px of traced ones, at the rim they are those."""
+    system = SYSTEMS[name].scaled(0.5)
+    found = all_samples(sample_rays(system, 3), system)
+    exact = system.scaled(3.0).ray_from_pixel(pixel_grid(540, 540))
+    assert (found.valid != exact.valid).mean() < 1e-4
+    both = found.valid & exact.valid
+    misses = np.linalg.norm(found.directions - exact.directions, axis=-1)[both]
+    inner = both[:-3] & both[3:]
+    pixel = np.linalg.norm(exact.directions[3:] - exact.directions[:-3], axis=-1)[inner]
+    assert misses.max() < 0.1 * pixel.max()
+    assert np.percentile(misses, 99.0) < 0.02 * np.median(pixel)
+    assert np.abs(found.origins_m - exact.origins_m)[both].max() < 1e-4
+
+
+def test_what_needs_one_viewpoint_says_so():
+    system = _small("sphere")
+    one = "expected a camera with one viewpoint, got model 'optics'"
+    with pytest.raises(OmnisimError, match=f"unwarping: {one}"):
+        Unwarping(system, cylinder_view(90, -math.radians(30.0), 0.0).camera, np.eye(3))
+    with pytest.raises(OmnisimError, match=f"calibration: {one}"):
+        calibration_of(system)
+    with pytest.raises(OmnisimError, match=f"fit: {one}"):
+        fit_camera(system, UnifiedCamera)

@@ -1,0 +1,270 @@
+"""Both back ends shade the same materials alike, by different code."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import omnisim
+from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.core.cube import face_index
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.scene.light.environment import Environment, map_directions
+from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture
+from omnisim.validation import material_chart
+from tests.scenes import next_to_another_face, scene_of, square
+
+pytest.importorskip("embreex")
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+
+
+def _unit(*vector):
+    return np.array(vector) / np.linalg.norm(vector)
+
+
+def _sky():
+    """Map without symmetry, with a bright spot."""
+    directions, _ = map_directions(64, 128)
+    colors = 0.5 + 0.3 * directions + 0.15 * np.sin(6.0 * directions[..., [1, 2, 0]])
+    colors += 8.0 * (directions @ _unit(0.3, -0.6, 0.7) > 0.97)[..., None]
+    return Environment(colors.astype(np.float32))
+
+
+CAMERA = dataclasses.replace(material_chart.camera().resized(82), supersampling=2)
+# where texels of normals or holes must be no smaller than pixels
+FINE_CAMERA = CAMERA.resized(165)
+LIGHTS = (
+    Light(LightKind.DIRECTIONAL, (1.0, 0.9, 0.8), 0.5, direction=_unit(0.6, -0.5, -0.62)),
+    Light(LightKind.POINT, (0.3, 1.0, 0.5), 4.0, np.array([3.0, -2.0, 1.0])),
+    Light(
+        LightKind.SPOT, (0.4, 0.5, 1.0), 20.0, np.array([2.0, 2.5, 3.0]), _unit(1.0, -0.6, -0.7),
+        range_m=30.0, cone_cosines=(0.95, 0.8),
+    ),
+)  # fmt: skip
+LIGHTINGS = {
+    "lamps": Lighting((0.2, 0.2, 0.25), LIGHTS),
+    "even light": Lighting((0.8, 0.7, 0.6), ()),
+    "sky": Lighting((0.0, 0.0, 0.0), LIGHTS[:1], environment=_sky()),
+}
+
+
+def _texture(seed, size=16, low=0, high=256, **options):
+    """Smooth texture of random values, without which mip levels would count most."""
+    coarse = np.random.default_rng(seed).integers(low, high, (4, 4, 4))
+    pixels = np.kron(coarse, np.ones((size // 4, size // 4, 1))).astype(np.uint8)
+    pixels[..., 3] = 255
+    return Texture(pixels, **options)
+
+
+NORMALS = _texture(3, low=90, high=166, is_linear=True)
+MATERIALS = {
+    "chart": {},
+    "coat": {"clearcoat": 0.8, "clearcoat_roughness": 0.2},
+    "tinted gloss": {"specular": 0.7, "specular_color": (0.2, 0.9, 3.0), "ior": 1.8},
+    "emission": {"emissive": (0.1, 0.3, 0.05), "emissive_map": _texture(5)},
+    "metal map": {"metallic_roughness_map": _texture(1, is_linear=True), "roughness": 0.8},
+    "occlusion map": {
+        "occlusion_map": _texture(2, is_linear=True), "occlusion_strength": 0.7, "metallic": 0.5
+    },
+    "normal map": {"normal_map": NORMALS, "normal_scale": 1.3},
+    "specular map": {"specular": 0.9, "specular_color": (1.0, 2.0, 4.0), "specular_map": Texture(
+        np.dstack((_texture(11).pixels[..., :3], _texture(12).pixels[..., 0]))
+    )},
+    "coat maps": {
+        "clearcoat": 0.9, "clearcoat_roughness": 0.7,
+        "clearcoat_map": _texture(13, is_linear=True),
+        "clearcoat_normal_map": NORMALS, "clearcoat_normal_scale": 0.8,
+    },
+    "second coordinates": {
+        "normal_map": dataclasses.replace(
+            NORMALS, uv_set=1, uv_transform=((0.0, 2.0, 0.1), (-1.0, 0.5, 0.0))
+        ),
+        "texture": _texture(7),
+    },
+}  # fmt: skip
+
+
+def _spheres(lighting, **values):
+    scene = material_chart.chart(lighting)
+    materials = tuple(dataclasses.replace(one, **values) for one in scene.materials)
+    shape = material_chart.sphere(material_chart.RADIUS_M, rows=24)
+    second = shape.texture_coordinates[:, ::-1]
+    meshes = tuple(
+        dataclasses.replace(
+            shape, name=one.name, material=one.material, second_texture_coordinates=second
+        )
+        for one in scene.meshes
+    )
+    return dataclasses.replace(scene, materials=materials, meshes=meshes)
+
+
+def _picture(scene, camera, backend="cube", pose=None):
+    with omnisim.Renderer(scene, camera, backend=backend) as renderer:
+        return renderer.render(omnisim.pose((0, 0, 0)) if pose is None else pose).rgba
+
+
+def _difference(scene, camera):
+    """Differences of the two back ends in steps of 255."""
+    cube, rays = (_picture(scene, camera, one).astype(int) for one in ("cube", "rays"))
+    assert cube[..., :3].max() > 100, "expected a picture of something"
+    return np.abs(cube - rays)[..., :3].max(axis=2)
+
+
+def _difference_on_spheres(scene, camera):
+    """Pixels of spheres, without outlines, which each back end draws by samples of its own."""
+    shown = material_chart.sphere_of_pixels(camera.model) >= 0
+    return _difference(scene, camera)[shown]
+
+
+@pytest.mark.parametrize(
+    ("lighting", "material"),
+    [*((lighting, "chart") for lighting in LIGHTINGS), *(("sky", one) for one in MATERIALS)],
+)
+def test_both_back_ends_agree(lighting, material):
+    scene = _spheres(LIGHTINGS[lighting], **MATERIALS[material])
+    is_fine = material in ("normal map", "second coordinates")
+    difference = _difference_on_spheres(scene, FINE_CAMERA if is_fine else CAMERA)
+    # texels of a map that are as large as pixels are filtered over texels of the atlas, or samples
+    has_maps = any(isinstance(one, Texture) for one in MATERIALS[material].values())
+    assert difference.mean() < (1.5 if has_maps else 0.6)
+    assert np.percentile(difference, 90 if has_maps else 98) <= 4
+
+
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+def test_even_maps_are_factors(backend):
+    """Gloss and clear coats: sRGB's 188 is 0.503 of light, 128 is 0.502 of a number."""
+    gloss = Texture(np.full((4, 4, 4), (188, 255, 128, 128), np.uint8))
+    coat = Texture(np.full((4, 4, 4), (128, 64, 0, 255), np.uint8), is_linear=True)
+    flat = Texture(np.full((4, 4, 4), (128, 128, 255, 255), np.uint8), is_linear=True)
+    with_maps = {
+        "specular": 1.0, "specular_color": (3.0, 2.0, 1.0), "specular_map": gloss,
+        "clearcoat": 1.0, "clearcoat_roughness": 1.0, "clearcoat_map": coat,
+        "clearcoat_normal_map": flat, "clearcoat_normal_scale": 0.0,
+    }  # fmt: skip
+    factors = {
+        "specular": 128 / 255, "specular_color": (3.0 * 0.5029, 2.0, 0.2159),
+        "clearcoat": 128 / 255, "clearcoat_roughness": 64 / 255,
+    }  # fmt: skip
+    one, other = (
+        _picture(_spheres(LIGHTINGS["lamps"], **values), CAMERA, backend).astype(int)
+        for values in (with_maps, factors)
+    )
+    assert np.abs(one - other).max() <= 2
+    plain = _picture(_spheres(LIGHTINGS["lamps"]), CAMERA, backend).astype(int)
+    assert np.abs(one - plain).max() > 20
+
+
+@pytest.mark.parametrize("double_sided", [True, False])
+def test_a_glossy_floor_has_no_edges_of_the_cube(double_sided):
+    floor = square(4.0, -1.0, texture_coordinates=np.array([[0, 0], [4, 0], [4, 4], [0, 4]], "f4"))
+    glossy = Material(
+        base_color=(0.3, 0.3, 0.3, 1.0), metallic=0.8, roughness=0.3, specular=1.0,
+        normal_map=NORMALS, double_sided=double_sided,
+    )  # fmt: skip
+    scene = scene_of([floor], [glossy], lighting=LIGHTINGS["sky"])
+    difference = _difference(scene, OmniCamera().resized(240))
+    assert difference.mean() < 0.6
+    assert np.percentile(difference, 98) <= 6
+
+
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
+    """The view is the ray's, not the axis of its face: beside an edge between two faces a picture
+    differs from one of rays, which has no faces, by no more than elsewhere."""
+    sphere = dataclasses.replace(material_chart.sphere(1.0), name="bowl")
+    glossy = Material(
+        base_color=(0.8, 0.6, 0.5, 1.0), metallic=metallic, roughness=0.25, specular=1.0,
+        double_sided=True,
+    )  # fmt: skip
+    # the inside of a bowl: it is behind all edges of the cube
+    scene = scene_of([sphere], [glossy], lighting=LIGHTINGS["sky"])
+    lens = EquirectangularCamera(256, 128)
+    camera = OmniCamera(lens, polygons=None, supersampling=2)
+    pose = omnisim.pose((0.3, -0.2, 0.1), roll_deg=20.0, pitch_deg=-10.0, yaw_deg=15.0)
+    pictures = []
+    for backend in ("cube", "rays"):
+        with omnisim.Renderer(scene, camera, backend=backend) as renderer:
+            pictures.append(renderer.render(pose, linear=True).linear)
+    apart = np.abs(pictures[0] - pictures[1]).max(axis=-1)
+    rays = lens.ray_from_pixel(pixel_grid(256, 128)).directions @ lens.rig_from_optical.T
+    edge = next_to_another_face(face_index(rays))
+    assert edge.mean() > 0.03
+    assert apart.mean() < 2e-3
+    assert apart[edge].mean() < 1.5 * apart[~edge].mean() + 1e-4
+    assert np.percentile(apart[edge], 99) < 5e-3  # half a step of 8 bits, of mid-grey
+
+
+def test_the_back_of_a_sheet_has_the_front_s_bumps_as_dents():
+    """The normal of the back is the front's, turned round: a sheet is one surface."""
+    corners = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], "f4")
+    uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "f4")
+    sheet = Mesh("sheet", corners, np.array([[0, 1, 2], [0, 2, 3]], "u4"), 0, None, uv)
+    pixels = np.full((4, 4, 4), (200, 128, 230, 255), np.uint8)  # leans towards +u, which is +y
+    material = Material(double_sided=True, specular=0.0, normal_map=Texture(pixels, is_linear=True))
+    scene_lit = [
+        scene_of(
+            [sheet], [material],
+            lighting=Lighting(
+                (0.0,) * 3, (Light(LightKind.DIRECTIONAL, (1.0,) * 3, 0.6, direction=direction),)
+            ),
+        )
+        for direction in (_unit(-1.0, -1.0, 0.0), _unit(-1.0, 1.0, 0.0), _unit(1.0, -1.0, 0.0))
+    ]  # fmt: skip
+    camera = CAMERA
+    front, behind = omnisim.pose((2.0, 0, 0), yaw_deg=180.0), omnisim.pose((-2.0, 0, 0))
+    for backend in ("cube", "rays"):
+        towards, away = (
+            _picture(scene, camera, backend, front)[40, 20, 0] for scene in scene_lit[:2]
+        )
+        assert towards > away + 40
+        # n of the back is −n of the front: it leans towards −y
+        lit_behind = _picture(scene_lit[2], camera, backend, behind)[40, 20, 0]
+        assert abs(int(lit_behind) - int(away)) <= 2
+
+
+def test_an_edited_instance_looks_as_in_a_new_scene():
+    """Edited instances are drawn one by one, others as clusters."""
+    scene = _spheres(LIGHTINGS["sky"], **MATERIALS["second coordinates"])
+    camera = CAMERA
+    pose = scene.pose_of("sphere 4")
+    pose[:3, :3] = omnisim.pose((0, 0, 0), yaw_deg=40.0)[:3, :3]
+    moved = scene.moved("sphere 4", pose)
+    with omnisim.Renderer(scene, camera) as renderer:
+        renderer.render(omnisim.pose((0, 0, 0)))
+        renderer.scene = moved
+        edited = renderer.render(omnisim.pose((0, 0, 0))).rgba
+    difference = np.abs(edited.astype(int) - _picture(moved, camera))
+    assert difference.max() <= 4
+
+
+@pytest.mark.parametrize("alpha_mode", [AlphaMode.MASK, AlphaMode.BLEND])
+def test_masked_and_blended_materials_have_gloss(alpha_mode):
+    pixels = _texture(9).pixels.copy()
+    pixels[4:8, :, 3] = 100
+    values = {"alpha_mode": alpha_mode, "texture": Texture(pixels), "roughness": 0.5}
+    scene = _spheres(LIGHTINGS["sky"], **values)
+    difference = _difference_on_spheres(scene, FINE_CAMERA)
+    assert difference.mean() < 0.8
+
+
+def test_batches_have_the_sky_and_the_gloss_of_single_pictures():
+    scene = _spheres(LIGHTINGS["sky"], **MATERIALS["normal map"])
+    camera = OmniCamera().resized(80)
+    poses = [omnisim.pose((x, 0.2, 0.1), yaw_deg=30.0 * x) for x in (0.0, 1.0, 2.0)]
+    with omnisim.Renderer(scene, camera) as renderer:
+        batch = renderer.render_batch(poses)
+        for one, pose in zip(batch, poses, strict=True):
+            assert (one[..., :3] == renderer.render(pose).rgba[..., :3]).all()
+
+
+def test_a_matte_scene_has_no_gloss(tmp_path):
+    """Materials keep their values, and are drawn as if they had none."""
+    full = _spheres(LIGHTINGS["lamps"])
+    matte = dataclasses.replace(full, lighting=dataclasses.replace(full.lighting, is_matte=True))
+    plain = dataclasses.replace(
+        full, materials=tuple(Material("", one.base_color) for one in full.materials)
+    )
+    camera = CAMERA
+    for backend in ("cube", "rays"):
+        assert (_picture(matte, camera, backend) == _picture(plain, camera, backend)).all()

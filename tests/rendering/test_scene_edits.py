@@ -1,0 +1,275 @@
+"""Edits of a scene on the GPU, against a fresh renderer of the edited scene."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.core.errors import SceneError
+from omnisim.core.poses import pose
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.scene_edits import EditableScene
+from omnisim.rendering.sensor_tiles import sensor_tiles
+from omnisim.rendering.stage import Stage
+from omnisim.scene.model import Scene
+from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
+
+CHANNELS = ("range", "position", "normals", "albedo", "semantic", "instance")
+LENS = EquidistantCamera(96, 96, 30.0, (47.5, 47.5), theta_max_rad=1.6)
+HERE = pose((0.0, 0.0, 1.0))
+SIGNS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+CORNERS = np.array([[a, b, c, d] for a, b, c, d in QUADS])
+BARS = np.where(np.arange(8) % 4 == 3, 0, 255).astype(np.uint8)  # of a fence
+
+
+def box(name="box", half_m=0.4, **options):
+    """Box with corners of its own at each face, so that it has texture coordinates."""
+    vertices = SIGNS[CORNERS.ravel()] * half_m
+    first = np.arange(0, 24, 4)[:, None]
+    triangles = np.concatenate((first + (0, 1, 2), first + (0, 2, 3)))
+    uv = np.tile([[0, 0], [1, 0], [1, 1], [0, 1]], (6, 1))
+    return Scene.from_arrays(name, vertices, triangles, uv=uv, **options)
+
+
+def fence():
+    pixels = np.full((8, 8, 4), 180, np.uint8)
+    pixels[..., 3] = BARS
+    return pixels
+
+
+def yard():
+    """Ground with boxes: opaque ones that share a mesh, a masked and a blended one."""
+    ground = Scene.from_arrays(
+        "ground",
+        [[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]],
+        [[0, 1, 2], [0, 2, 3]],
+        base_color=(0.2, 0.5, 0.2),
+        double_sided=False,
+    )
+    scene, plain = ground, box()
+    for number, angle in enumerate(np.arange(0, 360, 60)):
+        turned = pose(yaw_deg=angle) @ pose((2.0 + 0.3 * number, 0.0, 0.4))
+        scene = scene.added(f"box_{number}", plain, turned)
+    scene = scene.added("fence", box(texture=fence()), pose((1.2, 1.2, 0.8), 10, 20, 17))
+    return scene.added("glass", box(base_color=(0, 0, 1, 0.6)), pose((1.0, -1.0, 0.6)))
+
+
+EDITS = {
+    "move": lambda one: one.move("box_1", pose((1.0, 0.2, 1.1), 10.0, 20.0, 30.0)),
+    "move a masked one": lambda one: one.move("fence", pose((-1.0, 0.2, 1.1), 10.0, 20.0, 30.0)),
+    "move a blended one": lambda one: one.move("glass", pose((-1.0, 0.2, 1.1), yaw_deg=30.0)),
+    "remove": lambda one: one.remove("box_5"),
+    "recolor": lambda one: one.recolor("box_1", (0.9, 0.1, 0.0)),
+    "clear": lambda one: one.recolor("box_1", (0.9, 0.1, 0.0, 0.3)),
+    "texture": lambda one: one.recolor("box_1", (1.0, 1.0, 0.0), fence()),
+    "opaque": lambda one: one.recolor("glass", (0.9, 0.1, 0.0)),
+    "add": lambda one: one.add("ball", box(half_m=0.2, colors=np.eye(24, 3)), pose((1.5, 0, 1))),
+    "add glass": lambda one: one.add("pane", box(base_color=(1, 1, 0, 0.5)), pose((1.5, 0, 1))),
+}
+
+
+def draw(renderer):
+    return renderer.render(HERE, linear=True, also=CHANNELS)
+
+
+def assert_same(frame, expected):
+    """Equal but for baked light, and for what is rounded at silhouettes."""
+    difference = np.abs(frame.rgb.astype(int) - expected.rgb).max(axis=-1)
+    assert (difference > 1).mean() < 2e-3
+    for name in CHANNELS:
+        ours, theirs = frame.channels[name], expected.channels[name]
+        same = np.isclose(ours, theirs, rtol=1e-4, atol=1e-4, equal_nan=True)
+        assert same.reshape(96, 96, -1).all(axis=-1).mean() > 1 - 2e-3, name
+    assert [(one.id, one.name, one.class_id) for one in frame.labels.instances] == [
+        (one.id, one.name, one.class_id) for one in expected.labels.instances
+    ]
+
+
+@pytest.mark.parametrize("edit", EDITS.values(), ids=EDITS)
+def test_the_next_frame_is_that_of_a_fresh_renderer(edit):
+    with Renderer(yard(), LENS) as renderer:
+        before = draw(renderer)
+        edit(renderer)
+        frame = draw(renderer)
+        with Renderer(renderer.scene, LENS) as fresh:
+            assert_same(frame, draw(fresh))
+    changed = (frame.rgb != before.rgb).any(axis=-1)
+    assert changed.sum() > 20
+
+
+def test_many_edits_are_as_good_as_one():
+    rng = np.random.default_rng(5)
+    scene, part = yard(), box(half_m=0.15, base_color=(0.8, 0.2, 0.6))
+    with Renderer(scene, LENS) as renderer:
+        before = draw(renderer)
+        for step in range(40):
+            names = renderer.scene.instance_names
+            name = str(rng.choice(names[1:]))
+            place = pose(rng.uniform((-2, -2, 0), (2, 2, 2)), *rng.uniform(0, 360, 3))
+            kind = rng.integers(4)
+            if kind == 0:
+                renderer.add(f"new_{step}", part, place)
+            elif kind == 1 and len(names) > 6:
+                renderer.remove(name)
+            elif kind == 2:
+                renderer.recolor(name, rng.uniform(0, 1, rng.integers(3, 5)))
+            else:
+                renderer.move(name, place)
+            if step % 7 == 0:
+                draw(renderer)
+        frame = draw(renderer)
+        with Renderer(renderer.scene, LENS) as fresh:
+            assert_same(frame, draw(fresh))
+        renderer.scene = scene
+        after = draw(renderer)
+    # nothing of the edits is left
+    np.testing.assert_array_equal(after.linear, before.linear)
+    for name in CHANNELS:
+        np.testing.assert_array_equal(after.channels[name], before.channels[name])
+
+
+@pytest.mark.parametrize("edit", EDITS.values(), ids=EDITS)
+def test_items_drawn_one_by_one_are_equal_byte_for_byte(context, edit):
+    class Holder(EditableScene):
+        scene = yard()
+        _moving = ()
+
+    sensor = OmniCamera.of(LENS)
+    plan = whole_faces(sensor_tiles(sensor, LENS, 1.0))
+    cameras = VirtualCameras(0.1, np.inf, 1)
+
+    def cube(buffers):
+        programs = SurfacePrograms(buffers, Holder.scene.lighting)
+        return CubePass(buffers, programs, plan, cameras)
+
+    buffers = SceneBuffers(context, Holder.scene, uses_clusters=False)
+    edited = cube(buffers)
+    edited.render(HERE)
+    holder = Holder()
+    edit(holder)
+    buffers.update(holder.scene)
+    edited.refresh()
+    frame = edited.render(HERE).read()
+    fresh = cube(SceneBuffers(context, holder.scene, uses_clusters=False))
+    assert frame == fresh.render(HERE).read()
+
+
+def test_all_renderers_of_a_stage_see_an_edit():
+    with Stage(yard()) as stage:
+        eye, other = Renderer(stage, LENS), Renderer(stage, LENS)
+        laser = LaserRenderer(stage)
+        scanner = pose((0.0, 0.0, 0.4))
+        before, ranges = other.render(HERE), laser.scan(scanner).ranges_m
+        eye.move("box_0", pose((0.0, -1.5, 0.4)))
+        assert stage.scene is eye.scene is other.scene
+        assert (other.render(HERE).rgb != before.rgb).any()
+        moved = laser.scan(scanner).ranges_m
+    with LaserRenderer(stage.scene) as fresh:
+        np.testing.assert_allclose(moved, fresh.scan(scanner).ranges_m, atol=1e-5)
+    assert (moved != ranges).sum() > 5
+
+
+def test_what_an_edit_moves_has_no_flow():
+    with Renderer(yard(), LENS) as renderer:
+        draw(renderer)
+        renderer.move("box_0", pose((1.0, 0.5, 1.0)))
+        flow = renderer.render(HERE, also=("flow",), next_state=HERE).channels["flow"]
+        with Renderer(renderer.scene, LENS) as fresh:
+            expected = fresh.render(HERE, also=("flow",), next_state=HERE).channels["flow"]
+    np.testing.assert_allclose(flow, expected, atol=1e-3)
+
+
+def test_a_scene_may_be_empty_for_a_while():
+    part = box()
+    with Renderer(part, LENS) as renderer:
+        draw(renderer)
+        renderer.remove("box")
+        frame = draw(renderer)
+        assert not frame.channels["instance"].any()
+        with Renderer(renderer.scene, LENS) as fresh:
+            np.testing.assert_array_equal(draw(fresh).rgb, frame.rgb)
+            fresh.add("box", part, pose((1.0, 0.0, 1.0)))
+            found = draw(fresh)
+    assert found.channels["instance"].any()
+
+
+@pytest.mark.slow
+def test_memory_is_bounded():
+    with Renderer(yard(), LENS) as renderer:
+        draw(renderer)
+        buffers = renderer._stage.graphics.buffers
+        sizes = []
+        for number in range(60):
+            texture = np.full((16, 16, 3), number, np.uint8)
+            rows = np.linspace(-0.4, 0.4, 50)
+            grid = np.stack(np.meshgrid(rows, rows, [0.5]), axis=-1).reshape(-1, 3)
+            first = (50 * np.arange(49)[:, None] + np.arange(49)).reshape(-1, 1)
+            triangles = np.concatenate((first + (0, 1, 51), first + (0, 51, 50)))
+            uv = grid[:, :2] + 0.5
+            part = Scene.from_arrays("part", grid, triangles, uv=uv, texture=texture)
+            renderer.add("part", part, pose((1.5, 0.0, 0.01 * number)))
+            frame = draw(renderer) if number % 20 == 19 else renderer.render(HERE)
+            sizes.append(buffers.vertices.size + buffers.indices.size)
+            assert len(buffers.draw_items) <= 12
+            assert len(buffers._textures._layers) <= 4
+            if number < 59:
+                renderer.remove("part")
+        assert max(sizes) < 40_000_000
+        assert sizes[-1] <= max(sizes[:40])
+        with Renderer(renderer.scene, LENS) as fresh:
+            assert_same(frame, draw(fresh))
+
+
+def test_frames_without_edits_refresh_nothing(monkeypatch):
+    with Renderer(yard(), LENS) as renderer:
+        renderer.move("box_0", pose((1.0, 0.0, 1.0)))
+        renderer.move("box_0", pose((1.0, 0.0, 2.0)))
+        calls, refresh = [], CubePass.refresh
+        monkeypatch.setattr(CubePass, "refresh", lambda one: (calls.append(one), refresh(one)))
+        for _ in range(3):
+            renderer.render(HERE)
+    assert len(calls) == 1  # both edits at once, in the first frame
+
+
+def test_another_world_is_refused():
+    with Renderer(yard(), LENS) as renderer:
+        before = renderer.render(HERE)
+        with pytest.raises(SceneError, match="scene: expected the background"):
+            renderer.scene = dataclasses.replace(yard(), background=(1.0, 0.0, 0.0))
+        with pytest.raises(SceneError, match="scene: expected a Scene, got str"):
+            renderer.scene = "courtyard"
+        with pytest.raises(SceneError, match="instance 'bx_0': unknown; did you mean"):
+            renderer.move("bx_0", HERE)
+        np.testing.assert_array_equal(renderer.render(HERE).rgb, before.rgb)
+
+
+def test_a_vehicle_is_moved_by_the_state():
+    body = Scene.from_arrays("body", np.eye(3), [[0, 1, 2]])
+    expected = r"moves with the state of each frame: .*WorldState"
+    with Renderer(yard(), LENS, body=body) as renderer, pytest.raises(SceneError, match=expected):
+        renderer.move("body", HERE)
+
+
+@pytest.mark.slow
+def test_rays_see_edits_too():
+    pytest.importorskip("embreex")
+    with Renderer(yard(), LENS, backend="rays") as renderer:
+        draw(renderer)
+        for edit in EDITS.values():
+            edit(renderer)
+            renderer.scene = yard() if "glass" in renderer.scene.instance_names else renderer.scene
+        renderer.move("box_1", pose((1.0, 0.2, 1.1), 10.0, 20.0, 30.0))
+        frame = draw(renderer)
+        with Renderer(renderer.scene, LENS, backend="rays") as fresh:
+            expected = draw(fresh)
+    np.testing.assert_array_equal(frame.linear, expected.linear)
+    for name in CHANNELS:
+        np.testing.assert_array_equal(frame.channels[name], expected.channels[name])

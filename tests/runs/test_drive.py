@@ -1,0 +1,353 @@
+"""Drives: what they leave on disk, killed at any moment and gone on with."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.core.errors import GraphicsError, OutputError, RunError
+from omnisim.core.files.image_files import read_image
+from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.robots.odometry_files import read_odometry
+from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.drive import Drive
+from omnisim.runs.route import Route
+from omnisim.runs.run_folder import RunFolder
+from omnisim.scene.files.load import load_scene
+
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+ROUTE = Route("lap", step_m=1.2, step_deg=45.0)
+ARGUMENTS = ["drive", "soccer", "--robot", "p2at", "--path", "lap", "--size", "48"]
+ARGUMENTS += ["--step", "1.2", "--turn-step", "45"]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("soccer")
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return Vehicle.load("p2at").with_cameras(size_px=48)
+
+
+def _record(drive, folder, force=False):
+    """Record all; returns the steps that were there before, and at the end."""
+    steps = list(drive.plan().record(folder, force))
+    return steps[0], steps[-1]
+
+
+def _bytes(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def _ranges(folder, step):
+    lines = (folder / "lms200" / f"{step:06d}.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines if not line.startswith("#")]
+    assert rows[0] == ["beam", "angle_deg", "range_m"]
+    return np.array([float(row[2]) for row in rows[1:]])
+
+
+@pytest.fixture(scope="module")
+def whole(scene, vehicle, tmp_path_factory):
+    """A run that was never interrupted."""
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    _record(Drive(scene, vehicle, ROUTE, seed=7), folder)
+    return folder
+
+
+def test_everything_is_there(whole, vehicle):
+    manifest = json.loads((whole / "manifest.json").read_text())
+    steps = manifest["steps"]
+    assert manifest["seed"] == 7
+    assert manifest["libraries"]["numpy"] == np.__version__
+    truth = read_trajectory(whole / "ground_truth.tum")
+    assert len(truth) == steps
+    odometry = read_odometry(whole / "odometry.csv")
+    assert len(odometry.times_s) == steps
+    sensor = OmniCamera.from_file(whole / "omnicam" / "sensor.toml")
+    assert sensor.model == vehicle.camera("omnicam").sensor.model
+    calibration = json.loads((whole / "omnicam" / "calibration.json").read_text())
+    assert calibration["camera"]["xi"] == pytest.approx(0.9954942)
+    for step in (0, steps - 1):
+        pixels, metadata = read_image(whole / "omnicam" / f"{step:06d}.png")
+        assert pixels.shape == (48, 48, 3)
+        # TUM's nine decimals
+        np.testing.assert_allclose(
+            metadata["world_from_base"], truth.world_from_base[step], atol=1e-8
+        )
+        mount = np.array(calibration["base_from_optical"])
+        np.testing.assert_allclose(
+            metadata["world_from_optical"],
+            np.array(metadata["world_from_base"]) @ mount,
+            atol=1e-12,
+        )
+        assert len(_ranges(whole, step)) == 361
+    assert not list(whole.rglob(".omnisim-*"))
+
+
+def test_the_robot_sees_itself_and_its_laser_does_not(whole):
+    """The blue of the LMS200's housing is in the middle of the picture, towards the top."""
+    pixels, _ = read_image(whole / "omnicam" / "000000.png")
+    front, behind = pixels[14:22, 21:27].mean(axis=(0, 1)), pixels[26:32, 21:27].mean(axis=(0, 1))
+    assert front[2] > 1.5 * front[0]
+    assert behind[2] < 1.3 * behind[0]
+    # nothing of the robot stands in the beams
+    assert _ranges(whole, 0).min() > 0.3
+
+
+def test_another_seed_is_another_odometry_and_the_same_pictures(scene, vehicle, whole, tmp_path):
+    drive = Drive(scene, vehicle, Route("lap", step_m=1.2, step_deg=45.0), seed=8)
+    steps = drive.plan().record(tmp_path / "run")
+    for _ in range(3):
+        next(steps)
+    steps.close()
+    other = _bytes(tmp_path / "run")
+    same = _bytes(whole)
+    assert other["odometry.csv"] != same["odometry.csv"]
+    assert other["ground_truth.tum"] == same["ground_truth.tum"]
+    assert other["omnicam/000001.png"] == same["omnicam/000001.png"]
+    assert other["lms200/000001.csv"] == same["lms200/000001.csv"]
+
+
+def test_a_finished_run_stays_as_it_is(scene, vehicle, whole):
+    before = {path: path.stat().st_mtime_ns for path in whole.rglob("*")}
+    there, done = _record(Drive(scene, vehicle, ROUTE, seed=7), whole)
+    assert there == done == json.loads((whole / "manifest.json").read_text())["steps"]
+    assert {path: path.stat().st_mtime_ns for path in whole.rglob("*")} == before
+
+
+@pytest.mark.slow
+def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    before = _bytes(folder)
+    others = {
+        "seed was 7, is 8": Drive(scene, vehicle, ROUTE, seed=8),
+        r"path\.route was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
+        r"robot\.contents was": Drive(scene, vehicle.with_cameras(size_px=64), ROUTE, seed=7),
+        r"sensors\.omnicam\.quality\.supersampling was 3, is 2": Drive(
+            scene, vehicle.with_cameras(quality="fast"), ROUTE, seed=7
+        ),
+        "unlit was False, is True": Drive(scene, vehicle, ROUTE, seed=7, unlit=True),
+    }
+    for words, drive in others.items():
+        with pytest.raises(RunError, match=f"{words}.*another run is in this folder") as info:
+            next(drive.plan().record(folder))
+        assert "\n" not in str(info.value)
+    assert _bytes(folder) == before
+
+
+def test_force_throws_the_other_run_away_and_nothing_else(scene, vehicle, whole, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / "notes.txt").write_text("mine")
+    (folder / "omnicam" / "sketch.txt").write_text("mine, too")
+    steps = Drive(scene, vehicle, ROUTE, seed=8).plan().record(folder, force=True)
+    assert next(steps) == 0
+    steps.close()
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert (folder / "omnicam" / "sketch.txt").read_text() == "mine, too"
+    assert json.loads((folder / "manifest.json").read_text())["seed"] == 8
+    assert not list(folder.rglob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("notes.txt", "mine", "is not empty and has no manifest.json"),
+        ("manifest.json", "{", "is damaged: not JSON"),
+        ("manifest.json", "[]", "is damaged: not the manifest of a run"),
+    ],
+)
+@pytest.mark.parametrize("force", [False, True])
+def test_foreign_folders_are_left_alone(scene, vehicle, tmp_path, name, text, words, force):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(RunError, match=words):
+        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path, force))
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "words"),
+    [
+        (["scene"], "soccer", r"scene: expected a table.*, got 'soccer'"),
+        (["scene", "file"], None, "scene.file: expected text, got None"),
+        (["steps"], -1, "steps: expected a number ≥ 1, got -1"),
+        (["steps"], True, "steps: expected a whole number, got True"),
+        (["sensors"], {"..": {"type": "lms200"}}, r"sensors\..*: expected letters.*, got '..'"),
+        (["sensors", "omnicam", "type"], "sonar", "sensors.omnicam.type: unknown sensor type;"),
+        (["format"], 1, "format: expected 2, got 1"),
+    ],
+)
+def test_a_manifest_that_somebody_has_edited(whole, tmp_path, keys, value, words):
+    manifest = json.loads((whole / "manifest.json").read_text())
+    table = manifest
+    for key in keys[:-1]:
+        table = table[key]
+    table[keys[-1]] = value
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(RunError, match=rf"manifest\.json: is damaged: {words}") as info:
+        RunFolder.read(tmp_path)
+    assert "\n" not in str(info.value)
+    (tmp_path / "manifest.json").write_text("[" * 100_000)
+    with pytest.raises(RunError, match="is damaged: not JSON"):
+        RunFolder.read(tmp_path)
+
+
+def test_places_that_are_none(scene, vehicle, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match="expected a folder, got a file"):
+        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "file"))
+    with pytest.raises(RunError, match="create it first"):
+        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "no" / "run"))
+    with pytest.raises(RunError, match="expected the folder of a run"):
+        RunFolder.read(tmp_path)
+    with pytest.raises(RunError, match="seed: expected a whole number"):
+        Drive(scene, vehicle, ROUTE, seed=-1).plan()
+
+
+def test_a_full_disk_is_one_line_and_the_run_goes_on_later(
+    scene, vehicle, whole, tmp_path, monkeypatch
+):
+    """The disk fills up in the middle of a picture."""
+    written = []
+    true_write = Path.write_bytes
+
+    def write(self, data):
+        written.append(self)
+        if len(written) > 5:
+            true_write(self, data[: len(data) // 2])
+            raise OSError(28, os.strerror(28))
+        return true_write(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", write)
+    with pytest.raises(OutputError, match="No space left on device"):
+        _record(Drive(scene, vehicle, ROUTE, seed=7), tmp_path / "run")
+    monkeypatch.undo()
+    assert not list((tmp_path / "run").rglob(".omnisim-*"))
+    there, _ = _record(Drive(scene, vehicle, ROUTE, seed=7), tmp_path / "run")
+    assert there == 5
+    assert _bytes(tmp_path / "run") == _bytes(whole)
+
+
+def test_sensor_file_of_a_camera_is_that_camera(tmp_path):
+    table = {
+        "mirror": {
+            "k": 5.0,
+            "rim_radius_m": 0.03,
+            "polygons": "exact",
+            "mounting": {"position_m": [0.1, -0.2, 0.3], "roll_deg": 4.0, "yaw_deg": -50.0},
+        },
+        "virtual_cameras": {"size_px": 300, "far_m": 70.0, "samples": 4},
+        "camera": {"width_px": 320, "height_px": 240, "principal_point_px": [150.5, 120.25]},
+    }
+    sensor = OmniCamera.from_table(table)
+    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    again = OmniCamera.from_file(tmp_path / "s.toml")
+    assert again.model.mirror.theta_max_rad == pytest.approx(
+        sensor.model.mirror.theta_max_rad, abs=1e-12
+    )
+    np.testing.assert_allclose(again.base_from_rig, sensor.base_from_rig, atol=1e-12)
+    for name in (
+        "polygons",
+        "face_size_px",
+        "near_m",
+        "far_m",
+        "samples",
+        "supersampling",
+        "texels_per_pixel",
+    ):
+        assert getattr(again, name) == getattr(sensor, name)
+    assert again.model.focal_length_px == sensor.model.focal_length_px
+    assert again.model.principal_point_px == sensor.model.principal_point_px
+
+
+def test_missing_files_come_back_in_any_order(scene, vehicle, whole, tmp_path):
+    """Deleted by hand, or left empty by a power cut."""
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / "omnicam" / "000009.png").unlink()
+    (folder / "omnicam" / "000002.png").write_bytes(b"")
+    (folder / "lms200" / "000005.csv").unlink()
+    (folder / "odometry.csv").write_bytes(b"")
+    (folder / "omnicam" / "calibration.json").unlink()
+    steps = json.loads((whole / "manifest.json").read_text())["steps"]
+    drive = Drive(scene, vehicle, ROUTE, seed=7)
+    assert list(drive.plan().record(folder)) == [steps - 3, steps - 2, steps - 1, steps]
+    assert _bytes(folder) == _bytes(whole)
+
+
+def test_one_drive_a_folder_at_a_time(scene, vehicle, tmp_path):
+    drive = Drive(scene, vehicle, ROUTE, seed=7)
+    first = drive.plan().record(tmp_path / "run")
+    next(first)
+    for force in (False, True):
+        with pytest.raises(RunError, match="run: another command is writing to it: wait"):
+            next(drive.plan().record(tmp_path / "run", force))
+    next(first)
+    first.close()
+    second = drive.plan().record(tmp_path / "run")
+    assert next(second) == 1
+    second.close()
+
+
+def test_force_leaves_no_other_run_s_pictures(scene, vehicle, whole, tmp_path):
+    """Neither its plot, nor what a link leads to, which would pass for this run's."""
+    folder = tmp_path / "run"
+    shutil.copytree(whole, folder)
+    (folder / "plot.png").write_bytes(b"of the other run")
+    (folder / "omnicam").rename(tmp_path / "disk")
+    (folder / "omnicam").symlink_to(tmp_path / "disk")
+    before = _bytes(folder)
+    other = Drive(scene, vehicle, ROUTE, seed=8)
+    with pytest.raises(RunError, match="omnicam: is a link: --force removes no files elsewhere"):
+        next(other.plan().record(folder, force=True))
+    assert _bytes(folder) == before
+    (folder / "omnicam").unlink()
+    steps = other.plan().record(folder, force=True)
+    assert next(steps) == 0
+    steps.close()
+    assert not (folder / "plot.png").exists()
+
+
+def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
+    drive = Drive(scene, vehicle.with_cameras(size_px=30_000), ROUTE)
+    with pytest.raises(GraphicsError, match="90000 × 90000 px"):
+        next(drive.plan().record(tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_interrupted_by_a_person_it_says_how_to_go_on(tmp_path):
+    # a job in the background of a shell inherits that interrupts are ignored
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += "from omnisim.apps.cli.app import main; main()"
+    command = [sys.executable, "-c", code, *ARGUMENTS]
+    command[command.index("--step") + 1] = "0.1"
+    process = subprocess.Popen(
+        [*command, "-o", "run"], stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    )
+    while not (tmp_path / "run" / "omnicam" / "000002.png").exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate()
+    assert process.returncode == 130
+    first, last = error.splitlines()
+    assert re.fullmatch(r"run: \d+ of \d+ steps are there: the same command goes on", first)
+    assert last == "interrupted"
+    assert not list((tmp_path / "run").rglob(".omnisim-*"))

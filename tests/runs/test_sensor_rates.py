@@ -1,0 +1,284 @@
+"""Sensors with rates of their own: stamps, files, runs that go on, and their exports."""
+
+import dataclasses
+import itertools
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from omnisim.core.errors import RobotFileError, RunError
+from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.datasets.export.export import export_run
+from omnisim.datasets.export.recording import Recording
+from omnisim.robots.robot_file import parse_robot
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.drive import Drive
+from omnisim.runs.route import Route
+from omnisim.runs.run_data import read_run
+from omnisim.runs.run_folder import RunFolder
+from omnisim.scene.files.load import load_scene
+from omnisim.sensors.rate import SensorRate
+from tests.conftest import open_context_or_skip
+
+KINEMATICS = {
+    "type": "differential",
+    "max_speed_mps": 1.0,
+    "max_turn_rate_dps": 90.0,
+    "max_acceleration_mps2": 0.5,
+    "max_turn_acceleration_dps2": 90.0,
+}
+PLACE = {"position_m": [0.0, 0.0, 0.5]}
+SONAR = {"name": "sonar", "type": "usarsim_sonar", **PLACE, "cones": 2, "rays_per_cone": 4}
+IMU = {"name": "imu", "type": "imu", **PLACE}
+CAMERA = {"name": "eye", "type": "depth_camera", **PLACE, "width_px": 16, "height_px": 12}
+LIDAR = {"name": "lidar", "type": "lidar", **PLACE, "elevations_deg": [0.0], "firings": 60}
+
+
+def vehicle_of(*sensors):
+    return Vehicle.from_robot(
+        parse_robot({"name": "a", "kinematics": KINEMATICS, "sensors": list(sensors)}, "robot")
+    )
+
+
+def drive_of(*sensors, **settings):
+    scene = load_scene("soccer")
+    path = dataclasses.replace(scene.paths[0], waypoints_m=((0.0, 0.0), (1.0, 0.0)))
+    scene = dataclasses.replace(scene, paths=(path,))
+    return Drive(scene, vehicle_of(*sensors), Route(path.name, step_m=0.3), seed=4, **settings)
+
+
+def bytes_of(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_rates_phases_and_jitter():
+    rate = SensorRate(20.0, 0.01, 0.0, "a")
+    np.testing.assert_allclose(
+        rate.times_s(3.0, 4.0, 0, "a"), 3.01 + 0.05 * np.arange(20), atol=1e-12
+    )
+    shaken = dataclasses.replace(rate, jitter_s=2e-3)
+    times = shaken.times_s(0.0, 500.0, 0, "a")
+    late = times - (0.01 + 0.05 * np.arange(len(times)))
+    assert late.std() == pytest.approx(2e-3, rel=0.05)
+    assert np.all(np.diff(times) > 0.0)
+    # each stamp follows from seed, clock and number alone
+    assert np.array_equal(shaken.times_s(0.0, 50.0, 0, "b"), times[:1000])
+    assert not np.array_equal(shaken.times_s(0.0, 500.0, 1, "a"), times)
+    other = dataclasses.replace(shaken, clock="b")
+    assert not np.array_equal(other.times_s(0.0, 500.0, 0, "a"), times)
+
+
+def test_sensors_of_a_trigger_fire_together():
+    keys = {"rate_hz": 12.0, "phase_s": 0.01, "jitter_s": 1e-3, "trigger": "sync"}
+    sonar, camera, lidar = vehicle_of(
+        SONAR | keys, CAMERA | {"trigger": "sync"}, LIDAR | {"trigger": "sync"}
+    ).sensors
+    steps_s = np.array([0.0, 2.0])
+    times = [one.times_s(steps_s, 4) for one in (sonar, camera, lidar)]
+    assert np.array_equal(times[0], times[1])
+    assert np.array_equal(times[0], times[2])
+    assert lidar.lidar.rate_hz == 12.0
+
+
+def test_without_a_rate_it_measures_at_each_step():
+    (sonar,) = vehicle_of(SONAR).sensors
+    steps_s = np.array([0.0, 0.123456789123, 2.0])
+    assert sonar.times_s(steps_s, 0) is steps_s
+
+
+@pytest.mark.parametrize(
+    ("sensors", "words"),
+    [
+        ([SONAR | {"phase_s": 0.1}], "sensor 'sonar': phase_s: expected with rate_hz"),
+        ([SONAR | {"jitter_s": 0.1}], "sensor 'sonar': jitter_s: expected with rate_hz"),
+        ([SONAR | {"trigger": "a"}], "trigger = 'a': expected a sensor of it with rate_hz"),
+        ([SONAR | {"rate_hz": 5.0, "jitter_s": 0.1}], "jitter_s = 0.1: expected at most 0.08 of"),
+        ([SONAR | {"rate_hz": 0.0}], "rate_hz"),
+        (
+            [SONAR | {"rate_hz": 5.0, "trigger": "a"}, CAMERA | {"rate_hz": 6.0, "trigger": "a"}],
+            "sensor 'eye': rate_hz = 6: expected 5, that of 'sonar' on trigger 'a'",
+        ),
+    ],
+)
+def test_rates_that_cannot_be_are_refused(sensors, words):
+    with pytest.raises(RobotFileError, match=words):
+        vehicle_of(*sensors)
+
+
+def test_a_phase_beyond_the_drive_is_refused():
+    with pytest.raises(RunError, match=r"sensor 'sonar': phase_s = 99: expected at most the"):
+        drive_of(SONAR | {"rate_hz": 5.0, "phase_s": 99.0}).plan()
+
+
+def test_skipped_revolutions_are_mentioned():
+    (note,) = drive_of(LIDAR).plan().notes
+    assert note.startswith("lidar: a cloud at each step, of 5 of the lidar's 2")
+    assert note.endswith("revolutions: rate_hz = 10 in its table takes all")
+    assert not drive_of(LIDAR | {"rate_hz": 10.0}).plan().notes
+
+
+def test_what_is_too_near_for_a_camera_at_the_start_is_mentioned():
+    camera = {"name": "low", "type": "omnicamera", "position_m": [0.0, 0.0, 0.03]}
+    (note,) = drive_of(camera).plan().notes
+    assert note.startswith(
+        "low: nearer than the near plane, 0.05 m, and not seen there: line_halfway, carpet"
+    )
+    assert not drive_of(camera | PLACE).plan().notes
+
+
+SENSORS = (
+    SONAR | {"rate_hz": 5.0, "phase_s": 0.05, "jitter_s": 0.01},
+    CAMERA,
+    LIDAR | {"rate_hz": 10.0},
+    IMU,
+)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    open_context_or_skip().release()
+    folder = tmp_path_factory.mktemp("rates") / "run"
+    list(drive_of(*SENSORS).plan().record(folder))
+    return folder
+
+
+def test_each_sensor_has_its_own_files_and_stamps(whole):
+    run, plan = RunFolder.read(whole), drive_of(*SENSORS).plan()
+    end_s, steps = plan.motion.end_s, len(plan.truth)
+    counts = {name: run.measurements(name) for name in ("sonar", "eye", "lidar", "imu")}
+    assert counts == {
+        "sonar": int((end_s - 0.05) * 5.0) + 1,
+        "eye": steps,
+        "lidar": int(end_s * 10.0) + 1,
+        "imu": int(end_s * 200.0) + 1,
+    }
+    for name, suffix in (("sonar", ".csv"), ("lidar", ".ply"), ("eye", ".png")):
+        files = [run.file(name, index, suffix).name for index in range(counts[name])]
+        assert sorted(path.name for path in (whole / name).glob(f"0*{suffix}")) == files
+        np.testing.assert_array_equal(run.times_s(name), plan.sensor_times_s[name].round(9))
+        parts = [run.indices_at(name, step) for step in range(steps)]
+        assert list(itertools.chain(*parts)) == list(range(counts[name]))
+        for step, part in enumerate(parts):
+            stamps = run.times_s(name)[list(part)]
+            assert np.all(stamps <= plan.truth.times_s[step] + 1e-9)
+            assert step == 0 or np.all(stamps > plan.truth.times_s[step - 1])
+    assert not (whole / "eye" / "times.csv").exists()
+
+
+def test_true_states_are_at_all_stamps(whole):
+    recording, motion = Recording.read(whole), drive_of(*SENSORS).plan().motion
+    stamps = [recording.run.times_s(name) for name in ("sonar", "eye", "lidar", "imu")]
+    assert np.all(np.isin(np.concatenate(stamps).round(9), recording.state_times_s))
+    assert recording.state_times_s[0] == 0.0
+    # and within each revolution, close enough for straight lines between them
+    assert np.diff(recording.state_times_s).max() < 1.0 / 160.0 + 1e-9
+    truth = recording.fine_truth
+    for time_s in np.linspace(0.0, motion.end_s, 200):
+        np.testing.assert_allclose(truth.pose_at(time_s), motion.pose_at(time_s), atol=1e-5)
+    for times_s in stamps:
+        states, truth = recording.states(times_s), motion.at(times_s)
+        for name, atol in (("world_from_base", 2e-9), ("velocity_mps", 1e-8)):
+            np.testing.assert_allclose(getattr(states, name), getattr(truth, name), atol=atol)
+
+
+def test_a_measurement_is_of_its_own_time(whole):
+    recording, motion = Recording.read(whole), drive_of(*SENSORS).plan().motion
+    for index, time_s in enumerate(recording.times_s("lidar")):
+        cloud = recording.cloud("lidar", index)
+        world_from_base = motion.pose_at(time_s)
+        np.testing.assert_allclose(
+            cloud.header.pose("world_from_lidar")[:3, 3],
+            world_from_base[:3, 3] + (0.0, 0.0, 0.5),
+            atol=1e-6,
+        )
+
+
+def test_a_run_that_was_stopped_ends_with_the_same_bytes(whole, tmp_path):
+    run, drive = tmp_path / "run", drive_of(*SENSORS)
+    recording = drive.plan().record(run)
+    for _ in range(3):
+        next(recording)
+    recording.close()
+    (run / "lidar" / "times.csv").unlink()
+    (run / "lidar" / "000003.ply").write_bytes(b"")
+    (run / "states.csv").unlink()
+    steps = list(drive.plan().record(run))
+    assert steps[0] < steps[-1]
+    assert bytes_of(run) == bytes_of(whole)
+    list(drive.plan().record(run, force=True))
+    assert bytes_of(run) == bytes_of(whole)
+
+
+def test_damaged_times_are_named(whole, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    (run / "lidar" / "times.csv").write_text("t_s\n0.1\n0.1\n")
+    with pytest.raises(RunError, match=r"times\.csv: expected t_s and \d+ times that increase"):
+        RunFolder.read(run).steps_done()
+
+
+def test_frames_are_the_slowest_sensors(whole):
+    notes = []
+    recording = Recording.read(whole).in_frames(["lidar", "sonar"], notes.append)
+    sonar_s = recording.run.times_s("sonar")
+    np.testing.assert_array_equal(recording.truth.times_s, sonar_s)
+    lidar_s = recording.times_s("lidar")
+    assert np.abs(lidar_s - sonar_s).max() <= 0.05 + 1e-9
+    (note,) = notes
+    assert note.startswith("lidar: measures up to 0.0")
+    assert note.endswith(" s from sonar, whose times are taken")
+    pose = recording.cloud("lidar", 3).header.pose("world_from_lidar")
+    at = recording.states(lidar_s[3:4]).world_from_base[0, :3, 3]
+    np.testing.assert_allclose(pose[:3, 3], at + (0.0, 0.0, 0.5), atol=1e-6)
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.slow
+def test_exports_have_each_sensors_own_stamps(tmp_path):
+    rosbags = pytest.importorskip("rosbags.highlevel")
+    camera = {"name": "cam", "type": "omnicamera", "rate_hz": 4.0, **PLACE}
+    vehicle = vehicle_of(camera, LIDAR | {"rate_hz": 10.0}, SONAR, IMU)
+    drive = drive_of(channels=("instance",))
+    drive = dataclasses.replace(drive, vehicle=vehicle.with_cameras(size_px=32, quality="fast"))
+    run = tmp_path / "run"
+    list(drive.plan().record(run))
+    folder = RunFolder.read(run)
+    images = folder.measurements("cam")
+    coco = json.loads((run / "cam" / "coco.json").read_text())
+    assert len(coco["images"]) == images
+    list(export_run(run, "ros2-mcap", tmp_path / "bag"))
+    with rosbags.AnyReader([tmp_path / "bag"]) as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+    truth = len(Recording.read(run).state_times_s)
+    expected = {
+        "/cam/image_raw": images,
+        "/lidar/points": folder.measurements("lidar"),
+        "/imu/data_raw": folder.measurements("imu"),
+        "/sonar/range": folder.manifest.steps,
+        "/odom": folder.manifest.steps,
+        "/ground_truth/pose": truth,
+        "/ground_truth/odom": truth,
+    }
+    assert {topic: counts[topic] for topic in expected} == expected
+    with pytest.raises(RunError, match="camera 'cam' has a rate of its own"):
+        read_run(run)
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_poses_of_a_rigs_camera_are_at_its_own_stamps(tmp_path):
+    camera = {"name": "cam", "type": "omnicamera", "rate_hz": 4.0, **PLACE}
+    vehicle = vehicle_of(camera).with_cameras(size_px=16, quality="fast")
+    drive = dataclasses.replace(drive_of(), vehicle=vehicle)
+    times = np.array([0.0, 1.0])
+    poses = Trajectory.on_ground(times, np.column_stack((times, 0.0 * times)), 0.0 * times)
+    list(drive.along(poses).record(tmp_path / "run"))
+    found = read_trajectory(tmp_path / "run" / "cam" / "poses.tum")
+    np.testing.assert_allclose(found.times_s, 0.25 * np.arange(5))
+    np.testing.assert_allclose(found.positions_m[:, 0], 0.25 * np.arange(5), atol=1e-8)

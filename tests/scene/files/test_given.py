@@ -1,0 +1,188 @@
+"""Identity of scenes: by the bytes of their files, keys and options, wherever they are."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.scene.files.load import read_scene
+from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.model import Scene
+from tests.scenes import room, scene_of
+
+QUAD = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 1 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
+
+
+def _picture(path, level):
+    path.parent.mkdir(exist_ok=True)
+    Image.fromarray(np.full((4, 4, 3), level, np.uint8)).save(path)
+
+
+def _obj(folder):
+    (folder / "a.obj").write_text(QUAD)
+    (folder / "a.mtl").write_text("newmtl a\nKd 1 1 1\nmap_Kd maps/a.png\n")
+    _picture(folder / "maps" / "a.png", 100)
+    return folder / "a.obj"
+
+
+def _gltf(folder):
+    image = Image.fromarray(np.full((4, 4, 3), 90, np.uint8))
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=image)
+    mesh = trimesh.creation.box()
+    visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
+    scene = trimesh.Scene(trimesh.Trimesh(mesh.vertices, mesh.faces, visual=visual, process=False))
+    for name, data in scene.export(file_type="gltf").items():
+        (folder / name).write_bytes(data)
+    return folder / "model.gltf"
+
+
+def _sdf(folder):
+    (folder / "meshes").mkdir()
+    trimesh.creation.box().export(folder / "meshes" / "box.stl")
+    (folder / "a.sdf").write_text(
+        '<sdf version="1.7"><model name="m"><link name="l"><visual name="v"><geometry><mesh>'
+        "<uri>meshes/box.stl</uri></mesh></geometry></visual></link></model></sdf>"
+    )
+    return folder / "a.sdf"
+
+
+def _urdf(folder):
+    trimesh.creation.box().export(folder / "box.stl")
+    (folder / "a.urdf").write_text(
+        '<robot name="r"><link name="l"><visual><geometry><mesh filename="box.stl"/></geometry>'
+        "</visual></link></robot>"
+    )
+    return folder / "a.urdf"
+
+
+def _mjcf(folder):
+    pytest.importorskip("mujoco")
+    (folder / "assets").mkdir()
+    trimesh.creation.box().export(folder / "assets" / "box.stl")
+    (folder / "part.xml").write_text(
+        '<mujoco><asset><mesh name="b" file="box.stl"/></asset></mujoco>'
+    )
+    (folder / "a.xml").write_text(
+        '<mujoco><compiler meshdir="assets"/><include file="part.xml"/><worldbody>'
+        '<geom type="mesh" mesh="b"/></worldbody></mujoco>'
+    )
+    return folder / "a.xml"
+
+
+def _usd(folder):
+    pytest.importorskip("pxr")
+    (folder / "part.usda").write_text(
+        '#usda 1.0\ndef Mesh "m" {\nint[] faceVertexCounts = [3]\n'
+        "int[] faceVertexIndices = [0, 1, 2]\n"
+        "point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n}\n"
+    )
+    (folder / "a.usda").write_text(
+        '#usda 1.0\n( upAxis = "Z" )\ndef Xform "w" ( references = @part.usda@</m> ) {}\n'
+        'def Sphere "s" {}\n'
+    )
+    return folder / "a.usda"
+
+
+FORMATS = {"obj": _obj, "gltf": _gltf, "sdf": _sdf, "urdf": _urdf, "mjcf": _mjcf, "usd": _usd}
+
+
+@pytest.mark.parametrize("make", FORMATS.values(), ids=FORMATS)
+def test_every_file_of_a_scene_counts_and_its_place_does_not(make, tmp_path, monkeypatch):
+    # a process of its own is slow, and not what is tested
+    monkeypatch.setattr(
+        "omnisim.scene.formats.usd.reader.call_isolated", lambda f, *given: f(*given)
+    )
+    here = tmp_path / "here"
+    here.mkdir()
+    path = make(here)
+    given = read_scene(path).given
+    shutil.copytree(here, tmp_path / "there")
+    assert read_scene(tmp_path / "there" / path.name).given == given
+    for file in sorted(one for one in here.rglob("*") if one.is_file()):
+        before = file.read_bytes()
+        if file.suffix == ".png":
+            _picture(file, 10)
+        else:  # what readers take no notice of
+            header_changed = b"other" + before[5:]
+            padding = {".bin": b"\0\0\0\0"}.get(file.suffix, b"\n")
+            file.write_bytes(header_changed if file.suffix == ".stl" else before + padding)
+        changed = read_scene(path).given
+        assert changed.content != given.content, file.name
+        assert changed.light != given.light, file.name
+        file.write_bytes(before)
+    assert read_scene(path).given == given
+
+
+@pytest.fixture
+def toml(tmp_path):
+    _obj(tmp_path)
+
+    def write(text=""):
+        path = tmp_path / "scene.toml"
+        path.write_text(f'file = "a.obj"\n{text}')
+        return read_scene(path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[start]\nposition_m = [0.0, 0.0, 1.0]",
+        '[[labels]]\nname = "wall"\nnodes = ["a"]',
+        '[[paths]]\nname = "p"\nwaypoints_m = [[0.0, 0.0], [1.0, 0.0]]',
+        "[fog]\nvisibility_m = 20.0\ncolor = [0.5, 0.5, 0.5]",
+    ],
+)
+def test_light_is_not_of_what_does_not_shine(toml, text):
+    plain, other = toml().given, toml(text).given
+    assert other.light == plain.light
+    assert other.content != plain.content
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '[[lamps]]\nkind = "point"\nposition_m = [0.0, 0.0, 2.0]\nintensity = 5.0',
+        "[sky]",
+        "[light]\nambient = [0.1, 0.1, 0.1]",
+        '[light]\nshading = "matte"',
+        "meters_per_unit = 2.0",
+        "background = [3.0, 3.0, 3.0]",
+    ],
+)
+def test_light_is_of_what_shines(toml, text):
+    assert toml(text).given.light != toml().given.light
+
+
+def test_comments_and_layout_count_for_nothing(toml):
+    assert toml("# a comment\n\n").given == toml().given
+
+
+def test_edits_make_another_scene_which_follows_from_them(toml):
+    scene = toml()
+    name = scene.instance_names[0]
+    moved = [scene.moved(name, np.eye(4)), scene.moved(name, np.eye(4))]
+    assert moved[0].given == moved[1].given != scene.given
+    assert scene.recolored(name, (1.0, 0.0, 0.0)).given != scene.given
+    part = Scene.from_arrays("part", [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    added = scene.added("part", part)
+    assert added.given != scene.given
+    assert added.removed("part").given not in (added.given, None)
+
+
+def test_a_changed_copy_is_known_by_its_content_again(toml):
+    scene = toml()
+    copy = dataclasses.replace(scene, background=(0.3, 0.2, 0.1))
+    assert copy.given is None
+    assert fingerprint(copy) != fingerprint(scene)
+    assert baked_fingerprint(copy) != baked_fingerprint(scene)
+
+
+def test_arrays_are_known_by_themselves():
+    assert scene_of([room()]).given is None
+    assert fingerprint(scene_of([room()])) == fingerprint(scene_of([room()]))

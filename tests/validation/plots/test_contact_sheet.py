@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from omnisim.core.errors import OutputError
+from omnisim.core.files.image_files import read_image
+from omnisim.validation.plots.contact_sheet import (
+    GAP_PX,
+    TITLE_PX,
+    contact_sheet,
+    magnified,
+    run_sheet,
+    save_contact_sheet,
+)
+
+
+def test_pictures_stand_pixel_for_pixel_below_their_titles(tmp_path):
+    generator = np.random.default_rng(0)
+    picture = generator.integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    grey = generator.integers(0, 256, (30, 20), dtype=np.uint8)
+    tiles = [("noise", picture), ("grey", grey), ("large", magnified(grey, 2))]
+    sheet = contact_sheet(tiles, 2)
+    cell = np.array([60 + TITLE_PX + GAP_PX, 60 + GAP_PX])
+    assert sheet.shape == (2 * cell[0] + GAP_PX, 2 * cell[1] + GAP_PX, 3)
+    top = GAP_PX + TITLE_PX
+    np.testing.assert_array_equal(sheet[top : top + 40, GAP_PX : GAP_PX + 60], picture)
+    left = GAP_PX + cell[1] + 20  # in the middle of its cell
+    np.testing.assert_array_equal(sheet[top : top + 30, left : left + 20, 1], grey)
+    title = sheet[GAP_PX:top, GAP_PX : GAP_PX + 60]
+    assert title.min() < 100 < title.mean()  # dark letters on white
+    save_contact_sheet(tmp_path / "sheet.png", tiles, 2)
+    np.testing.assert_array_equal(read_image(tmp_path / "sheet.png")[0], sheet)
+
+
+def test_long_titles_stay_in_their_cells():
+    tiles = [("a title that is much longer than its picture is wide", np.zeros((9, 80), np.uint8))]
+    sheet = contact_sheet([*tiles, ("", tiles[0][1])], 2)
+    dark = np.flatnonzero((sheet[GAP_PX : GAP_PX + TITLE_PX] < 128).any(axis=(0, 2)))
+    assert dark.size
+    assert dark.min() >= GAP_PX
+    assert dark.max() < GAP_PX + 80 + 1
+
+
+def test_a_sheet_of_nothing_is_refused():
+    with pytest.raises(OutputError, match="expected at least one"):
+        contact_sheet([], 3)
+
+
+def test_a_sheet_by_command(tmp_path, capsys):
+    tiles = [("a", np.zeros((9, 9), np.uint8))]
+    assert run_sheet("a.sheet", [], lambda: tiles, 3) == 2
+    assert capsys.readouterr().err == "usage: python -m a.sheet FILE\n"
+    assert run_sheet("a.sheet", [str(tmp_path / "no" / "a.png")], lambda: tiles, 3) == 1
+    assert capsys.readouterr().err.startswith("error: ")
+    assert run_sheet("a.sheet", [str(tmp_path / "a.png")], lambda: tiles, 3) == 0
+    assert (tmp_path / "a.png").is_file()

@@ -1,0 +1,66 @@
+"""Report: measures with their bounds, the paper's values beside them, all or nothing."""
+
+import json
+import math
+
+import pytest
+from matplotlib.figure import Figure
+
+from omnisim.core.errors import OutputError
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import (
+    CaptionedFigure,
+    Report,
+    ResultTable,
+    Section,
+    check_report_target,
+)
+
+
+def _report(value):
+    section = Section(
+        "One & two", "What was done.",
+        (Measure("error", value, "m", 0.5, paper="0.349 m"), Measure("count", 3.0)),
+        (ResultTable("Side by side.", ("a", "b"), (("x", "1"),)),),
+        (CaptionedFigure("dots", Figure(figsize=(1, 1)), "A dot."),),
+        ("Mind the <gap>.",),
+    )  # fmt: skip
+    return Report("Title", "Words.", (section,), {"seed": 1})
+
+
+def test_a_report_tells_whether_bounds_hold(tmp_path):
+    report = _report(0.4)
+    assert report.missed == []
+    report.write(tmp_path / "out")
+    html = (tmp_path / "out" / "report.html").read_text()
+    assert "One &amp; two" in html
+    assert "Mind the &lt;gap&gt;" in html
+    assert "0.349 m" in html
+    assert "Every bound holds." in html
+    content = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert content["sections"][0]["measures"][0]["passed"] is True
+    assert content["facts"] == {"seed": 1}
+    assert (tmp_path / "out" / "dots.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize("value", [0.6, math.nan])
+def test_a_missed_bound_is_named(tmp_path, value):
+    report = _report(value)
+    assert [measure.name for measure in report.missed] == ["error"]
+    report.write(tmp_path)
+    assert "Not every bound holds: error." in (tmp_path / "report.html").read_text()
+    content = json.loads((tmp_path / "report.json").read_text())
+    assert content["sections"][0]["measures"][0]["passed"] is False
+    assert content["passed"] is False
+
+
+def test_a_report_without_bounds_has_no_verdict():
+    assert Report("", "", (Section("a", "", (Measure("count", 3.0),)),)).verdict == ""
+
+
+def test_a_place_that_cannot_be_is_refused_early(tmp_path):
+    with pytest.raises(OutputError, match="does not exist"):
+        check_report_target(tmp_path / "none" / "out")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError):
+        _report(0.1).write(tmp_path / "file")
