@@ -31,7 +31,7 @@ help:
 	@echo "make docs         build the documentation: out/docs"
 	@echo "make readme       validate, and update measures and figures in the documentation"
 	@echo "make gallery      render a scene through all cameras and optics: their galleries"
-	@echo "make sheets       render every channel and degradation: omnisim/sensors/sheets"
+	@echo "make sheets       render every channel and degradation: omnisim/rendering/camera/sheets"
 	@echo "make clean        remove the environment and all outputs"
 
 demo: core
@@ -76,14 +76,14 @@ gallery: setup
 	$(BIN)/python .ci/make_optics_gallery.py
 
 sheets: setup
-	@mkdir -p omnisim/sensors/sheets
-	$(BIN)/python -m omnisim.validation.plots.ground_truth_sheet omnisim/sensors/sheets/ground-truth.jpg
-	$(BIN)/python -m omnisim.validation.plots.boxes_3d_sheet omnisim/sensors/sheets/boxes-3d.jpg
+	@mkdir -p omnisim/rendering/camera/sheets
+	$(BIN)/python -m omnisim.validation.plots.ground_truth_sheet omnisim/rendering/camera/sheets/ground-truth.jpg
+	$(BIN)/python -m omnisim.validation.plots.boxes_3d_sheet omnisim/rendering/camera/sheets/boxes-3d.jpg
 	$(BIN)/python .ci/make_world_picture.py docs/how-to/match.jpg
 	$(BIN)/python .ci/make_live_pictures.py
 	$(BIN)/python .ci/make_light_pictures.py docs/how-to/light.jpg
 	$(BIN)/python .ci/make_baked_picture.py docs/how-to/baked.jpg
-	$(BIN)/python -m omnisim.validation.plots.degradation_sheet omnisim/sensors/sheets/degradations.jpg
+	$(BIN)/python -m omnisim.validation.plots.degradation_sheet omnisim/rendering/camera/sheets/degradations.jpg
 
 lint: setup
 	$(BIN)/ruff check .

@@ -1,6 +1,6 @@
 """Reference ranges: rays cast by Embree.
 
-The oracle is Embree's own casting; `omnisim.rendering.rays` feeds it, and tests/rays holds that to every
+The oracle is Embree's own casting; `omnisim.rendering.rays` feeds it, and tests/rendering/rays holds that to every
 triangle tried in NumPy.
 """
 

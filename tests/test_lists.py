@@ -11,7 +11,7 @@ from omnisim.cameras import CAMERA_MODELS
 from omnisim.cameras.calibration.calibration_formats import FORMATS
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.stage import BackendName
-from omnisim.sensors import degradations
+from omnisim.rendering.camera import degradations
 from omnisim.validation.plots import degradation_sheet
 from tests.rendering.camera.degradations.test_gpu_equals_reference import EXAMPLES
 
@@ -30,7 +30,7 @@ def _rows(folder):
 def test_readmes_have_a_row_for_each_model_format_and_degradation():
     assert sorted(_rows("cameras")) == sorted(CAMERA_MODELS)
     assert sorted(_rows("calibration")) == sorted(FORMATS)
-    assert _rows("sensors/degradations") == EFFECTS  # in the order of the light
+    assert _rows("rendering/camera/degradations") == EFFECTS  # in the order of the light
 
 
 def test_readme_counts_models_and_formats():

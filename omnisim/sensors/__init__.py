@@ -1,11 +1,11 @@
-"""Sensors: from a sensor file to frames, and from a laser scanner to scans."""
+"""Sensors on vehicles, a folder each: what they measure, their tables and their files.
+
+A sensor is a folder here and its entry in `sensor_registry.py`.
+"""
 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from omnisim.rendering.camera.omnicamera import OmniCamera
-    from omnisim.rendering.renderer import Renderer
-    from omnisim.rendering.stage import Stage
     from omnisim.sensors.depth_camera.depth_camera import DepthCamera
     from omnisim.sensors.depth_camera.depth_renderer import DepthRenderer
     from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
@@ -22,20 +22,17 @@ if TYPE_CHECKING:
 
 # Modules of the names, imported at first use: a camera alone needs neither scenes nor OpenGL.
 _MODULES = {
-    "DepthCamera": "depth_camera",
-    "DepthRenderer": "depth_renderer",
-    "LaserRenderer": "laser_renderer",
-    "LaserScanner": "laser_scanner",
-    "LidarRenderer": "lidar_renderer",
-    "OmniCamera": "omnicamera",
-    "PointCloud": "point_cloud",
-    "RangeReading": "range_sensor",
-    "RangeSensor": "range_sensor",
-    "RangeSensorRenderer": "range_sensor",
-    "Renderer": "renderer",
-    "Scan": "scan",
-    "SpinningLidar": "spinning_lidar",
-    "Stage": "stage",
+    "DepthCamera": "depth_camera.depth_camera",
+    "DepthRenderer": "depth_camera.depth_renderer",
+    "LaserRenderer": "laser_scanner.laser_renderer",
+    "LaserScanner": "laser_scanner.laser_scanner",
+    "LidarRenderer": "lidar.lidar_renderer",
+    "PointCloud": "lidar.point_cloud",
+    "RangeReading": "range_sensor.range_sensor",
+    "RangeSensor": "range_sensor.range_sensor",
+    "RangeSensorRenderer": "range_sensor.range_sensor",
+    "Scan": "laser_scanner.scan",
+    "SpinningLidar": "lidar.spinning_lidar",
 }
 __all__ = [
     "DepthCamera",
@@ -43,15 +40,12 @@ __all__ = [
     "LaserRenderer",
     "LaserScanner",
     "LidarRenderer",
-    "OmniCamera",
     "PointCloud",
     "RangeReading",
     "RangeSensor",
     "RangeSensorRenderer",
-    "Renderer",
     "Scan",
     "SpinningLidar",
-    "Stage",
 ]
 
 

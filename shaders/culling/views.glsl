@@ -2,7 +2,7 @@
 // camera by camera; an object is a frame in which geometry stays as it is: the static one, then one
 // for each dynamic object.
 // vec3 transformed(vec4 rows[3], vec3 point): point in another frame.
-// The layouts are those in omnisim/gpu/culling/.
+// The layouts are those in omnisim/rendering/opengl/culling/.
 
 #define LISTS 4u  // of candidates, one for each pass that there can be, and one more
 

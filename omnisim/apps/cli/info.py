@@ -27,7 +27,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.robot_lookup import builtin_robots
 from omnisim.scene.files.source import builtin_scenes
 
-PACKAGE = Path(__file__).resolve().parents[1]
+PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def run() -> None:

@@ -17,7 +17,7 @@ from omnisim.core.version import __version__
 if TYPE_CHECKING:  # there may be no OpenGL
     from omnisim.rendering.opengl.context import GraphicsInfo
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = (
     "moderngl", "numpy", "trimesh", "OpenImageIO", "embreex", "pyrender", "mitsuba",
     "opencv-contrib-python-headless",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.apps.cli.pictures import write_pictures
+from tests.apps.cli.picture_files import write_pictures
 
 TABLE = tomllib.loads(Path(__file__).with_name("messages.toml").read_text(encoding="utf-8"))
 OPENGL = "OpenGL"

@@ -9,7 +9,7 @@ from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.runs.robot_requests import CheckRequest, ImportRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target, write_text
-from omnisim.robots import usarsim
+from omnisim.robots.importers import usarsim
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.importers.importers import SUFFIXES, import_model
 from omnisim.robots.kinematics import Kinematics
