@@ -25,7 +25,7 @@ from omnisim.cameras.models.equidistant import EquidistantCamera
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.core.trajectories.trajectory_files import write_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.odometry import OdometryErrors
+from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -23,7 +23,7 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 from omnisim.perception.localization.track import Track
 from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.robots.odometry import OdometryErrors, simulate_odometry
+from omnisim.core.trajectories.odometry import OdometryErrors, simulate_odometry
 from omnisim.robots.robot_file import load_robot
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -19,7 +19,7 @@ from omnisim.core.short_repr import short_repr
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.omnicamera import Polygons
 from omnisim.robots.kinematics import Kinematics
-from omnisim.robots.odometry import OdometryErrors
+from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.robot_file import Footprint, Robot, load_robot
 from omnisim.scene.files.load import read_scene
 from omnisim.scene.files.readers import is_mjcf

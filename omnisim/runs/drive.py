@@ -32,8 +32,8 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.missed_surfaces import near_plane_note
 from omnisim.rendering.stage import BackendName, Stage
 from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.odometry import Odometry, simulate_odometry, with_errors
-from omnisim.robots.odometry_files import write_odometry
+from omnisim.core.trajectories.odometry import Odometry, simulate_odometry, with_errors
+from omnisim.core.trajectories.odometry_files import write_odometry
 from omnisim.robots.robot_file import Chassis
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import Contact, find_contacts

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from omnisim.core.errors import RobotFileError, did_you_mean
 from omnisim.core.files.parameters import parse_table
-from omnisim.robots.robot_file import Robot
 from omnisim.sensors.depth_camera.mounted_depth_camera import DepthCameraMount
 from omnisim.sensors.imu.mounted_imu import ImuMount
 from omnisim.sensors.laser_scanner.mounted_scanner import Lms200Mount, RangeScannerMount
@@ -30,7 +29,19 @@ MOUNT_TYPES: dict[str, type[SensorMount]] = {
 }
 
 
-def parse_mounts(robot: Robot) -> tuple[SensorMount, ...]:
+class SensorTables(Protocol):
+    """Tables of the sensors of a robot file."""
+
+    @property
+    def sensors(self) -> Sequence[Mapping[str, Any]]:
+        """Tables, as the file has them."""
+
+    @property
+    def source(self) -> str:
+        """Name of the file in messages."""
+
+
+def parse_mounts(robot: SensorTables) -> tuple[SensorMount, ...]:
     """Check the tables of a robot's sensors.
 
     Raises:
@@ -65,7 +76,7 @@ def _has_calibration(table: Mapping[str, Any]) -> bool:
     return is_calibration and table.get("type", "omnicamera") == "omnicamera"
 
 
-def sensor_source(robot: Robot, sensor: str | int) -> str:
+def sensor_source(robot: SensorTables, sensor: str | int) -> str:
     """Words for a sensor of a robot, by its name or index, in messages."""
     where = f"sensor {sensor!r}" if isinstance(sensor, str) else f"sensors.{sensor}"
     return f"{robot.source}: {where}"

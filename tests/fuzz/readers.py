@@ -47,9 +47,9 @@ from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.robots.importers.gazebo.gazebo_robot import import_model
 from omnisim.robots.importers.importers import load_robot_model
 from omnisim.robots.importers.usarsim.usarsim_robot import import_robot
-from omnisim.robots.odometry import simulate_odometry
-from omnisim.robots.odometry_files import read_odometry, write_odometry
-from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.core.trajectories.odometry import simulate_odometry
+from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route, plan_route

@@ -17,8 +17,8 @@ from omnisim.core.errors import GraphicsError, OutputError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories.trajectory_files import read_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.odometry_files import read_odometry
-from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.core.trajectories.odometry_files import read_odometry
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -15,7 +15,7 @@ from omnisim.core.files.image_files import read_image
 from omnisim.perception.unwarping.panorama import Panorama
 from omnisim.rendering.camera.degradations.degradation_file import preset
 from omnisim.rendering.camera.picture_file import read_picture
-from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -22,7 +22,7 @@ from omnisim.core.files.toml_file import read_toml, toml_text
 from omnisim.rendering.camera.degradations.degradation_file import preset
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
-from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 FILE_NAME = "camera.toml"  # of a saved file
 SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of a key's path

@@ -21,8 +21,8 @@ from omnisim.core.trajectories.trajectory_files import read_trajectory
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud
 from omnisim.datasets.export.stored_scans import read_table
-from omnisim.robots.odometry import Odometry
-from omnisim.robots.odometry_files import read_odometry
+from omnisim.core.trajectories.odometry import Odometry
+from omnisim.core.trajectories.odometry_files import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
 from omnisim.runs.true_states import read_states
 from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS

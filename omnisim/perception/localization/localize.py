@@ -12,7 +12,7 @@ from omnisim.perception.localization.filter import LocalizationFilter
 from omnisim.perception.localization.filter_parameters import FilterParameters, MeasurementNoise
 from omnisim.perception.localization.observations import LandmarkMap, Observation
 from omnisim.perception.localization.track import Track
-from omnisim.robots.odometry import Odometry
+from omnisim.core.trajectories.odometry import Odometry
 
 
 def observation_from_detection(detection: Detection, relation: MeasurementNoise) -> Observation:

@@ -25,7 +25,7 @@ def move(
         The new pose (3,), yaw not wrapped; its Jacobian (3, 3) by the pose and (3, 2) by distance
         and turn.
 
-    Source: the arcs of `omnisim.robots.odometry`, which dead reckoning follows.
+    Source: the arcs of `omnisim.core.trajectories.odometry`, which dead reckoning follows.
     """
     x, y, yaw = pose.tolist()
     half = 0.5 * turn_rad

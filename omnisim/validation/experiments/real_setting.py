@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.robots.odometry import Odometry
+from omnisim.core.trajectories.odometry import Odometry
 from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh, Scene
 
 # Boxes left around the field: x, y, edge in metres, and colours like the landmarks'

@@ -28,7 +28,7 @@ from omnisim.rendering.camera.degradations.jpeg import Jpeg
 from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
 from omnisim.rendering.camera.degradations.vignetting import Vignetting
 from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
-from omnisim.robots.odometry import OdometryErrors
+from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
 from omnisim.validation.experiments.seeds import Progress, run_seeds

@@ -23,7 +23,7 @@ from omnisim.datasets.export.export_formats import FORMATS, format_named
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.odometry import OdometryErrors
+from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -11,7 +11,7 @@ from omnisim.core.poses import inverse
 from omnisim.core.trajectories.trajectory_files import read_trajectory, write_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
-from omnisim.robots.odometry_files import read_odometry
+from omnisim.core.trajectories.odometry_files import read_odometry
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 START_NS = 1_769_860_800_123_456_789

@@ -17,7 +17,7 @@ from omnisim.perception.localization.observations import (
     predict_measurement,
 )
 from omnisim.perception.localization.odometry_motion import move
-from omnisim.robots.odometry import Odometry
+from omnisim.core.trajectories.odometry import Odometry
 
 CAMERA_M = (-0.08, 0.03)
 SQUARE = [(2.7, -0.4), (3.0, -0.4), (3.0, 0.4), (2.7, 0.4)]

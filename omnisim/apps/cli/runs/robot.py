@@ -13,7 +13,7 @@ from omnisim.robots.importers import usarsim
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.importers.importers import SUFFIXES, import_model
 from omnisim.robots.kinematics import Kinematics
-from omnisim.robots.odometry import OdometryErrors
+from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.robot_file import load_robot, parse_robot, read_robot
 from omnisim.robots.robot_lookup import builtin_robots, find_robot
 from omnisim.robots.vehicle import Vehicle

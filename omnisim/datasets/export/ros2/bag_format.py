@@ -51,7 +51,7 @@ from omnisim.datasets.export.ros2.streams import (
     Stream,
     ros_name,
 )
-from omnisim.robots.odometry import Odometry
+from omnisim.core.trajectories.odometry import Odometry
 from omnisim.runs.run_folder import LABELS
 from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
 from omnisim.sensors.imu.mounted_imu import MountedImu

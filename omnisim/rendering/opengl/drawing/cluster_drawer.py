@@ -17,7 +17,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, Cluster
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
 from omnisim.rendering.opengl.gl_functions import IndirectDraws
 from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.materials.material_units import map_units
+from omnisim.rendering.opengl.drawing.material_units import map_units
 
 
 class BucketProgram(NamedTuple):

@@ -19,7 +19,7 @@ from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.materials import baked_textures
 from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
-from omnisim.rendering.opengl.materials.material_units import (
+from omnisim.rendering.opengl.drawing.material_units import (
     bind_materials,
     connect_material,
     reflectance_defines,

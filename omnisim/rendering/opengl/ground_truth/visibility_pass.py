@@ -34,7 +34,7 @@ from omnisim.rendering.opengl.layer_targets import (
     attach_texture,
     draw_into_all,
 )
-from omnisim.rendering.opengl.materials.material_units import bind_materials
+from omnisim.rendering.opengl.drawing.material_units import bind_materials
 from omnisim.rendering.opengl.memory import gpu_allocation
 
 # Pose (4, 4) of a camera's rig, and those of the dynamic objects.

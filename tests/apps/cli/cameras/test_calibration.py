@@ -11,7 +11,7 @@ from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.core.errors import SensorFileError
 from omnisim.core.files.image_files import read_image, write_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.calibration.sample_files import FOLDER
 

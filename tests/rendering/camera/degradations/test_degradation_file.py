@@ -19,7 +19,7 @@ from omnisim.rendering.camera.degradations.noise import Noise
 from omnisim.rendering.camera.degradations.shutter import Shutter
 from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.sensor_toml import sensor_toml
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 
 def _read(tmp_path, text):
