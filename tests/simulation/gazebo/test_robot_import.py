@@ -162,9 +162,10 @@ def test_a_sensor_that_is_none_is_named(tmp_path, text, message):
 
 
 def test_a_drive_that_is_none_is_named(tmp_path):
-    drive = "<plugin name='gz::sim::systems::DiffDrive'><wheel_separation>0.3&gt;"
-    text = sdf(model("m", f"{visual(BOX)}{drive}</wheel_separation></plugin>"), "1.9")
-    (tmp_path / "a.sdf").write_text(text)
+    separation = "<wheel_separation>0.3&gt;</wheel_separation>"
+    drive = f"<plugin name='gz::sim::systems::DiffDrive'>{separation}</plugin>"
+    text = sdf(model("m", visual(BOX)), "1.9")
+    (tmp_path / "a.sdf").write_text(text.replace("</model>", f"{drive}</model>"))
     with pytest.raises(RobotFileError, match=r"a\.sdf: .*wheel_separation: expected a number"):
         load(tmp_path / "a.sdf", tmp_path)
 
