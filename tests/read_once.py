@@ -59,7 +59,10 @@ class _Recent:
 
 
 def _is_built_in(source):
-    path = Path(source)
-    if path.is_absolute():
-        return path.is_relative_to(SCENES)
-    return not path.exists() and (SCENES / path / "scene.toml").is_file()
+    try:
+        path = Path(source)
+        if path.is_absolute():
+            return path.is_relative_to(SCENES)
+        return not path.exists() and (SCENES / path / "scene.toml").is_file()
+    except (TypeError, OSError):  # no path, or too long a name
+        return False

@@ -61,6 +61,8 @@ def import_model(
         # a model that is alone in its file has that file's frame, as its body has
         whole = tree if world is None and len(tree.models) == 1 else model
         sensors, others = _sensors(whole)
+        about_drive: list[str] = []
+        kinematics = _kinematics(model, about_drive)
     except SceneError as reason:
         raise RobotFileError(f"{path}: {reason}") from None
     except RobotFileError as reason:
@@ -81,7 +83,8 @@ def import_model(
             )
     elif whole is not tree:
         notices.append(f"body: left out: {model.name!r} is one of several models of its file")
-    table["kinematics"] = _kinematics(model, notices)
+    table["kinematics"] = kinematics
+    notices += about_drive
     return imported_model(model.name, path, output, table, sensors, body, notices)
 
 

@@ -162,6 +162,15 @@ def test_a_sensor_that_is_none_is_named(tmp_path, text, message):
     assert "sensor[s]" in str(info.value)
 
 
+def test_a_drive_that_is_none_is_named(tmp_path):
+    separation = "<wheel_separation>0.3&gt;</wheel_separation>"
+    drive = f"<plugin name='gz::sim::systems::DiffDrive'>{separation}</plugin>"
+    text = sdf(model("m", visual(BOX)), "1.9")
+    (tmp_path / "a.sdf").write_text(text.replace("</model>", f"{drive}</model>"))
+    with pytest.raises(RobotFileError, match=r"a\.sdf: .*wheel_separation: expected a number"):
+        load(tmp_path / "a.sdf", tmp_path)
+
+
 @pytest.mark.parametrize("is_stated", [True, False])
 def test_what_is_found_at_the_import_is_found_later(tmp_path, monkeypatch, is_stated):
     models = tmp_path / "far" / "away" / "models"
