@@ -1,7 +1,7 @@
 """Reference ranges: rays cast by Embree.
 
-The oracle is Embree's own casting; `omnisim.rendering.rays` feeds it, and tests/rendering/rays holds that to every
-triangle tried in NumPy.
+The oracle is Embree's own casting; `omnisim.rendering.rays` feeds it, and tests/rendering/rays
+holds that to every triangle tried in NumPy.
 """
 
 import dataclasses

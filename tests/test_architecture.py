@@ -1,6 +1,7 @@
 """Imports: a layered, acyclic graph of modules, and one home for each library."""
 
 import ast
+from collections import Counter, defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -10,90 +11,63 @@ import pytest
 import omnisim
 
 PACKAGE = Path(omnisim.__file__).parent
-# Top-down; a module imports from lower layers and from its own folder.
-LAYERS = (
+# Top-down; a module imports from lower rooms and from its own.
+ROOMS = (
     {"__main__"},
-    {"cli"},
-    {"browser"},
-    {"validation", "experiments"},
-    {"reports"},
-    {"plots"},
+    {"apps"},
+    {"validation"},
     {"datasets"},
-    {"exporting"},
-    {"simulation"},
-    {"localization", "mujoco"},
-    {"sensors", "perception", "robot"},
-    {"baking"},
-    {"gpu", "rays"},
-    {"optics"},
-    {"calibration"},
-    {"scene", "cameras"},
-    {"mirrors"},
-    {"frame"},
-    {"ground_truth"},
-    {"image_files", "trajectories"},
-    {"rendering", "world"},
-    {"poses"},
-    {
-        "atomic_file",
-        "frames",
-        "cube",
-        "srgb",
-        "bilinear",
-        "bounds",
-        "resources",
-        "toml_file",
-        "file_keys",
-        "npz_file",
-    },
-    {"fingerprint", "parameters", "extras", "sources"},
-    {"table_faults"},
-    {"errors", "inner_tables", "short_repr", "version"},
-)
-GPU_LAYERS = (
-    {"hit_batches"},
-    {"batch_pipeline", "parallax_pipeline"},
-    {"pipeline", "readback_ring"},
-    {"ground_truth"},
-    {"capture", "degradation", "shadows"},
+    {"runs"},
+    {"robots"},
+    {"sensors"},
+    {"perception", "rendering"},
     {"scene"},
-    {"culling"},
-    {"atlas"},
-    {"context", "layer_targets", "shader_files", "uniforms", "memory"},
-    {"gl_state"},
-    {"fences"},
-    {"gl_functions"},
+    {"cameras", "ground_truth"},
+    {"core"},
+)
+MAX_ROOMS, MAX_ROW = 14, 20  # rooms of the package, modules of a folder
+# Formats that share parts of a file's anatomy, checks and commands that share what they are of.
+SHARED_STEMS = {"formats", "checks", "cli"}
+OPENGL_LAYERS = (
+    {"hit_batches", "parallax_pipeline"},
+    {"batch_pipeline", "ground_truth", "pipeline", "shadows"},
+    {"drawing"},
+    {"geometry"},
+    {"capture", "context", "culling"},
+    {"degradation", "gl_state", "readback_ring"},
+    {"fences", "layer_targets", "materials"},
+    {"atlas", "gl_functions", "memory", "shader_files", "uniforms"},
 )
 HOMES = {
-    "moderngl": {"gpu"},
+    "moderngl": {"rendering.opengl"},
     "trimesh": {"scene"},
-    "PIL": {"scene", "plots"},  # textures; captions without matplotlib
-    "OpenImageIO": {"image_files"},
-    "typer": {"cli"},
-    "rich": {"cli"},
-    "matplotlib": {"plots"},
-    "jinja2": {"reports"},
-    "av": {"plots"},
+    "PIL": {"scene", "validation.plots"},  # textures; captions without matplotlib
+    "OpenImageIO": {"core.files"},
+    "typer": {"apps.cli"},
+    "rich": {"apps.cli"},
+    "matplotlib": {"validation.plots"},
+    "jinja2": {"validation.report"},
+    "av": {"validation.plots"},
     "cv2": {"validation"},
     "mitsuba": {"validation"},
     "pyrender": {"validation"},
     "pycolmap": {"validation"},
-    "yaml": {"calibration"},
-    "embreex": {"rays"},
-    "xatlas": {"baking"},
-    "mujoco": {"scene", "mujoco", "simulation"},
-    "websockets": {"browser"},
-    "pxr": {"scene"},
-    "rosbags": {"exporting"},
+    "yaml": {"cameras.calibration"},
+    "embreex": {"rendering.rays"},
+    "xatlas": {"rendering.baking"},
+    "mujoco": {"scene.formats.mjcf", "robots.importers", "runs"},
+    "websockets": {"apps.live"},
+    "pxr": {"scene.formats.usd"},
+    "rosbags": {"datasets.export"},
 }
-# Outside of gpu, what draws by OpenGL: imported by functions that are asked to.
+# Outside of rendering.opengl, what draws by OpenGL: imported by functions that are asked to.
 DRAWING = {
     f"omnisim.{name}"
     for name in (
-        "sensors.cube_backend",
-        "sensors.deforming_draws",
-        "sensors.parallax_camera",
-        "sensors.parallax_hits",
+        "rendering.cube_backend",
+        "rendering.truth.deforming_draws",
+        "rendering.parallax_camera",
+        "rendering.truth.parallax_hits",
         "validation.checks.optics_triangles",
         "validation.checks.polygons",
         "validation.same_triangles",
@@ -172,7 +146,7 @@ def test_imports_are_absolute():
 
 
 @pytest.mark.parametrize(
-    ("package", "layers"), [("omnisim", LAYERS), ("omnisim.rendering.opengl", GPU_LAYERS)]
+    ("package", "layers"), [("omnisim", ROOMS), ("omnisim.rendering.opengl", OPENGL_LAYERS)]
 )
 def test_imports_point_down(package, layers):
     modules = [module for module in MODULES if module.startswith(f"{package}.")]
@@ -185,7 +159,8 @@ def test_each_library_has_one_home():
         f"{module} imports {name}: home is {' or '.join(sorted(homes))}"
         for module in sorted(MODULES.keys() - {"omnisim"})
         for name in _imports(module)
-        if (homes := HOMES.get(name.partition(".")[0])) and module.split(".")[1] not in homes
+        if (homes := HOMES.get(name.partition(".")[0]))
+        and not any(module.startswith(f"omnisim.{home}") for home in homes)
     )
 
 
@@ -211,9 +186,29 @@ def test_only_drawing_needs_opengl():
     assert outside == DRAWING | {"moderngl"}
 
 
-def test_every_layer_is_there():
+def test_every_room_is_there():
     parts = {module.split(".")[1] for module in MODULES if "." in module}
-    assert parts == set().union(*LAYERS)
+    assert parts == set().union(*ROOMS)
+    assert len(parts - {"__main__"}) <= MAX_ROOMS
+
+
+def test_rows_are_short():
+    rows = Counter(path.parent for path in MODULES.values() if path.stem != "__init__")
+    _check(
+        f"{folder.relative_to(PACKAGE)}: {count} modules in a row"
+        for folder, count in rows.items()
+        if count > MAX_ROW
+    )
+
+
+def test_a_stem_has_one_module():
+    """Whoever looks for a file finds one of its name."""
+    stems = defaultdict(list)
+    for module in MODULES:
+        *folders, stem = module.split(".")
+        if not SHARED_STEMS & {*folders, stem} and MODULES[module].stem != "__init__":
+            stems[stem].append(module)
+    _check(" and ".join(modules) for modules in stems.values() if len(modules) > 1)
 
 
 def test_every_camera_model_is_a_triple():

@@ -18,12 +18,12 @@ from omnisim.cameras.models.radial_table import RadialTableCamera
 from omnisim.core.errors import CalibrationError, OpticsError, SceneError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.package_files import SCENES
+from omnisim.core.trajectories.odometry import OdometryErrors, simulate_odometry
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 from omnisim.perception.localization.track import Track
 from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.core.trajectories.odometry import OdometryErrors, simulate_odometry
 from omnisim.robots.robot_file import load_robot
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -1,8 +1,8 @@
 """Poses and rotations: matrices, quaternions and angles.
 
-A pose is a matrix (4, 4) target_from_source, a rotation its upper left (3, 3); `omnisim.core.coordinate_frames` has
-the frames. Quaternions are (x, y, z, w); both signs mean the same rotation, those made here have
-w ≥ 0. Angles count counter-clockwise about their axis.
+A pose is a matrix (4, 4) target_from_source, a rotation its upper left (3, 3);
+`omnisim.core.coordinate_frames` has the frames. Quaternions are (x, y, z, w); both signs mean the
+same rotation, those made here have w ≥ 0. Angles count counter-clockwise about their axis.
 """
 
 from __future__ import annotations

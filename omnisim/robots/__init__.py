@@ -1,13 +1,18 @@
 """Robots: robot files, motion planning and wheel odometry.
 
-Poses are world_from_base (`omnisim.core.coordinate_frames`); turns and headings count counter-clockwise, seen from
-above. Nothing here knows of pictures or of the GPU.
+Poses are world_from_base (`omnisim.core.coordinate_frames`); turns and headings count
+counter-clockwise, seen from above. Nothing here knows of pictures or of the GPU.
 """
 
+from omnisim.core.trajectories.odometry import (
+    Odometry,
+    OdometryErrors,
+    simulate_odometry,
+    with_errors,
+)
+from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.robots.kinematics import Kinematics, check_drivable, find_violation
 from omnisim.robots.motion_profile import drive_in_steps, drive_with_period
-from omnisim.core.trajectories.odometry import Odometry, OdometryErrors, simulate_odometry, with_errors
-from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.robots.robot_file import Chassis, Footprint, Robot, load_robot, parse_robot, read_robot
 from omnisim.robots.robot_lookup import builtin_robots, find_robot
 from omnisim.robots.timing import time_poses

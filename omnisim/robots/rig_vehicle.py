@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from omnisim.cameras.calibration.rig import Rig
 from omnisim.core.errors import CalibrationError
 from omnisim.core.poses import inverse, pose_from_rotation
-from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.core.trajectories.odometry import OdometryErrors
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.vehicle import Vehicle
 from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 from omnisim.sensors.sensor_names import folder_name

@@ -16,8 +16,8 @@ from omnisim.core.errors import RobotFileError, TrajectoryError
 from omnisim.core.files.parameters import Number, Table, parse_table
 from omnisim.core.files.toml_file import read_toml
 from omnisim.core.short_repr import short_repr
-from omnisim.robots.kinematics import DriveType, Kinematics
 from omnisim.core.trajectories.odometry import OdometryErrors
+from omnisim.robots.kinematics import DriveType, Kinematics
 from omnisim.robots.robot_lookup import find_robot
 from omnisim.sensors.sensor_names import Name
 

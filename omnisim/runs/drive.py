@@ -24,6 +24,8 @@ from omnisim.core.files.number_table import write_table
 from omnisim.core.files.written_files import is_written
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.odometry import Odometry, simulate_odometry, with_errors
+from omnisim.core.trajectories.odometry_files import write_odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.core.trajectories.trajectory_files import read_trajectory, write_trajectory
@@ -32,8 +34,6 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.missed_surfaces import near_plane_note
 from omnisim.rendering.stage import BackendName, Stage
 from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.core.trajectories.odometry import Odometry, simulate_odometry, with_errors
-from omnisim.core.trajectories.odometry_files import write_odometry
 from omnisim.robots.robot_file import Chassis
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import Contact, find_contacts

@@ -25,6 +25,8 @@ from omnisim.core.extras import is_installed
 from omnisim.core.files.image_files import read_channels, write_image
 from omnisim.core.package_files import SCENES
 from omnisim.core.poses import pose
+from omnisim.core.trajectories.odometry import simulate_odometry
+from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory_files import FORMATS, write_trajectory
 from omnisim.datasets.export.export import export_run
@@ -44,12 +46,10 @@ from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.degradations.degradation_file import PRESETS, preset
 from omnisim.rendering.camera.picture_file import read_picture
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.importers.gazebo.gazebo_robot import import_model
 from omnisim.robots.importers.importers import load_robot_model
 from omnisim.robots.importers.usarsim.usarsim_robot import import_robot
-from omnisim.core.trajectories.odometry import simulate_odometry
-from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route, plan_route

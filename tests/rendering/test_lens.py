@@ -13,8 +13,8 @@ from omnisim.core import poses
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.rendering.renderer import Renderer
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.scenes import room, room_color, room_hit, scene_of
 

@@ -15,9 +15,9 @@ import pytest
 
 from omnisim.core.errors import GraphicsError, OutputError, RunError
 from omnisim.core.files.image_files import read_image
+from omnisim.core.trajectories.odometry_files import read_odometry
 from omnisim.core.trajectories.trajectory_files import read_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.core.trajectories.odometry_files import read_odometry
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive

@@ -14,8 +14,8 @@ import numpy as np
 from omnisim.core.poses import LARGEST_M, wrap_angle
 from omnisim.core.trajectories.formats.parsed_trajectory import read_times
 from omnisim.core.trajectories.formats.text_table import check_printed_times, read_text_table
-from omnisim.core.trajectories.trajectory_files import write_lines
 from omnisim.core.trajectories.odometry import Odometry
+from omnisim.core.trajectories.trajectory_files import write_lines
 
 COLUMNS = ["t_s", "distance_m", "turn_rad", "x_m", "y_m", "yaw_rad"]
 # A line's pose must follow from the one before by its reading, but for what printing rounds.

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
+from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.filter import LocalizationFilter
 from omnisim.perception.localization.filter_parameters import FilterParameters, MeasurementNoise
 from omnisim.perception.localization.observations import LandmarkMap, Observation
 from omnisim.perception.localization.track import Track
-from omnisim.core.trajectories.odometry import Odometry
 
 
 def observation_from_detection(detection: Detection, relation: MeasurementNoise) -> Observation:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.importers.imported_model import ImportedModel, ImportedSensor, load_body
 from omnisim.robots.importers.mechanics import Mechanics, robot_file
 from omnisim.robots.importers.wheels import Wheel, is_across
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.scene.formats.mjcf.camera_lens import lens_of
 from omnisim.scene.formats.mjcf.camera_mount import Mount
 from omnisim.scene.formats.mjcf.names import body_name, geom_names

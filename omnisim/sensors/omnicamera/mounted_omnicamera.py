@@ -31,9 +31,9 @@ from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
 from omnisim.sensors.sensor import (
     DriveSettings,

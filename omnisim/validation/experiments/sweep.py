@@ -18,6 +18,7 @@ from scipy import ndimage
 from scipy.signal import fftconvolve
 
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
+from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.perception.landmarks.color_model import ColorModel
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter_parameters import FilterParameters
@@ -28,7 +29,6 @@ from omnisim.rendering.camera.degradations.jpeg import Jpeg
 from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
 from omnisim.rendering.camera.degradations.vignetting import Vignetting
 from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
-from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
 from omnisim.validation.experiments.seeds import Progress, run_seeds

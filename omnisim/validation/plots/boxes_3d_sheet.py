@@ -1,5 +1,6 @@
-"""A sheet of 3-D boxes over a picture: `python -m omnisim.validation.plots.boxes_3d_sheet FILE`, with FILE a
-.png or .jpg.
+"""A sheet of 3-D boxes over an image.
+
+`python -m omnisim.validation.plots.boxes_3d_sheet FILE`, with FILE a .png or .jpg.
 
 A robot in the soccer field's hall through a fisheye lens and a mirror: boxes of whole instances,
 and of their visible points. Edges are straight in the world, and so curved in the picture.

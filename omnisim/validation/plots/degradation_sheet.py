@@ -1,4 +1,6 @@
-"""Every degradation and preset on one sheet: `python -m omnisim.validation.plots.degradation_sheet FILE`.
+"""Every degradation and preset on one sheet.
+
+`python -m omnisim.validation.plots.degradation_sheet FILE` draws it.
 
 The first rows show each degradation alone, stronger than cameras usually have it, as a whole
 picture or as a part of a finer one with its pixels four times as large; what turns, turns left at

@@ -1,5 +1,6 @@
-"""A contact sheet of every channel of ground truth: `python -m omnisim.validation.plots.ground_truth_sheet
-FILE`, with FILE a .png or .jpg.
+"""A contact sheet of every channel of ground truth.
+
+`python -m omnisim.validation.plots.ground_truth_sheet FILE`, with FILE a .png or .jpg.
 
 The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
 that looks ahead. Flow leads to the poses before and after a step to the left and

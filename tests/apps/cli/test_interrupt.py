@@ -93,7 +93,8 @@ def test_imports_do_not_swallow_it(tmp_path, tmp_path_factory):
     (modules / "swallows.py").write_text(SWALLOWS, encoding="utf-8")
     code = (
         f"import sys\nsys.path.append({str(modules)!r})\n"
-        "import omnisim.apps.cli.app\nfrom omnisim.core.files.atomic_file import write_text, atomic_write\n"
+        "import omnisim.apps.cli.app\n"
+        "from omnisim.core.files.atomic_file import write_text, atomic_write\n"
         "from pathlib import Path\n"
         "def run():\n"
         "    with atomic_write(Path('a.txt')) as partial:\n"

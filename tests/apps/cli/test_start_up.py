@@ -16,7 +16,8 @@ RARE_LIBRARIES = (
 )  # fmt: skip
 # Modules of other commands: large tables that the paper's camera does not need.
 RARE_MODULES = (
-    "omnisim.cameras.calibration", "omnisim.validation.plots", "omnisim.rendering.rays", "omnisim.rendering.camera.sensor_file",
+    "omnisim.cameras.calibration", "omnisim.validation.plots", "omnisim.rendering.rays",
+    "omnisim.rendering.camera.sensor_file",
 )  # fmt: skip
 
 

@@ -19,9 +19,9 @@ from omnisim.cameras.optics.system_file import read_optics_file
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.camera.valid_mask import valid_mask
 from omnisim.rendering.truth.sample_rays import sample_rays
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.validation.psnr import psnr_of_levels_db
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, at, port
 from tests.cameras.optics.samples import all_samples

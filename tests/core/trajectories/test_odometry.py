@@ -5,10 +5,15 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import TrajectoryError
+from omnisim.core.trajectories.odometry import (
+    Odometry,
+    OdometryErrors,
+    simulate_odometry,
+    wheel_readings,
+)
+from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.robots.motion_profile import drive_in_steps, drive_with_period
-from omnisim.core.trajectories.odometry import Odometry, OdometryErrors, simulate_odometry, wheel_readings
-from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from tests.robots.test_motion_profile import PIONEER_2_AT, SUPER_SCOUT, paper_lap
 
 PERFECT = OdometryErrors()

@@ -16,6 +16,7 @@ from omnisim.core.extras import missing_packages
 from omnisim.core.files.atomic_file import atomic_folder, partials, remove_partials
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import pose
+from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
@@ -23,7 +24,6 @@ from omnisim.datasets.export.export_formats import FORMATS, format_named
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import LocalizationError
+from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.localization.consistency import mean_interval, nees, pose_errors
 from omnisim.perception.localization.filter import LocalizationFilter
 from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
@@ -17,7 +18,6 @@ from omnisim.perception.localization.observations import (
     predict_measurement,
 )
 from omnisim.perception.localization.odometry_motion import move
-from omnisim.core.trajectories.odometry import Odometry
 
 CAMERA_M = (-0.08, 0.03)
 SQUARE = [(2.7, -0.4), (3.0, -0.4), (3.0, 0.4), (2.7, 0.4)]

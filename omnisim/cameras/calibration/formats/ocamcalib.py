@@ -6,9 +6,9 @@
     c d e                    the affine map
     height width
 
-The toolbox's x is down, y to the right, and it looks along −z; see `cameras/models/ocamcalib.py` for the
-rotation to our axes, the same for lenses and mirrors: only our metadata tell them apart. The
-inverse is fitted here, as the toolbox does it.
+The toolbox's x is down, y to the right, and it looks along −z; see `cameras/models/ocamcalib.py`
+for the rotation to our axes, the same for lenses and mirrors: only our metadata tell them apart.
+The inverse is fitted here, as the toolbox does it.
 
 Source: Scaramuzza's toolbox, its C functions and calib_results.txt.
 """

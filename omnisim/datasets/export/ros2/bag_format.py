@@ -34,6 +34,7 @@ import numpy as np
 
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import inverse
+from omnisim.core.trajectories.odometry import Odometry
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.export.ros2 import ros_messages as messages
@@ -51,7 +52,6 @@ from omnisim.datasets.export.ros2.streams import (
     Stream,
     ros_name,
 )
-from omnisim.core.trajectories.odometry import Odometry
 from omnisim.runs.run_folder import LABELS
 from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
 from omnisim.sensors.imu.mounted_imu import MountedImu

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
 from omnisim.rendering.opengl.culling.command_slices import BANDS, CommandRange
+from omnisim.rendering.opengl.drawing.material_units import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
 from omnisim.rendering.opengl.gl_functions import IndirectDraws
 from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.drawing.material_units import map_units
 
 
 class BucketProgram(NamedTuple):

@@ -12,6 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.drawing.material_units import (
+    bind_materials,
+    connect_material,
+    reflectance_defines,
+)
 from omnisim.rendering.opengl.drawing.shadow_source import ShadowSource
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
@@ -19,11 +24,6 @@ from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.materials import baked_textures
 from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
-from omnisim.rendering.opengl.drawing.material_units import (
-    bind_materials,
-    connect_material,
-    reflectance_defines,
-)
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler, write_fog

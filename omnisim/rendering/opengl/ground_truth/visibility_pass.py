@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.drawing.material_units import bind_materials
 from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
@@ -34,7 +35,6 @@ from omnisim.rendering.opengl.layer_targets import (
     attach_texture,
     draw_into_all,
 )
-from omnisim.rendering.opengl.drawing.material_units import bind_materials
 from omnisim.rendering.opengl.memory import gpu_allocation
 
 # Pose (4, 4) of a camera's rig, and those of the dynamic objects.

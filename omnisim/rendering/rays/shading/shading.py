@@ -29,7 +29,7 @@ from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler,
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
 
-# Of mip levels, as in `omnisim.rendering.sensor_tiles`: what is a little sharp is averaged in the pixel.
+# Of mip levels, as in `sensor_tiles`: what is a little sharp is averaged in the pixel.
 LEVEL_BIAS = -0.5
 _DARKEST = 1e-20
 

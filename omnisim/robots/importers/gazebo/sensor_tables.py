@@ -14,8 +14,8 @@ from omnisim.cameras.calibration.formats.gazebo import read_lens
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.importers.imported_model import ImportedSensor
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.robots.importers.imported_model import ImportedSensor
 from omnisim.scene.formats.sdf.element import SdfElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
 
