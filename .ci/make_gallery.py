@@ -23,10 +23,9 @@ sys.path.insert(0, str(ROOT))
 
 from omnisim import OmniCamera, Renderer  # noqa: E402
 from omnisim.apps.live.presets import PRESETS_FILE  # noqa: E402
-from omnisim.cameras import CAMERA_MODELS  # noqa: E402
-from omnisim.cameras.camera import CentralCamera  # noqa: E402
+from omnisim.cameras import CAMERA_MODELS, CentralCamera  # noqa: E402
 from omnisim.cameras.models.field_of_view import FieldOfView, field_of_view  # noqa: E402
-from omnisim.scene.files.load import load_scene  # noqa: E402
+from omnisim.scene import load_scene  # noqa: E402
 from tests.camera_examples import CAMERA_EXAMPLES  # noqa: E402
 
 FOLDER = ROOT / "omnisim" / "cameras" / "gallery"

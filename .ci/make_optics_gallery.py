@@ -19,15 +19,13 @@ sys.path.insert(0, str(ROOT))
 from omnisim import OmniCamera, Renderer  # noqa: E402
 from omnisim.cameras.mirrors.mirror_mesh_error import MeshError  # noqa: E402
 from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS  # noqa: E402
-from omnisim.cameras.optics.centrality import measure_centrality  # noqa: E402
+from omnisim.cameras.optics import OpticalSystem, measure_centrality, read_optics_file  # noqa: E402
 from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # noqa: E402
 from omnisim.cameras.optics.mesh_rays import has_mesh  # noqa: E402
-from omnisim.cameras.optics.system import OpticalSystem  # noqa: E402
-from omnisim.cameras.optics.system_file import read_optics_file  # noqa: E402
 from omnisim.cameras.optics.tracing import Fate  # noqa: E402
 from omnisim.core.bilinear import corner_and_weights, interpolate  # noqa: E402
 from omnisim.rendering.auto_mesh import auto_polygons  # noqa: E402
-from omnisim.scene.files.load import load_scene  # noqa: E402
+from omnisim.scene import load_scene  # noqa: E402
 from omnisim.validation.plots.contact_sheet import save_contact_sheet  # noqa: E402
 from omnisim.validation.plots.optics_plot import optics_figure  # noqa: E402
 

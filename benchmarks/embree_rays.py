@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, pixel_grid
+from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.core.extras import missing_packages
 from omnisim.rendering.rays.embree import EmbreeMesh
 from omnisim.rendering.rays.geometry import build_geometry
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 
 def has_embree() -> bool:

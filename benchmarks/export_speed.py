@@ -21,10 +21,9 @@ import numpy as np
 
 from benchmarks.errors import BenchmarkError
 from omnisim import load_scene, pose
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.core.trajectories.odometry import OdometryErrors
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive

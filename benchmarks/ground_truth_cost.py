@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from omnisim import OmniCamera, Renderer, load_scene, pose
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 
 ROUNDS = 9  # after one to warm up
 BACKWARD_AND_SCENE = tuple(n for n in CHANNELS if "backward" in n or "scene_flow" in n)

@@ -30,8 +30,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.context import open_context
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.validation.report.machine import ROOT
 
 SETTING, FRAME_PX = "fast", 360

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from omnisim import load_scene, pose
 from omnisim.core.world import Motion
-from omnisim.scene.model import AlphaMode, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import AlphaMode
 from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
 from omnisim.sensors.lidar.point_cloud import PointCloud
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar

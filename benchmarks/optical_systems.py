@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim import OmniCamera, Renderer, load_scene
-from omnisim.cameras.optics.system_file import read_optics_file
+from omnisim.cameras.optics import read_optics_file
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.same_triangles import BESIDE_M, pose_beside_nearest, same_triangles
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "optics"

@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.route import Route, plan_route
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 ROBOT = "p2at"
 VIEWPORT_PX, VIEWPORT_FIELD_RAD = (640, 480), math.radians(90.0)

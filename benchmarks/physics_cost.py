@@ -14,7 +14,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from omnisim import load_scene
-from omnisim.robots.robot_file import load_robot
+from omnisim.robots import load_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.physics.simulated_world import SimulatedWorld

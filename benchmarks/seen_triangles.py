@@ -12,10 +12,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.rendering.opengl.uniforms import columns_first, uniform
-from omnisim.scene.model import AlphaMode, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import AlphaMode
 
 _VERTEX = """
 #version 430 core

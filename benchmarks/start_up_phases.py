@@ -36,7 +36,7 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
     from omnisim.rendering.camera.omnicamera import OmniCamera
     from omnisim.rendering.renderer import Renderer
     from omnisim.rendering.stage import Stage
-    from omnisim.scene.files.load import load_scene
+    from omnisim.scene import load_scene
 
     done(IMPORTS)
     scene = load_scene(scene_name)

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from omnisim.cameras.optics.boards.board_corners import BoardCorners, write_corners
+from omnisim.cameras.optics import BoardCorners, write_corners
 
 PATTERN = (8, 6)  # inner corners along a row, and rows
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import mujoco
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.runs.mujoco_loop.simulated_camera import Camera
 
 MODEL = Path(__file__).with_name("mujoco_room.xml")

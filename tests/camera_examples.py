@@ -5,28 +5,30 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
-from omnisim.cameras.mirrors.elliptic import EllipticCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.mirrors.parabolic import ParabolicCamera
-from omnisim.cameras.mirrors.planar import PlanarCamera
-from omnisim.cameras.models.cylindrical import CylindricalCamera
-from omnisim.cameras.models.double_sphere import DoubleSphereCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.equisolid import EquisolidCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.f_theta import FThetaCamera
-from omnisim.cameras.models.gazebo import GazeboCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.ocamcalib import OcamcalibCamera
-from omnisim.cameras.models.orthographic import OrthographicCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.radial_table import RadialTableCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.stereographic import StereographicCamera
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras import (
+    CylindricalCamera,
+    DoubleSphereCamera,
+    EllipticCamera,
+    EquidistantCamera,
+    EquirectangularCamera,
+    EquisolidCamera,
+    EucmCamera,
+    FThetaCamera,
+    FThetaInverseCamera,
+    GazeboCamera,
+    HyperbolicCamera,
+    KannalaBrandtCamera,
+    OcamcalibCamera,
+    OrthographicCamera,
+    ParabolicCamera,
+    PerspectiveCamera,
+    PlanarCamera,
+    RadialTableCamera,
+    RationalPolynomialCamera,
+    StereographicCamera,
+    UnifiedCamera,
+)
+from omnisim.cameras.mirrors import HyperbolicMirror
 
 
 def _framed(width, height, **mirror):

@@ -9,9 +9,7 @@ import math
 import numpy as np
 
 from omnisim import OmniCamera, Renderer, load_scene
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.rendering.rays.shading.shading import Shading
 from omnisim.rendering.truth.optical_flow import OCCLUDED, OUTSIDE, VISIBLE

@@ -8,9 +8,9 @@ from typing import get_args
 import omnisim
 from omnisim.apps.cli.arguments import Backend
 from omnisim.cameras import CAMERA_MODELS
-from omnisim.cameras.calibration.calibration_formats import FORMATS
+from omnisim.cameras.calibration import FORMATS
 from omnisim.rendering.camera import degradations
-from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.stage import BackendName
 from omnisim.validation.plots import degradation_sheet
 from tests.rendering.camera.degradations.test_gpu_equals_reference import EXAMPLES

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, pose
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.runs.mujoco_loop.simulated_camera import NO_GEOM, Camera
 from omnisim.scene.formats.mjcf.camera_lens import lens_of

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 import omnisim
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera, RadialTableCamera
 from omnisim.cameras.calibration.ray_table import ray_table
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.tessellation import tessellate
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.radial_table import RadialTableCamera
 from omnisim.core.errors import CalibrationError, OpticsError, SceneError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.package_files import SCENES
@@ -24,7 +22,7 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 from omnisim.perception.localization.track import Track
 from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.robots.robot_file import load_robot
+from omnisim.robots import load_robot
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_folder import RunFolder

@@ -9,7 +9,7 @@ import numpy as np
 
 from omnisim import LaserScanner, OmniCamera
 from omnisim.core.poses import pose
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import (
     AlphaMode,
     Instance,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.peer import CAMERA, mirror_rays
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
 from omnisim.core.cube import face_index, face_tangents
 from omnisim.core.srgb import linear_from_srgb
 

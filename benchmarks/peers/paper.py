@@ -19,7 +19,7 @@ from benchmarks.peers.face_target import (
     srgb_texture,
 )
 from benchmarks.peers.peer import CAMERA, PicturePeer
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.unfolding import unfold
 from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.peer import SENSOR
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 

@@ -7,9 +7,8 @@ from abc import abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.rendering.camera.omnicamera import PAPER_SIZE_PX, OmniCamera
 from omnisim.rendering.stage import Closing
 

@@ -21,9 +21,9 @@ from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.picture import RayPicture
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import NO_BAKED_LIGHT, load_scene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.files.source import NO_SKY
-from omnisim.scene.model import Scene
 
 POSES, LOOKED_AT = 10, 4
 COMPARED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)

@@ -17,7 +17,8 @@ from benchmarks.probes.probe import Probe, quickest
 from benchmarks.settings import at_setting
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.stage import Stage
-from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance, Material, Mesh, Texture
 
 HALF_M = 3.0
 _REPEATS = 4.0  # of the texture along a wall: finer than the texels, so that two levels are read

@@ -33,7 +33,7 @@ from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.route import Route, plan_route
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.report.measure import Measure
 
 SCENE, ROBOT = "soccer", "p2at"

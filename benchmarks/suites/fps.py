@@ -28,7 +28,7 @@ from omnisim.cameras.mirrors.mirror_mesh_error import mesh_error
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
 from omnisim.validation.fixture import mirror_camera
 from omnisim.validation.report.measure import Measure

@@ -17,8 +17,7 @@ import numpy as np
 from benchmarks.options import Options
 from benchmarks.report import bound_lines, make_report
 from benchmarks.timer import time_interleaved
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
@@ -29,8 +28,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import Pipeline
 from omnisim.rendering.readback import ScenePoses
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.validation.plots import style
 from omnisim.validation.plots.plot_file import Figure
 from omnisim.validation.report.measure import Measure

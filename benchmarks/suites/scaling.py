@@ -37,7 +37,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.validation.report.measure import Measure
 
 SETTING, SIZE_PX, SCENE = "fast", 360, "soccer"

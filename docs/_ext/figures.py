@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror
 
 _INK, _RAY, _MIRROR = "#555", "#c33", "#28c"
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
 from omnisim.core.short_repr import short_repr
+from omnisim.ground_truth import Labels
 from omnisim.ground_truth.boxes_3d import InstanceBox, boxes_json
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
@@ -24,7 +25,6 @@ from omnisim.ground_truth.channel_files import (
 from omnisim.ground_truth.coco import write_json
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.frame_channels import FrameChannels
-from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import ChannelFormat
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera
 from omnisim.cameras.mirrors.mirror_mesh_error import Annulus, largest_error, needed_polygons
 from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS, sectors_and_rings
 

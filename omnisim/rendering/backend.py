@@ -25,8 +25,8 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.readback import Readback, ScenePoses
 from omnisim.rendering.truth.ground_truth import GroundTruth
+from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
-from omnisim.scene.model import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
-from omnisim.ground_truth.channels import CHANNELS, check_channels
+from omnisim.ground_truth import CHANNELS, check_channels
 
 PICTURES = {"rgb": 3, "rgba": 4}  # numbers of a pixel
 

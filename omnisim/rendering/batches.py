@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import check_poses
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.backend import CameraBackend
 from omnisim.rendering.batch_arrays import PICTURES, batch_arrays, check_contents
 from omnisim.rendering.camera.omnicamera import OmniCamera

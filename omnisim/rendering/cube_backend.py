@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import NonCentralCamera
+from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
@@ -61,7 +61,7 @@ from omnisim.rendering.readback import Readback, ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.rendering.truth.deforming_draws import deforming_draws
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 # A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
 # warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at 1.5, and most of those are at

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 _PROBES = 48  # rays to a side of the image, at most
 _TRIANGLES_PER_BATCH = 256

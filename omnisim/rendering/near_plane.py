@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # a sensor file is read without scenes
-    from omnisim.scene.model import Scene
+    from omnisim.scene import Scene
 
 NEAR_PER_SIZE = 0.05  # of a scene's longest side
 

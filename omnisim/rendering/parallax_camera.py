@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import NonCentralCamera
+from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.optics.centrality import common_point
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages

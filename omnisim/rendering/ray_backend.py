@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import NonCentralCamera
+from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
@@ -37,7 +37,7 @@ from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.readback import Exposed, Readback, ScenePoses, SubFrame
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 
 class RayBackend(SceneBackend):

@@ -10,27 +10,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, summary
+from omnisim.cameras import CentralCamera, summary
 from omnisim.core.errors import GraphicsError, OmnisimError
 from omnisim.core.poses import check_pose, inverse
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.core.version import __version__
 from omnisim.core.world import Motion, ObjectPart, WorldState, time_of
+from omnisim.ground_truth import Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
-from omnisim.ground_truth.channels import ChannelName, check_channels
+from omnisim.ground_truth.channels import ChannelName
 from omnisim.ground_truth.frame import Frame
-from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.backend import CameraBackend, CameraSetup, FrameRequest
 from omnisim.rendering.batches import BatchRenderer, needed_others
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import BackendName, Stage
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 if TYPE_CHECKING:
-    from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
-    from omnisim.cameras.calibration.calibration import Calibration
+    from omnisim.cameras.calibration import CalibratedCamera, Calibration
 
 
 class Renderer(BatchRenderer):

@@ -9,8 +9,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 
 
 class EditableScene(ABC):

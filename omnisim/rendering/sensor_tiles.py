@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras.mirrors import tessellate
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles

@@ -17,9 +17,8 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.world import ObjectPart, ObjectPoses, WorldState
 from omnisim.rendering.backend import SceneBackend
 from omnisim.rendering.scene_edits import EditableScene
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
-from omnisim.scene.model import Scene
 
 if TYPE_CHECKING:  # there may be no OpenGL
     from omnisim.rendering.cube_backend import CubeBackend

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.cameras.camera import CentralCamera, pixels_of_points
+from omnisim.cameras import CentralCamera, pixels_of_points
 from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.world import Pose

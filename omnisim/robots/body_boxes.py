@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.robots.robot_file import default_clearance_m
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.scene.space.triangles import triangles_within
 
 

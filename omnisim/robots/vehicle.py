@@ -17,13 +17,12 @@ from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
-from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import Polygons
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.robot_file import Footprint, Robot, load_robot
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.files.readers import is_mjcf
-from omnisim.scene.model import Scene
 from omnisim.scene.space.enclosure import enclosing_nodes
 from omnisim.scene.space.start_pose import default_start
 from omnisim.sensors.laser_scanner.mounted_scanner import MountedScanner

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import TrajectoryError
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.runs.pose_sweep import Sweep
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.scene.space.triangles import TriangleBvh, bounds_of, triangles_within
 
 NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"

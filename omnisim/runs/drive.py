@@ -23,18 +23,16 @@ from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.number_table import write_table
 from omnisim.core.files.written_files import is_written
 from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories import Trajectory, read_trajectory, write_trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.core.trajectories.odometry import Odometry, simulate_odometry, with_errors
-from omnisim.core.trajectories.odometry_files import write_odometry
+from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory, write_trajectory
 from omnisim.core.version import __version__
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.missed_surfaces import near_plane_note
 from omnisim.rendering.stage import BackendName, Stage
+from omnisim.robots import Chassis, simulate_odometry, with_errors, write_odometry
 from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.robot_file import Chassis
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import Contact, find_contacts
 from omnisim.runs.drive_world import DriveWorld, MovingVehicle
@@ -54,8 +52,8 @@ from omnisim.runs.run_folder import (
 )
 from omnisim.runs.run_manifest import MANIFEST_FORMAT
 from omnisim.runs.true_states import write_states
+from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
-from omnisim.scene.model import Scene
 from omnisim.sensors.omnicamera.mounted_omnicamera import CAMERA_POSES
 from omnisim.sensors.sensor import DriveSettings, Moment, MountedSensor
 

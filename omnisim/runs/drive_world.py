@@ -11,12 +11,11 @@ import numpy as np
 
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.written_files import is_written
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
 from omnisim.core.world import Pose, WorldState
+from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
-from omnisim.scene.model import Scene
 from omnisim.sensors.sensor_names import folder_name
 
 

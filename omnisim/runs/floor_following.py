@@ -13,7 +13,7 @@ from omnisim.core.poses import pose_from_rotation, yaw_from_rotation
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M
 from omnisim.runs.pose_sweep import SPACING_M, Sweep
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 
 TYRE_M = 0.05  # half of the square under a wheel whose median height bears it

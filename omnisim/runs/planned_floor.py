@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import wrap_angles, yaw_from_rotation
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory import Trajectory, step_lengths_m
+from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots.motion_profile import Plan
 from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.runs.pose_sweep import Sweep

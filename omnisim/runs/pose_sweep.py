@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted, short_repr
-from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories import Trajectory
 from omnisim.robots.kinematics import steps_between
 
 SPACING_M = 0.05  # of the outermost corner, between poses

@@ -21,15 +21,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration import load_calibration
 from omnisim.cameras.calibration.rig import WORLD, Rig
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import TrajectoryError, did_you_mean
 from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.core.trajectories import Trajectory, parse_trajectory
 from omnisim.core.trajectories.formats.parsed_trajectory import Axes
 from omnisim.core.trajectories.formats.text_table import check_printed_times
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import parse_trajectory
 
 BODY, CAMERA = "body", "camera"
 NERFSTUDIO = "nerfstudio"

@@ -14,22 +14,21 @@ from omnisim.core.errors import TrajectoryError, did_you_mean
 from omnisim.core.files.sources import note_file, recorded_sources, source_digest
 from omnisim.core.poses import LARGEST_M
 from omnisim.core.short_repr import short_repr
+from omnisim.core.trajectories import Trajectory, check_continuous, parse_trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
 from omnisim.core.trajectories.formats.text_table import check_printed_times
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory import Trajectory, check_continuous, step_lengths_m
-from omnisim.core.trajectories.trajectory_files import parse_trajectory
+from omnisim.core.trajectories.trajectory import step_lengths_m
+from omnisim.robots import Kinematics, check_drivable, time_poses
 from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.kinematics import Kinematics, check_drivable
 from omnisim.robots.motion_profile import Plan, plan_in_steps, plan_with_period
-from omnisim.robots.timing import time_poses
 from omnisim.robots.vehicle import Vehicle
 from omnisim.robots.waypoints import read_waypoints
 from omnisim.runs.floor_following import follow_floor, slow_on_slopes
 from omnisim.runs.planned_floor import on_floor
 from omnisim.runs.pose_sweep import Sweep
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
 LARGEST_STEP_DEG = 90.0

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.core.errors import RunError
+from omnisim.ground_truth import Labels
 from omnisim.ground_truth.coco import merged, write_json
-from omnisim.ground_truth.label_names import Labels
 from omnisim.runs.run_folder import BOXES, LABELS, RunFolder
 from omnisim.sensors.omnicamera.mounted_omnicamera import BOXES_SUFFIX
 

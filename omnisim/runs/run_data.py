@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from omnisim.core.errors import RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.core.trajectories.odometry_files import read_odometry
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory
 from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
-from omnisim.scene.model import Landmark, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import Landmark
 from omnisim.sensors.calibration_file import CALIBRATION, read_mount
 
 

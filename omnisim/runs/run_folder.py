@@ -53,9 +53,9 @@ from omnisim.core.errors import RunError, did_you_mean
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.written_files import is_written
 from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import LARGEST_S
-from omnisim.core.trajectories.trajectory_files import read_trajectory
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.runs.run_manifest import Manifest, first_difference, parse_manifest, read_manifest
 from omnisim.sensors.sensor import MountedSensor
 

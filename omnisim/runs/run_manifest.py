@@ -12,8 +12,7 @@ from pydantic import AfterValidator, ConfigDict, Field
 from omnisim.core.errors import RunError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.scene.files.load import read_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, read_scene
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import SensorName
 from omnisim.sensors.sensor_registry import MOUNT_TYPES

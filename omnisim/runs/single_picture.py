@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import summary
+from omnisim.cameras import summary
 from omnisim.core.errors import OpticsError, OutputError
 from omnisim.core.short_repr import short_repr
 from omnisim.perception.unwarping.panorama import CameraMount

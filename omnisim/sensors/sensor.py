@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.files.written_files import is_written
 from omnisim.core.short_repr import short_repr
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.core.world import Motion
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.stage import Closing, Stage

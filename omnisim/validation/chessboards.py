@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.plain_scenes import BLACK, WHITE, plain_scene, quads
 
 PATTERN = (8, 6)  # inner corners along a row, and rows

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import OpticalSystem
 from omnisim.core.errors import OpticsError
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.validation.plots.plot_file import Figure
 from omnisim.validation.plots.style import BLUE, plot
 

@@ -9,14 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
 from omnisim.core.errors import OpticsError
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 
 TEXTURED_SCENE = "courtyard"
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera
-from omnisim.scene.model import Scene
+from omnisim.cameras import CentralCamera
+from omnisim.scene import Scene
 from omnisim.validation.plain_scenes import WHITE, discs, plain_scene
 
 # A dozen pixels across in a picture of 1024: the samples of the edge average out.

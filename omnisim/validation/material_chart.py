@@ -7,8 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, pixel_grid
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import CentralCamera, PerspectiveCamera, pixel_grid
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics.caustic import ray_jacobians
-from omnisim.cameras.optics.system import OpticalSystem
-from omnisim.scene.model import Mesh, Scene
+from omnisim.cameras.optics import OpticalSystem, ray_jacobians
+from omnisim.scene import Scene
+from omnisim.scene.model import Mesh
 from omnisim.validation.markers import WINDOW_PX
 from omnisim.validation.plain_scenes import WHITE, plain_scene
 

@@ -9,14 +9,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera, HyperbolicCamera, pixel_grid
 from omnisim.core import coordinate_frames as frames
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.fixture import mirror_camera
 from omnisim.validation.report.measure import Measure
 

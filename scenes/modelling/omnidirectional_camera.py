@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror
 from scenes.modelling.geometry import Patch, bar, join, lathe
 from scenes.modelling.palette import Palette
 from scenes.modelling.pbr_materials import Colour, see_through

@@ -17,8 +17,8 @@ from omnisim.core.poses import pose
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture, Wrap
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import Instance, Material, Mesh, Texture, Wrap
 
 BACKDROP = (0.80, 0.83, 0.86)  # sRGB
 FACE_PX = 3200

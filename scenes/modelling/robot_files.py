@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.rendering.camera.sensor_file import read_sensor_file
 
 

@@ -14,7 +14,7 @@ from benchmarks.peers.peer import SENSOR, mirror_rays
 from benchmarks.peers.quality import BEST_DB, psnr_db
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.validation.oracles import import_failure
 from omnisim.validation.psnr import psnr_of_levels_db

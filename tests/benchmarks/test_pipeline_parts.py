@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.pipeline_parts import RepeatedFrame
 from omnisim import OmniCamera, Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 
 @pytest.fixture

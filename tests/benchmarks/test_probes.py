@@ -8,7 +8,7 @@ from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.probes import fill, probe, readback, submission, surfaces, triangles
 from benchmarks.settings import at_setting
 from omnisim import OmniCamera, Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.settings import at_setting
 from benchmarks.suites.limit import HELD, MOST_SAMPLES
 from omnisim import OmniCamera, Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.scenes import with_warehouse
 
 

@@ -6,8 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from omnisim.cameras import camera_from_parameters
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import camera_from_parameters, pixel_grid
 from omnisim.core.errors import OpticsError
 from tests.camera_examples import CAMERA_EXAMPLES
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.cameras import PlanarCamera
 from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
-from omnisim.cameras.mirrors.planar import PlanarCamera
 from omnisim.cameras.monotone import first_root
 from tests.camera_examples import CAMERA_EXAMPLES
 

@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.elliptic import EllipticCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import EllipticCamera, HyperbolicCamera, pixel_grid
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OpticsError
 from tests.camera_examples import CAMERA_EXAMPLES
 

@@ -3,12 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrors.hyperbolic import (
-    HyperbolicCamera,
-    image_radius_eq2_px,
-    theta_from_image_radius_eq2_rad,
-)
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px, theta_from_image_radius_eq2_rad
 from omnisim.core.errors import OpticsError
 
 

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras import camera_from_parameters
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras import (
+    HyperbolicCamera,
+    MirroredCamera,
+    UnifiedCamera,
+    camera_from_parameters,
+    pixel_grid,
+)
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OpticsError
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 
 WITHIN_PX = 1e-6

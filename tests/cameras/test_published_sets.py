@@ -9,10 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.double_sphere import DoubleSphereCamera
-from omnisim.cameras.models.f_theta import FThetaCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras import DoubleSphereCamera, FThetaCamera, KannalaBrandtCamera, UnifiedCamera
 
 WITHIN_PX = 1e-6
 

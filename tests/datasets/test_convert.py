@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from omnisim.apps.cli.app import app
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
 from omnisim.datasets.generate.samples import Shards

@@ -12,8 +12,8 @@ from omnisim.datasets import free_space
 from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space
 from omnisim.datasets.generate.distributions import Stream
 from omnisim.datasets.generate.triangle_parts import surface_points
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene, StartPose
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import StartPose
 from omnisim.scene.space.triangles import triangles_within
 from tests.slow import slow_but
 

@@ -13,8 +13,7 @@ from omnisim.core.poses import pose
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from tests.cameras.optics.examples import EXAMPLES
 
 USUAL_CHANNELS = ("range", "instance")

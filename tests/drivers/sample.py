@@ -10,16 +10,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera, MirroredCamera, UnifiedCamera
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.channels import CHANNELS
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.rendering.camera.degradations.encoding import Encoding
+from omnisim.ground_truth import CHANNELS
+from omnisim.rendering.camera.degradations import Degradation, Encoding, preset
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import picture_pass
 from omnisim.rendering.opengl.geometry import scene_buffers, triangle_windows
@@ -27,9 +22,10 @@ from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.twist import Twist
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.files.load import NO_BAKED_LIGHT, load_scene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.model import Fog, Lighting, Scene, Texture
+from omnisim.scene.model import Fog, Lighting, Texture
 from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from omnisim.sensors.lidar.lidar_renderer import LidarRenderer

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import LightKind
 from omnisim.scene.space.floor import floor_height_m
 from omnisim.scene.space.start_pose import find_start

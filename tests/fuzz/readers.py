@@ -16,26 +16,24 @@ import numpy as np
 import trimesh
 
 from omnisim import OmniCamera
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration import load_calibration
 from omnisim.cameras.calibration.ray_table import read_ray_table, write_ray_table
-from omnisim.cameras.optics.boards.board_corners import read_corners
-from omnisim.cameras.optics.system_file import read_optics_file
+from omnisim.cameras.optics import read_corners, read_optics_file
 from omnisim.core.errors import OpticsError
 from omnisim.core.extras import is_installed
 from omnisim.core.files.image_files import read_channels, write_image
 from omnisim.core.package_files import SCENES
 from omnisim.core.poses import pose
-from omnisim.core.trajectories.odometry import simulate_odometry
-from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
+from omnisim.core.trajectories import write_trajectory
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory_files import FORMATS, write_trajectory
+from omnisim.core.trajectories.trajectory_files import FORMATS
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.stored_clouds import read_cloud
 from omnisim.datasets.export.stored_scans import read_table
+from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.frame import Frame
-from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.landmarks.color_model import BINS, ColorModel
 from omnisim.perception.landmarks.color_model_file import load_model, save_model
@@ -43,13 +41,15 @@ from omnisim.perception.localization.filter_parameters import DEFAULT as FILTER_
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
-from omnisim.rendering.camera.degradations.degradation_file import PRESETS, preset
+from omnisim.rendering.camera.degradations import preset
+from omnisim.rendering.camera.degradations.degradation_file import PRESETS
 from omnisim.rendering.camera.picture_file import read_picture
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.robots import read_odometry, simulate_odometry, write_odometry
 from omnisim.robots.importers.gazebo.gazebo_robot import import_model
 from omnisim.robots.importers.importers import load_robot_model
-from omnisim.robots.importers.usarsim.usarsim_robot import import_robot
+from omnisim.robots.importers.usarsim import import_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route, plan_route
@@ -58,7 +58,7 @@ from omnisim.runs.run_folder import open_run, read_times
 from omnisim.runs.run_labels import RunLabels, landmark_colors
 from omnisim.runs.run_manifest import read_manifest
 from omnisim.runs.true_states import read_states, write_states
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import read_scene
 from omnisim.scene.formats.usd import process
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors.calibration_file import calibration_json, read_mount

@@ -9,7 +9,8 @@ import pytest
 import omnisim.ground_truth
 from omnisim.apps.cli.arguments import AlsoOption
 from omnisim.core.errors import OutputError
-from omnisim.ground_truth.channels import CHANNELS, ChannelName, check_channels, parse_channels
+from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
+from omnisim.ground_truth.channels import ChannelName
 
 
 def test_names_are_unique_and_ordered():

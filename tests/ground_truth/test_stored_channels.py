@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import write_channels
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.stored_channels import StoredChannels

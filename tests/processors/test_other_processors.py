@@ -15,8 +15,7 @@ import pytest
 from omnisim.core.files.image_files import read_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import read_scene
-from omnisim.scene.files.source import builtin_scenes
+from omnisim.scene import builtin_scenes, read_scene
 from tests.processors.emulation import omnisim_emulated, rounds_otherwise, run_emulated
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]

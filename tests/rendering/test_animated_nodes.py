@@ -5,12 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from omnisim import OmniCamera, Renderer, Stage, load_scene
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.shutter import Shutter
+from omnisim.rendering.camera.degradations import Degradation, Shutter
 from tests.animated_gltf import WORLD_FROM_FILE, Animated
 
 TURNS = Rotation.from_euler("yxz", [[0, 0, 0], [50, 10, 5], [80, -20, 30]], degrees=True)

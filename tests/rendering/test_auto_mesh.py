@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import HyperbolicCamera, PerspectiveCamera, pixel_grid
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px

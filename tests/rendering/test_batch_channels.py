@@ -7,7 +7,8 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth.channels import FLOWS
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl import hit_batches

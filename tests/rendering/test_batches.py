@@ -5,18 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import GraphicsError, OmnisimError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.noise import Noise
+from omnisim.rendering.camera.degradations import Degradation, Noise
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl import batch_pipeline
 from omnisim.rendering.opengl.drawing import cube_pass
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
 from tests.rendering.opengl.sheets import mixed_scene
 from tests.scenes import room, scene_of

@@ -7,7 +7,7 @@ import pytest
 
 from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
 from omnisim.core.poses import pose
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Lighting, Material
 from tests.scenes import room, scene_of, square
 from tests.vehicles import (

@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from omnisim import OmniCamera, Renderer, Stage, load_scene
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras import EquirectangularCamera
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.scene.model import Instance, Mesh

@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera, pixel_grid
+from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.media import refractive_index
-from omnisim.cameras.optics.shapes.quadrics import Plane
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.shapes import Plane
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.poses import pose
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.shutter import Shutter
+from omnisim.rendering.camera.degradations import Degradation, Shutter
 from omnisim.rendering.camera.valid_mask import valid_mask
 from omnisim.scene.model import Material, Mesh
 from omnisim.validation.psnr import psnr_db

@@ -3,20 +3,22 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
-from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import (
+    Defocus,
+    Degradation,
+    Encoding,
+    Exposure,
+    Noise,
+    Shutter,
+    preset,
+)
 from omnisim.rendering.camera.degradations.development import developed, eight_bits, exposed
-from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.exposure import Exposure
-from omnisim.rendering.camera.degradations.noise import Noise
 from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
-from omnisim.rendering.camera.degradations.shutter import Shutter
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer, Stage
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera, HyperbolicCamera, pixel_grid
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.bilinear import corner_and_weights
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState

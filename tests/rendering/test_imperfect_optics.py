@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer, Stage
-from omnisim.cameras.optics.shapes.quadrics import Conic
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import OpticalSystem, Surface
+from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.rendering.camera.degradations.shutter import Shutter
+from omnisim.rendering.camera.degradations import Degradation, Shutter, preset
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.truth.sample_rays import sample_rays
 from omnisim.rendering.twist import Twist, moved_px

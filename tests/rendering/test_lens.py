@@ -6,9 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera, HyperbolicCamera, pixel_grid
 from omnisim.core import poses
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.srgb import srgb_from_linear

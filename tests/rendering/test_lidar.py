@@ -11,7 +11,7 @@ from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
 from omnisim.sensors.lidar.point_cloud import POINT

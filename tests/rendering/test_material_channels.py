@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import omnisim
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh, Texture
 from tests.scenes import scene_of, square
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera

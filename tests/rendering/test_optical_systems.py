@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer, load_scene
-from omnisim.cameras.calibration.calibration import calibration_of
+from omnisim.cameras import UnifiedCamera, pixel_grid
+from omnisim.cameras.calibration import calibration_of
 from omnisim.cameras.calibration.fit import fit_camera
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.unified import UnifiedCamera
-from omnisim.cameras.optics.shapes.quadrics import Conic
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import OpticalSystem, Surface
+from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage

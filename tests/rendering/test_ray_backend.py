@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer, Stage, load_scene
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import GraphicsError, OmnisimError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.hits import NO_DETAILS
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.rays.geometry import build_geometry
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
 from omnisim.validation.psnr import psnr_of_levels_db

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import omnisim
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.core.cube import face_index
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.light.environment import Environment, map_directions

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -18,7 +18,7 @@ from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.scene_edits import EditableScene
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.rendering.stage import Stage
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
 
 CHANNELS = ("range", "position", "normals", "albedo", "semantic", "instance")

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer, Stage, load_scene
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.shutter import Shutter
+from omnisim.rendering.camera.degradations import Degradation, Shutter
 from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from tests.cameras.optics.examples import SYSTEMS

@@ -5,8 +5,7 @@ import pytest
 import trimesh
 
 from omnisim import OmniCamera, Renderer, Scene
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import EquirectangularCamera, PerspectiveCamera
 from omnisim.core.poses import pose
 from omnisim.rendering.missed_surfaces import near_plane_note, surfaces_too_near
 from omnisim.sensors.depth_camera.depth_camera import DepthCamera

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.robots import load_robot
 from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
-from omnisim.robots.robot_file import load_robot
 
 POINTS = [(0.0, 0.0), (5.0, 0.0), (5.0, 3.3), (0.1, 0.0), (0.1, 0.4)]
 LIMITS = load_robot("p2at").kinematics

@@ -7,9 +7,15 @@ import pytest
 
 from omnisim.core.errors import RobotFileError
 from omnisim.core.package_files import SCENES
-from omnisim.core.trajectories.odometry import OdometryErrors
-from omnisim.robots.robot_file import Footprint, load_robot, parse_robot, read_robot
-from omnisim.robots.robot_lookup import builtin_robots, find_robot
+from omnisim.robots import (
+    Footprint,
+    OdometryErrors,
+    builtin_robots,
+    find_robot,
+    load_robot,
+    parse_robot,
+    read_robot,
+)
 from omnisim.sensors.sensor_registry import parse_mounts
 
 DRIVE = """

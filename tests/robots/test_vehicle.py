@@ -9,8 +9,7 @@ from omnisim.core.errors import RobotFileError, SensorFileError
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.package_files import SCENES
 from omnisim.core.poses import pose
-from omnisim.robots.robot_file import parse_robot
-from omnisim.robots.robot_lookup import builtin_robots
+from omnisim.robots import builtin_robots, parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from tests.vehicles import P2AT, p2at_with_every_sensor

@@ -8,15 +8,14 @@ from scipy.optimize import linprog
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import check_no_contact, meet_box
 from omnisim.runs.drive import Drive
 from omnisim.runs.pose_sweep import SPACING_M, Sweep
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Instance, ScenePath
 from tests.scenes import WAREHOUSE, needs_warehouse, scene_of, square
 from tests.vehicles import box

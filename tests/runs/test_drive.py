@@ -15,15 +15,15 @@ import pytest
 
 from omnisim.core.errors import GraphicsError, OutputError, RunError
 from omnisim.core.files.image_files import read_image
-from omnisim.core.trajectories.odometry_files import read_odometry
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.robots import read_odometry
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_folder import RunFolder
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 ROUTE = Route("lap", step_m=1.2, step_deg=45.0)

@@ -7,11 +7,11 @@ import pytest
 import trimesh
 
 from omnisim.core.files.image_files import read_channels
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive, drive_together
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.runs.test_drive import _bytes
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")

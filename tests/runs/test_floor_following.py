@@ -11,7 +11,7 @@ from omnisim.robots.kinematics import GRADE, find_drift, find_violation
 from omnisim.robots.planned_motion import Trapezoid
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.route import Route, plan_route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, ScenePath
 from tests.embree_oracle import RayCaster
 from tests.scenes import scene_of

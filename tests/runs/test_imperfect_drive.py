@@ -8,13 +8,12 @@ import pytest
 
 from omnisim.core.errors import RunError
 from omnisim.core.files.image_files import read_image
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.rendering.camera.degradations.shutter import Shutter
+from omnisim.core.trajectories import Trajectory
+from omnisim.rendering.camera.degradations import Shutter, preset
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 ROUTE = Route("lap", step_m=2.5, step_deg=60.0)
 

@@ -7,14 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from omnisim.core.poses import pose
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
-from omnisim.robots.robot_file import load_robot
+from omnisim.core.trajectories import Trajectory, write_trajectory
+from omnisim.robots import load_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.floor_following import follow_floor
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.sensors.imu.imu import true_readings
 
 G = 9.80665

@@ -9,11 +9,11 @@ import pytest
 import trimesh
 
 from omnisim import OmniCamera
-from omnisim.cameras.optics.central_view import CentralView
+from omnisim.cameras.optics import CentralView
 from omnisim.core.errors import RobotFileError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.perception.unwarping.panorama import Panorama
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.picture_file import read_picture
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.vehicle import Vehicle
@@ -21,7 +21,7 @@ from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_manifest import first_difference
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.sensors.calibration_file import CALIBRATION, read_mount
 from tests.cameras.optics.examples import EXAMPLES
 from tests.cameras.optics.test_parameters import ALL

@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras import PerspectiveCamera
+from omnisim.cameras.calibration import load_calibration
 from omnisim.cameras.calibration.rig import Rig, RigCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import inverse, pose, pose_from_rotation
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.runs.rig_trajectory import RigRoute
 

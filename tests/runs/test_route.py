@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import TrajectoryError
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.robots.kinematics import find_drift
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.route import Route, plan_route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import ScenePath
 from tests.scenes import room, scene_of
 

@@ -8,13 +8,13 @@ import pytest
 
 from omnisim.core.errors import RunError
 from omnisim.core.files.image_files import read_channels
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_folder import RunFolder
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 STEPS = 4

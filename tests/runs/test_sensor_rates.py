@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import RobotFileError, RunError
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.recording import Recording
-from omnisim.robots.robot_file import parse_robot
+from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_folder import RunFolder
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.sensors.rate import SensorRate
 from tests.conftest import open_context_or_skip
 

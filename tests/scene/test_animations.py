@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import is_pose
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Scene
 from tests.animated_gltf import WORLD_FROM_FILE, Animated
 

@@ -7,8 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.files.source import builtin_scenes
+from omnisim.scene import builtin_scenes, load_scene
 from tests.same_shapes import assert_same_shapes
 from tests.scene.builder_hashes import SCENES, is_recorded
 from tests.slow import slow_but

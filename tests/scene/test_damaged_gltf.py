@@ -3,7 +3,7 @@
 import pytest
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.scene.gltf_builder import GltfBuilder
 
 

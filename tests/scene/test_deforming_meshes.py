@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.animated_gltf import WORLD_FROM_FILE, Animated
 from tests.skinned_figure import JOINTS, Figure
 

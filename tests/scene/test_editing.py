@@ -5,8 +5,8 @@ import pytest
 
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import AlphaMode, Scene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import AlphaMode
 
 TETRAHEDRON = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 FACES = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]

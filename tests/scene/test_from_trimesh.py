@@ -7,8 +7,8 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import AlphaMode, Scene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import AlphaMode
 
 PIXELS = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
 

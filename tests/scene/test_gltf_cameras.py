@@ -7,7 +7,7 @@ from omnisim.apps.cli.inputs import Viewpoint
 from omnisim.apps.cli.pictures.picture_requests import RenderRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.scene.gltf_builder import GltfBuilder
 
 HALF = np.sqrt(0.5)

@@ -10,7 +10,7 @@ import pytest
 from omnisim.core.errors import SceneError
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.package_files import SCENES
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import meshopt
 from omnisim.scene.formats.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES

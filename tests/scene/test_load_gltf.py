@@ -11,7 +11,7 @@ import pytest
 
 from omnisim.core.errors import SceneError
 from omnisim.core.package_files import SCENES
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, LightKind, Wrap
 from tests.scene.compressed_gltf import DRACO_COLORS, draco_triangle
 from tests.scene.gltf_builder import GltfBuilder, png

@@ -10,7 +10,7 @@ from PIL import Image
 
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode
 
 TRIANGLE_OBJ = (

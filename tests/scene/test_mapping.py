@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.slow import slow_but
 
 KNOWN_STARTS = ((0.75, -7.28), (3.63, 10.80), (1.91, 10.00), (3.85, 9.17))

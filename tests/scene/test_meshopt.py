@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import meshopt
 from tests.scene.compressed_gltf import CORNERS, compress, compressed_tetrahedron
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.robot_file import load_robot
-from omnisim.scene.files.load import load_scene
+from omnisim.robots import load_robot
+from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode
 from tests.same_shapes import assert_same_shapes
 from tests.scene.builder_hashes import SCENES, is_recorded

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 MM = 1e-3
 # Of each line: smallest and largest corner (x0, y0, x1, y1). Field 5.4 x 3.6, goal boxes

@@ -11,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene, read_scene
+from omnisim.scene import load_scene, read_scene
 from tests.scene.gltf_builder import GltfBuilder, png
 
 OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"

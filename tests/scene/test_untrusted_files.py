@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.files.image_files import write_image
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 
 @pytest.fixture(autouse=True)

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.optics import Surface
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.rendering.opengl import shader_files
@@ -90,7 +90,7 @@ def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
 @pytest.mark.slow
 def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     """The file's focal length is half a percent off the picture's."""
-    from omnisim.cameras.calibration.calibration import calibration_of
+    from omnisim.cameras.calibration import calibration_of
     from omnisim.validation.checks import boards
 
     pinhole = boards.board_cameras()[0]

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.scenes import WAREHOUSE
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.validation.fixture import linear_picture
 from omnisim.validation.psnr import psnr_db

@@ -2,7 +2,7 @@
 
 import pytest
 
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import LightKind
 from omnisim.validation.checks.shadows import FOLDER
 

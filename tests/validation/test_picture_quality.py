@@ -2,7 +2,7 @@
 
 import pytest
 
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.validation.checks.picture_quality import measure_quality
 from omnisim.validation.fixture import Fixture
 from tests.scenes import with_warehouse

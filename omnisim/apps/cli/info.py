@@ -12,7 +12,7 @@ from rich.table import Table
 
 from omnisim.apps.cli.cameras.sensor import mesh_text
 from omnisim.apps.cli.console import out
-from omnisim.cameras.camera import summary
+from omnisim.cameras import summary
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import (
     EXTRAS,
@@ -24,8 +24,8 @@ from omnisim.core.extras import (
 )
 from omnisim.core.version import __version__
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.robot_lookup import builtin_robots
-from omnisim.scene.files.source import builtin_scenes
+from omnisim.robots import builtin_robots
+from omnisim.scene import builtin_scenes
 
 PACKAGE = Path(__file__).resolve().parents[2]
 

@@ -17,13 +17,11 @@ from omnisim.core.errors import CalibrationError, OpticsError, OutputError, did_
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import Degradation, preset
 from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
 from omnisim.rendering.stage import BackendName
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
-from omnisim.scene.model import Scene
 
 LABELLED = frozenset(("semantic", "instance"))  # channels whose files name classes
 

@@ -14,12 +14,12 @@ from typing import Any
 import pydantic
 
 from omnisim.apps.live.scene_in_light import completed
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.optics.system_file import OpticsFile
 from omnisim.core.errors import SensorFileError
 from omnisim.core.files.inner_tables import table_in
 from omnisim.core.files.toml_file import read_toml, toml_text
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
 from omnisim.rendering.camera.sensor_toml import sensor_toml

@@ -14,8 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from omnisim.apps.live.camera_document import LIGHT, SENSOR, SIZE, CameraDocument
-from omnisim.cameras import CAMERA_MODELS
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
 from omnisim.cameras.optics.surface_tables import SurfaceTable, shape_schemas
 from omnisim.cameras.optics.system_file import CameraTable as OpticsCamera
 from omnisim.cameras.optics.system_file import ObstacleTable, OpticsFile
@@ -30,9 +29,9 @@ from omnisim.rendering.camera.sensor_file import (
     MountingTable,
     VirtualCamerasTable,
 )
+from omnisim.scene import Scene
 from omnisim.scene.light.light_tables import FogTable, LightTable, SkyTable
 from omnisim.scene.light.lighting import is_even
-from omnisim.scene.model import Scene
 
 Json = dict[str, Any]
 OPTICS = f"{SENSOR}.optics"

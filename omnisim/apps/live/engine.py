@@ -30,7 +30,7 @@ from omnisim.apps.live.taken import Taken
 from omnisim.apps.live.view_maker import UNWARPED, ViewMaker
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.legends import legend
 from omnisim.ground_truth.previews import preview
 

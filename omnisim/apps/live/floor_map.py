@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.core.poses import pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.scene.space.floor import floor_height_m
 
 CUT_M = 0.95  # above the ground: what is higher does not hide the floor

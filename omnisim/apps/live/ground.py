@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.runs.contacts import meet_box
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 from omnisim.scene.space.triangles import TriangleBvh, Triangles, triangles_within
 

@@ -22,7 +22,7 @@ from omnisim.apps.live.session import Session
 from omnisim.apps.live.viewpoint_motion import FreeFlight, Pilot, Place, WheelDrive
 from omnisim.core.errors import OutputError
 from omnisim.core.version import __version__
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.robots.body_boxes import BodyBoxes
 
 STOP_S = 1.0  # that the picture at hand may take to be done with

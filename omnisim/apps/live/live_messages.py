@@ -14,7 +14,7 @@ from pydantic import Field, JsonValue
 
 from omnisim.core.errors import OutputError
 from omnisim.core.files.parameters import Number, Table, parse_table
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 
 MAX_MESSAGE_BYTES = 1 << 18  # of the page's: a table of a lens has thousands of digits
 Share = Annotated[Number, Field(ge=-1.0, le=1.0)]

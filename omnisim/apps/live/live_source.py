@@ -17,18 +17,18 @@ from omnisim.apps.live.scene_in_light import SCENE_FILE, SceneInLight, scene_tex
 from omnisim.apps.live.session import Draw, Shown
 from omnisim.apps.live.taken import Taken
 from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
-from omnisim.cameras.camera import NonCentralCamera
+from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.files.image_files import image_bytes
 from omnisim.core.poses import inverse
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 ADVANCE_M = 0.1  # to the next picture, for flow, as `omnisim render` has it
 SCALES = (1.0, 0.7, 0.5)  # of coarse pictures

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.live_source import LiveSettings
 from omnisim.apps.live.scene_in_light import SceneInLight
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.files.load import load_scene, read_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene, read_scene
 
 if TYPE_CHECKING:
     from omnisim.apps.live.live import BackgroundPage

@@ -12,7 +12,7 @@ from typing import Any
 
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.core.errors import OutputError, did_you_mean
-from omnisim.rendering.camera.degradations.degradation_file import preset_names
+from omnisim.rendering.camera.degradations import preset_names
 
 PRESETS_FILE = Path(__file__).with_name("presets.json")
 PAPER, HYPERBOLIC = "paper", "hyperbolic"  # the same camera

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.apps.live.live_messages import Gaze, Probe
 from omnisim.apps.live.taken import Taken, degrees
 from omnisim.apps.live.view_maker import UNWARPED, ViewMaker, direction_in, place_in
-from omnisim.cameras.camera import NonCentralCamera
+from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.perception.unwarping.views import View
 

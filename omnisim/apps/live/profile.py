@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.optics.caustic import caustic_points
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
 from omnisim.cameras.optics.tracing import Fate
 
 RAYS = 15

@@ -13,7 +13,7 @@ from omnisim.apps.live.session import Draw, Shown
 from omnisim.apps.live.taken import Taken
 from omnisim.core.errors import RunError
 from omnisim.core.poses import pose_from_rotation
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.picture_file import read_picture

@@ -11,7 +11,7 @@ from typing import Any
 
 from omnisim.core.errors import SceneError
 from omnisim.core.files.toml_file import toml_text
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 SCENE_FILE = "scene.toml"  # of a saved scene
 Table = dict[str, Any]

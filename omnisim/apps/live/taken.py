@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from omnisim.apps.live.session import Draw, Shown
 from omnisim.apps.live.viewpoint_motion import Place
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
-from omnisim.ground_truth.label_names import Labels
-from omnisim.scene.model import Scene
+from omnisim.ground_truth import Labels
+from omnisim.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.apps.live.live_messages import Gaze
 from omnisim.apps.live.taken import Taken
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.core.errors import OpticsError
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import (

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, check_central, summary
+from omnisim.cameras import CentralCamera, MirroredCamera, check_central, summary
 from omnisim.cameras.central_error import CentralError
-from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.core.poses import inverse
 from omnisim.core.short_repr import short_repr
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from omnisim.cameras import CameraSensor, CentralCamera, summary
 from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.kitti360_folder import FORMAT, read_kitti360_folder
 from omnisim.cameras.calibration.read import read_cameras
-from omnisim.cameras.camera import CameraSensor, CentralCamera, summary
 from omnisim.core.errors import CalibrationError, OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.short_repr import short_repr

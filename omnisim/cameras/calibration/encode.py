@@ -9,7 +9,13 @@ from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
-from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras import (
+    CAMERA_MODELS,
+    CentralCamera,
+    CylindricalCamera,
+    EquirectangularCamera,
+    MirroredCamera,
+)
 from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, Residuals
 from omnisim.cameras.calibration.equivalents import equivalent
 from omnisim.cameras.calibration.file_frame import (
@@ -21,10 +27,6 @@ from omnisim.cameras.calibration.file_frame import (
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
 from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.models.cylindrical import CylindricalCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError
 

@@ -24,22 +24,24 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import (
+    CentralCamera,
+    DoubleSphereCamera,
+    EquidistantCamera,
+    EquisolidCamera,
+    EucmCamera,
+    FThetaCamera,
+    GazeboCamera,
+    KannalaBrandtCamera,
+    OcamcalibCamera,
+    OrthographicCamera,
+    PerspectiveCamera,
+    RationalPolynomialCamera,
+    StereographicCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.fisheye import FisheyeCamera
 from omnisim.cameras.focal_camera import FocalCamera
-from omnisim.cameras.models.double_sphere import DoubleSphereCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equisolid import EquisolidCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.f_theta import FThetaCamera
-from omnisim.cameras.models.gazebo import GazeboCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.ocamcalib import OcamcalibCamera
-from omnisim.cameras.models.orthographic import OrthographicCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.stereographic import StereographicCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 
 CameraT = TypeVar("CameraT", bound=CentralCamera)
 # c1, c2 and fun of r = c1 f fun(θ/c2)

@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import math
 
+from omnisim.cameras import (
+    CentralCamera,
+    EllipticCamera,
+    HyperbolicCamera,
+    MirroredCamera,
+    ParabolicCamera,
+    PerspectiveCamera,
+    PlanarCamera,
+    StereographicCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.calibrated_camera import Residuals
 from omnisim.cameras.calibration.equivalents import equivalent, is_plain
 from omnisim.cameras.calibration.metadata import CameraMetadata
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.mirrors.elliptic import EllipticCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.mirrors.parabolic import ParabolicCamera
-from omnisim.cameras.mirrors.planar import PlanarCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.models.field_of_view import optical_axis
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.stereographic import StereographicCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import OpticsError
 

@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras import (
+    CAMERA_MODELS,
+    CentralCamera,
+    KannalaBrandtCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+    check_central,
+)
 from omnisim.cameras.calibration.calibrated_camera import Residuals
 from omnisim.cameras.calibration.linear_fit import (
     FITTED,
@@ -31,11 +38,7 @@ from omnisim.cameras.calibration.linear_fit import (
     linear_fit,
     radial_profile,
 )
-from omnisim.cameras.camera import CentralCamera, check_central
 from omnisim.cameras.models.field_of_view import corner_pixels, edge_pixels, optical_axis
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError, OpticsError
 

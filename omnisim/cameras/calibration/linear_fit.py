@@ -17,25 +17,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import (
+    CentralCamera,
+    DoubleSphereCamera,
+    EquidistantCamera,
+    EquisolidCamera,
+    EucmCamera,
+    FThetaCamera,
+    FThetaInverseCamera,
+    GazeboCamera,
+    KannalaBrandtCamera,
+    OcamcalibCamera,
+    OrthographicCamera,
+    PerspectiveCamera,
+    RadialTableCamera,
+    RationalPolynomialCamera,
+    StereographicCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
-from omnisim.cameras.models.double_sphere import DoubleSphereCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equisolid import EquisolidCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.f_theta import FThetaCamera
 from omnisim.cameras.models.field_of_view import angles_from_axis
-from omnisim.cameras.models.gazebo import FUNCTIONS, GazeboCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.ocamcalib import OcamcalibCamera
-from omnisim.cameras.models.orthographic import OrthographicCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.radial_table import RadialTableCamera
+from omnisim.cameras.models.gazebo import FUNCTIONS
 from omnisim.cameras.models.radial_tangential import RadialTangential
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.stereographic import StereographicCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.plane_camera import PlaneCamera
 from omnisim.core.errors import OpticsError

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, pixel_grid
+from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_channels, write_channels
 from omnisim.core.short_repr import short_repr

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from omnisim.cameras import CentralCamera, EucmCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
 from omnisim.cameras.calibration.calibration_formats import detect_format
 from omnisim.cameras.calibration.documents import read_text
@@ -21,10 +22,6 @@ from omnisim.cameras.calibration.formats.format import (
 )
 from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.cameras.calibration.metadata import CameraMetadata, read_metadata
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.errors import CalibrationError
 
 GOOD_PX = 0.05  # what no corner detector sees

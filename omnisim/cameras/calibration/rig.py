@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera, summary
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.cameras.calibration.calibration import Calibration
-from omnisim.cameras.camera import CentralCamera, summary
 from omnisim.core.errors import CalibrationError, did_you_mean
 from omnisim.core.poses import inverse, rotation_angles
 from omnisim.core.short_repr import short_repr

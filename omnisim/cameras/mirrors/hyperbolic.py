@@ -41,7 +41,7 @@ from omnisim.cameras.camera import (
     as_pixels,
 )
 from omnisim.cameras.focal_camera import FocalCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.model_parameters import number, point, whole_number
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import OpticsError

@@ -9,19 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.cameras.calibration.calibrated_camera import (
-    OPTICS,
-    CalibratedCamera,
-    NamedPose,
-    Residuals,
-)
-from omnisim.cameras.calibration.calibration import Calibration
+from omnisim.cameras import CentralCamera, MirroredCamera
+from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose
+from omnisim.cameras.calibration.calibrated_camera import OPTICS, Residuals
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import model_named, nearest_fit
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats.format import Fixed, Format
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.cameras.optics.caustic import ray_jacobians
 from omnisim.cameras.optics.central_view import DISTANCES_M, CentralView
 from omnisim.cameras.optics.centrality import central_errors, check_distances

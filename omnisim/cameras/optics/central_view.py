@@ -11,14 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import (
-    CameraParameters,
-    NonCentralCamera,
-    Pixels,
-    Rays,
-    Uniforms,
-    as_directions,
-)
+from omnisim.cameras import NonCentralCamera, Pixels, Rays
+from omnisim.cameras.camera import CameraParameters, Uniforms, as_directions
 from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.centrality import (
     SeenRays,

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import Pixels, Rays
+from omnisim.cameras import Pixels, Rays
 from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError

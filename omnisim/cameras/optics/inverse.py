@@ -16,7 +16,7 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, Pixels
+from omnisim.cameras import CentralCamera, Pixels
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Surface
 from omnisim.cameras.optics.tracing import Fate, Paths

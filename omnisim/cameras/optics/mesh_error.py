@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.cameras.mirrors.mirror_mesh_error import MeshError, fewest_polygons
 from omnisim.cameras.optics.caustic import ray_jacobians
 from omnisim.cameras.optics.mesh_rays import MeshRays, as_system

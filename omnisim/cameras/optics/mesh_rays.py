@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, Rays, as_pixels
+from omnisim.cameras import CentralCamera, Rays
+from omnisim.cameras.camera import as_pixels
 from omnisim.cameras.optics.centrality import common_point
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Surface

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.cameras.optics.shapes.profiles import TabulatedProfile
-from omnisim.cameras.optics.shapes.shape import Floats, Shape
+from omnisim.cameras.optics.shapes import Shape, TabulatedProfile
+from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError, SensorFileError, TrajectoryError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories.formats.text_table import read_text_table

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.camera import CameraParameters
 from omnisim.cameras.optics.media import Medium, medium_parameter
-from omnisim.cameras.optics.shapes.shape import Floats, Shape
+from omnisim.cameras.optics.shapes import Shape
+from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import check_pose
 

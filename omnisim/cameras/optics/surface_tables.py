@@ -13,9 +13,16 @@ from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras.optics.media import Medium
 from omnisim.cameras.optics.profile_file import read_profile
-from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial, TabulatedProfile
-from omnisim.cameras.optics.shapes.quadrics import Cone, Conic, Hyperbolic, Plane
-from omnisim.cameras.optics.shapes.shape import Shape
+from omnisim.cameras.optics.shapes import (
+    Asphere,
+    Cone,
+    Conic,
+    Hyperbolic,
+    Plane,
+    Polynomial,
+    Shape,
+    TabulatedProfile,
+)
 from omnisim.cameras.optics.surface import Surface
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError

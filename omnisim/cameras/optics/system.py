@@ -15,18 +15,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.cameras import CentralCamera, NonCentralCamera, Pixels, Rays, pixel_grid, summary
 from omnisim.cameras.camera import (
     CameraParameters,
-    CentralCamera,
-    NonCentralCamera,
     ParameterValue,
-    Pixels,
-    Rays,
     Uniforms,
     as_directions,
     as_pixels,
-    pixel_grid,
-    summary,
 )
 from omnisim.cameras.optics.inverse import Inverse, Targets
 from omnisim.cameras.optics.media import WAVELENGTHS_UM, Medium, medium_parameter, refractive_index

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from omnisim.cameras import CAMERA_MODELS
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CAMERA_MODELS, CentralCamera
 from omnisim.cameras.camera_table import camera_from_table
 from omnisim.cameras.optics.surface import Rod
 from omnisim.cameras.optics.surface_tables import (
@@ -64,9 +63,9 @@ class CameraTable(AlignmentTable):
                 other = "model" if self.model is not None else min(extra)
                 words = "calibration has it: expected one of them"
                 raise SensorFileError(f"{source}: {key}.{other}: {words}")
-            from omnisim.cameras.calibration.calibration import (
-                load_calibration,
-            )  # only who asks needs the formats
+            from omnisim.cameras.calibration import (
+                load_calibration,  # only who asks needs the formats
+            )
 
             try:
                 found = load_calibration(Path(source).parent / self.calibration)

@@ -7,7 +7,7 @@ import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.core.poses import inverse
-from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.stored_clouds import StoredCloud
 
 

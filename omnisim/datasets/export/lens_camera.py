@@ -16,16 +16,18 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
-from omnisim.cameras.calibration.calibration import calibration_of, save_calibration
+from omnisim.cameras import (
+    CentralCamera,
+    EllipticCamera,
+    EquirectangularCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+)
+from omnisim.cameras.calibration import CalibratedCamera, calibration_of, save_calibration
 from omnisim.cameras.calibration.encode import caveats, encode
 from omnisim.cameras.calibration.file_frame import is_catadioptric, lens_of
 from omnisim.cameras.calibration.formats.format import Format, LensT
-from omnisim.cameras.camera import CentralCamera, pixel_grid
-from omnisim.cameras.mirrors.elliptic import EllipticCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras.camera import pixel_grid
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.image_files import write_image

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera, pixel_grid
+from omnisim.cameras import CentralCamera, NonCentralCamera
+from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.ground_truth.label_names import Labels

@@ -14,15 +14,14 @@ from numpy.typing import NDArray
 from omnisim.cameras.calibration.documents import parse_yaml, read_text
 from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.poses import check_pose, inverse
+from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.body_motion import MotionStates
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.core.trajectories.odometry_files import read_odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud
 from omnisim.datasets.export.stored_scans import read_table
+from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
 from omnisim.runs.true_states import read_states
 from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS

@@ -13,7 +13,7 @@ from omnisim.core.files.parameters import Fraction, NotNegative, Positive, Table
 from omnisim.core.files.toml_file import read_toml
 from omnisim.datasets.generate.distributions import LARGEST_SEED, Distributed, Distribution
 from omnisim.datasets.generate.plan_vary import MAX_PICTURES, Name, VaryTable, fixed
-from omnisim.ground_truth.channels import check_channels
+from omnisim.ground_truth import check_channels
 from omnisim.ground_truth.coco import BoxLimits
 
 Weight = Annotated[float, Field(strict=True, gt=0.0, le=1e9)]

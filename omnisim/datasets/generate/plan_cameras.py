@@ -10,20 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.core.errors import OmnisimError, PlanError, did_you_mean
 from omnisim.core.files.sources import recorded_sources
 from omnisim.core.poses import pose
 from omnisim.datasets.generate.distributions import Distribution, Shares
 from omnisim.datasets.generate.plan import PlanCameraTable
 from omnisim.rendering.camera.camera_parameters import camera_of_parameters
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import (
-    EFFECTS,
-    parse_degradation,
-    preset,
-)
-from omnisim.rendering.camera.degradations.exposure import Exposure
+from omnisim.rendering.camera.degradations import Degradation, Exposure, preset
+from omnisim.rendering.camera.degradations.degradation_file import EFFECTS, parse_degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 WHOLE_RIG = "all"
@@ -166,7 +161,7 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
     if table.calibration is None:
         return {"": OmniCamera()}
     # formats and fits are worth their time only to plans with a calibration
-    from omnisim.cameras.calibration.calibration import load_calibration
+    from omnisim.cameras.calibration import load_calibration
     from omnisim.cameras.calibration.rig import Rig
     from omnisim.robots.rig_vehicle import rig_vehicle
 

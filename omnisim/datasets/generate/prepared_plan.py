@@ -18,7 +18,7 @@ from omnisim.core.errors import PlanError, did_you_mean
 from omnisim.core.extras import require_extra
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.sources import note_file, note_sources, recorded_sources
-from omnisim.core.trajectories.trajectory_files import parse_trajectory
+from omnisim.core.trajectories import parse_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.free_space import FreeSpace, find_free_space
 from omnisim.datasets.free_space_file import free_space_path, read_free_space, write_free_space
@@ -26,9 +26,8 @@ from omnisim.datasets.generate.distributions import Even
 from omnisim.datasets.generate.plan import PlacedTable, Plan, PlanSceneTable, read_plan
 from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.generate.plan_light import draw_light
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
-from omnisim.scene.model import Scene
 
 # Shares of the distributions at which a plan's setups are tried before any is made.
 TRIED = 0.001, 0.5, 0.999

@@ -13,7 +13,7 @@ from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.whole_instances import whole_areas_px
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.truth.ground_truth import instances_of_draws
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 
 class VisibleShares:

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.core.files.atomic_file import write_text
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.perception.localization.track import Track
 
 ESTIMATE_TUM, ESTIMATE_CSV = "estimate.tum", "estimate.csv"

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, check_central, pixel_grid
-from omnisim.cameras.full_turn import period_px
+from omnisim.cameras import CentralCamera, check_central, period_px, pixel_grid
 from omnisim.core.errors import OpticsError, OutputError
 from omnisim.core.poses import check_pose
 from omnisim.ground_truth.channels import CHANNELS, FLOWS

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera, theta_from_image_radius_eq2_rad
-from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras import CentralCamera, CylindricalCamera, HyperbolicCamera, NonCentralCamera
+from omnisim.cameras.mirrors.hyperbolic import theta_from_image_radius_eq2_rad
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import LocalizationError
 from omnisim.perception.unwarping.unwarping import Unwarping

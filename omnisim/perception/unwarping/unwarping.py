@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, check_central, pixel_grid
+from omnisim.cameras import CentralCamera, check_central, pixel_grid
 from omnisim.core.bilinear import corner_and_weights
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear

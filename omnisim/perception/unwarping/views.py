@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.cylindrical import CylindricalCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import CentralCamera, CylindricalCamera, PerspectiveCamera
 from omnisim.core.coordinate_frames import (
     BASE_FROM_OPTICAL_LOOKING_AHEAD,
     BASE_FROM_OPTICAL_LOOKING_DOWN,

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from omnisim.cameras import camera_from_parameters
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera, camera_from_parameters
 from omnisim.core.errors import OpticsError, SensorFileError
 
 

@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera, summary
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, summary
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core import poses
 from omnisim.core.errors import NoticeWarning, OpticsError
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px, most_polygons
-from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
@@ -35,8 +34,7 @@ from omnisim.rendering.camera.quality import (
 from omnisim.rendering.near_plane import near_plane_m
 
 if TYPE_CHECKING:
-    from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
-    from omnisim.cameras.calibration.calibration import Calibration
+    from omnisim.cameras.calibration import CalibratedCamera, Calibration
     from omnisim.rendering.camera.sensor_file import SensorSettings
 
 Polygons = int | Literal["auto", "default"] | None  # of a mirror's mesh; None: exact
@@ -160,8 +158,7 @@ class OmniCamera:
         if isinstance(camera, str | Path) and Path(camera).suffix.lower() in ("", ".toml"):
             return cls.from_file(camera)
         # the time to import formats and fits is for those who use them
-        from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
-        from omnisim.cameras.calibration.calibration import Calibration, load_calibration
+        from omnisim.cameras.calibration import CalibratedCamera, Calibration, load_calibration
 
         found = load_calibration(camera) if isinstance(camera, str | Path) else camera
         if isinstance(found, Calibration):

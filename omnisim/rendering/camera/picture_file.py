@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera, summary
+from omnisim.cameras import CentralCamera, NonCentralCamera, summary
 from omnisim.core.errors import OmnisimError, OpticsError, OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import check_pose

@@ -14,15 +14,14 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import ConfigDict, Field, model_validator
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.cameras.camera_table import camera_from_table
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.hyperbolic_mirror import (
     DEFAULT_RIM_RAD,
     PAPER_C,
     PAPER_K,
     PAPER_METERS_PER_UNIT,
-    HyperbolicMirror,
 )
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core.errors import CalibrationError, OpticsError, SensorFileError
@@ -238,7 +237,7 @@ class LensTable(Table):
                 f"{source}: lens.mirrored: expected true or false, got {mirrored!r}"
             )
         # formats and fits are worth their time only to those who ask for them
-        from omnisim.cameras.calibration.calibration import load_calibration
+        from omnisim.cameras.calibration import load_calibration
 
         try:
             found = load_calibration(Path(source).parent / file, mirrored=mirrored)

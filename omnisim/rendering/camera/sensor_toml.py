@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from omnisim.cameras.camera import NonCentralCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera, NonCentralCamera
 from omnisim.core.files.toml_file import toml_keys, toml_tables
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons

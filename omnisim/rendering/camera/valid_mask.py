@@ -7,8 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera, pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 
 BLOCK_PIXELS = 1 << 20  # computed at a time, to bound the memory of intermediate arrays

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera, pixels_of_points
+from omnisim.cameras import CentralCamera, NonCentralCamera, pixels_of_points
 from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.rendering.rays.caster import Rays
 from omnisim.rendering.rays.depth_limits import DepthLimits

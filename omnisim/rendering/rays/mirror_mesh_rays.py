@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import Rays
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras import HyperbolicCamera, Rays
+from omnisim.cameras.mirrors import tessellate
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeMesh
 

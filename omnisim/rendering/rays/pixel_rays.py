@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera, pixel_grid
-from omnisim.cameras.camera import Rays as CameraRays
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
+from omnisim.cameras import Rays as CameraRays
 from omnisim.core.world import Pose
 from omnisim.rendering.rays.caster import Rays
 from omnisim.rendering.rays.depth_limits import DepthLimits

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import Pose, time_of
-from omnisim.scene.model import Instance, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance
 from omnisim.scene.motion.deformation import Deformation
 
 _LEAST_VOLUME = 1e-12  # of a joint's transform: flatter ones are not followed

@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import (
+from omnisim.cameras import (
     CentralCamera,
     NonCentralCamera,
     Pixels,
+    period_px,
     pixel_grid,
     pixels_of_points,
 )
-from omnisim.cameras.full_turn import period_px
 from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.readback import ScenePoses

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera, Rays, pixel_grid
+from omnisim.cameras import CentralCamera, NonCentralCamera, Rays, pixel_grid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 
 # Pixels around one that must have a ray for its samples' to be interpolated untested: near a rim

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import SceneError
 from omnisim.core.files.toml_file import toml_text
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
-from omnisim.scene.files.load import read_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.space.enclosure import enclosing_nodes
 from omnisim.sensors.sensor_names import folder_name
 

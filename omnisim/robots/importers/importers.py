@@ -13,8 +13,8 @@ from omnisim.core.errors import RobotFileError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.sources import note_file, recorded_sources, source_digest
+from omnisim.robots import Robot, parse_robot
 from omnisim.robots.importers.imported_model import ImportedModel
-from omnisim.robots.robot_file import Robot, parse_robot
 from omnisim.robots.vehicle import Vehicle
 
 _GAZEBO, _MJCF = (".sdf", ".world"), (".xml", ".mjcf")

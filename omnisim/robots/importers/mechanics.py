@@ -18,7 +18,7 @@ from omnisim.robots.importers.imported_model import (
     imported_model,
 )
 from omnisim.robots.importers.wheels import Wheel, drive_of
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 CLEARANCE = 0.25  # of a wheel's diameter: what it climbs
 

@@ -17,13 +17,13 @@ from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
 from omnisim.robots.importers.imported_model import ImportedModel, ImportedSensor, load_body
 from omnisim.robots.importers.mechanics import Mechanics, robot_file
 from omnisim.robots.importers.wheels import Wheel, is_across
+from omnisim.scene import Scene
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.sdf.document import parse_xml
 from omnisim.scene.formats.sdf.element import SdfElement
 from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.scene.formats.urdf.document import UrdfElement
 from omnisim.scene.formats.urdf.kinematics import link_poses
-from omnisim.scene.model import Scene
 from omnisim.sensors.sensor_names import folder_name
 
 Poses = Mapping[str, NDArray[np.float64]]  # of the links

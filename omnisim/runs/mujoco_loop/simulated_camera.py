@@ -13,8 +13,8 @@ from omnisim.core.errors import OmnisimError
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import check_pose
 from omnisim.core.world import WorldState
+from omnisim.ground_truth import Labels
 from omnisim.ground_truth.frame import Frame
-from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import BackendName, Closing, Stage
@@ -22,9 +22,8 @@ from omnisim.rendering.stage import BackendName, Closing, Stage
 if TYPE_CHECKING:
     import mujoco
 
-    from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
-    from omnisim.cameras.calibration.calibration import Calibration
-    from omnisim.cameras.camera import CentralCamera
+    from omnisim.cameras import CentralCamera
+    from omnisim.cameras.calibration import CalibratedCamera, Calibration
 
 VISIBLE_GROUPS = (0, 1, 2)  # that MuJoCo's own renderer shows
 NO_GEOM = -1

@@ -17,7 +17,7 @@ from omnisim.core.short_repr import short_repr
 from omnisim.runs.physics.facets import Triangles, area_vectors, connected_parts, convex_facets
 from omnisim.runs.physics.hulls import convex_hull
 from omnisim.runs.physics.shapes import Shape
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 WELDED_M = 1e-5  # vertices this close are one
 SMALL_M = 0.4  # parts that fit into a cube of it collide as their hulls

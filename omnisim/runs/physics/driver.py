@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omnisim.core.short_repr import short_repr
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.runs.physics.rover import Rover
 
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from omnisim.core.poses import wrap_angles
 from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.runs.contacts import Contact
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.scene.motion.object_motion import Along
 
 

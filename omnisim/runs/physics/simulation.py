@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose_from_rotation, rotation_from_quaternion
-from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories import Trajectory
 from omnisim.runs.physics.driver import Driver
 from omnisim.runs.physics.path_follower import PathFollower
 from omnisim.runs.physics.simulated_motion import SimulatedMotion
 from omnisim.runs.physics.simulated_world import PERIOD_S, SimulatedWorld, without_log
 from omnisim.runs.physics.surroundings import solid_objects, static_pieces
 from omnisim.runs.physics.world_model import STEP_S, WorldModel
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 PERIODS_PER_COMMAND = 2  # the wheels are commanded at 100 Hz
 SETTLING = 100  # periods at rest before the start: tyres and objects come to bear

@@ -11,7 +11,8 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.runs.physics.convex_pieces import ConvexPiece, Region, convex_pieces, hull_of
 from omnisim.runs.physics.driver import Driver
 from omnisim.runs.physics.world_model import SolidObject
-from omnisim.scene.model import DynamicObject, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import DynamicObject
 from omnisim.scene.motion.object_motion import FreeBody
 
 # Within which the scene collides: about the path, beside half of the robot's diagonal; and about

@@ -11,8 +11,7 @@ import numpy as np
 from omnisim.core.errors import SceneError, TrajectoryError
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.scene.files.scene_file import (
     ObjectPathTable,
     ObjectTable,

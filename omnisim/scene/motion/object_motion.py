@@ -15,7 +15,7 @@ import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
-from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.world import Pose
 
 Vector = tuple[float, float, float]

@@ -15,7 +15,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import BackendName, SensorRenderer, Stage
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.sensors.depth_camera.depth_camera import DepthCamera
 
 

@@ -19,8 +19,8 @@ from omnisim.core.errors import RunError
 from omnisim.core.files.number_table import BLOCK, write_table
 from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.stage import Stage

@@ -13,7 +13,7 @@ from omnisim.core.version import __version__
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.rendering.backend import RangeFinder
 from omnisim.rendering.stage import BackendName, SensorRenderer, Stage
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from omnisim.sensors.laser_scanner.scan import Scan
 

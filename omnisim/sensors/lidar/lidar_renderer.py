@@ -16,7 +16,7 @@ from omnisim.rendering.backend import BeamCaster, LabelCache
 from omnisim.rendering.stage import BackendName, SensorRenderer, Stage
 from omnisim.rendering.truth.ground_truth import instances_of_draws
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.sensors.lidar.point_cloud import PointCloud, make_points
 from omnisim.sensors.lidar.revolution import plan_revolution
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar

@@ -45,7 +45,7 @@ class CalibratedCamerasMount(SensorMount):
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
         """Read the calibration, and mount its cameras."""
         # formats and their parsers are worth their time only to robots with a calibration
-        from omnisim.cameras.calibration.calibration import load_calibration
+        from omnisim.cameras.calibration import load_calibration
         from omnisim.cameras.calibration.rig import Rig
 
         path = find_beside(folder, self.file, f"{source}: file", RobotFileError)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import FINE_TEXELS, BakeSettings
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene
 from omnisim.validation.checks.shadows import FOLDER, QUICK_SCENES, SCENES

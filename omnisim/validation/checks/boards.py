@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.calibration.calibration import calibration_of
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras import (
+    CentralCamera,
+    HyperbolicCamera,
+    KannalaBrandtCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+)
+from omnisim.cameras.calibration import calibration_of
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.validation.chessboards import (

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.rendering.camera.omnicamera import OmniCamera

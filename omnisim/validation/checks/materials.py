@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.rendering.renderer import Renderer

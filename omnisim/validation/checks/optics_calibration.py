@@ -7,10 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.optics.boards.board_corners import BoardCorners
-from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
-from omnisim.cameras.optics.central_fit import fit_central
+from omnisim.cameras import MirroredCamera
+from omnisim.cameras.optics import BoardCorners, SystemCalibration, calibrate_system, fit_central
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer

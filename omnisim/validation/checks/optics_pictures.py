@@ -11,11 +11,10 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import OpticalSystem
 from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs
 from omnisim.validation.markers import centroids
 from omnisim.validation.optical_markers import marker_pixels, markers_on_rays

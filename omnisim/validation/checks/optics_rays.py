@@ -9,17 +9,19 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.mirrors.hyperbolic_mirror import PAPER_C, PAPER_K, PAPER_METERS_PER_UNIT
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.optics.caustic import caustic_points
-from omnisim.cameras.optics.design import Design
-from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial, TabulatedProfile
-from omnisim.cameras.optics.shapes.quadrics import Cone, Conic, Hyperbolic, Plane
-from omnisim.cameras.optics.shapes.shape import Shape
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import Design, OpticalSystem, Surface, caustic_points
+from omnisim.cameras.optics.shapes import (
+    Asphere,
+    Cone,
+    Conic,
+    Hyperbolic,
+    Plane,
+    Polynomial,
+    Shape,
+    TabulatedProfile,
+)
 from omnisim.core.poses import pose
 from omnisim.validation import closed_forms
 from omnisim.validation.closed_forms import AxialPoints, AxialRays, TracedAxialRays

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.report.measure import Measure

@@ -12,15 +12,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras import CylindricalCamera
 from omnisim.core.bilinear import sample
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.ground_truth.frame import Frame
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Mesh, Scene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import Mesh
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.report.measure import Measure

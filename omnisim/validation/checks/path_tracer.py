@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.core import coordinate_frames as frames
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.displacement import displacement_figure, displacements
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs, mirror_camera
 from omnisim.validation.markers import centroids, inside_valid_area, marker_positions, marker_scene

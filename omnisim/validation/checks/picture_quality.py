@@ -7,14 +7,14 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.core import bilinear
 from omnisim.core.cube import FACE_NAMES, face_index, face_tangents
 from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db

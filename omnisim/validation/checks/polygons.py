@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera

@@ -12,13 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import BackendName
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import TEXTURED_SCENE, Fixture
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_of_levels_db

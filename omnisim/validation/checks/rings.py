@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera, image_radius_eq2_px
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mirror_camera
 from omnisim.validation.plots.plot_file import Figure
 from omnisim.validation.plots.style import BLUE, GREY, ORANGE, RED, gallery, plot

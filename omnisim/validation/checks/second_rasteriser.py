@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.rendering.camera.omnicamera import OmniCamera

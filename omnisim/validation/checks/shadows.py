@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Light, LightKind
 from omnisim.validation.fixture import Fixture, linear_picture
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides

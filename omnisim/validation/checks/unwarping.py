@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera, pixel_grid
+from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.core.srgb import linear_from_srgb

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.validation.fixture import Fixture, max_abs, mirror_camera

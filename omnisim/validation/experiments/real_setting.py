@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh
 
 # Boxes left around the field: x, y, edge in metres, and colours like the landmarks'
 # but of cardboard and plastic. All stand outside of the carpet.

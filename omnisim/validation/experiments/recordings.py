@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.core.errors import RunError
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import Degradation, preset
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import RunData, read_run
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Scene, ScenePath
 from omnisim.validation.experiments.real_setting import cluttered
 from omnisim.validation.experiments.seeds import Progress

@@ -24,11 +24,9 @@ from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.perception.localization.localize import observation_from_detection
 from omnisim.perception.localization.observations import LandmarkMap
+from omnisim.rendering.camera.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.rendering.camera.degradations.defocus import covered_share
-from omnisim.rendering.camera.degradations.jpeg import Jpeg
 from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
-from omnisim.rendering.camera.degradations.vignetting import Vignetting
-from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
 from omnisim.validation.experiments.seeds import Progress, run_seeds

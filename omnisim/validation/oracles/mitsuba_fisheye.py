@@ -14,9 +14,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.core.poses import check_pose
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.oracles.mitsuba_light import DIRECT_DEPTH, lit_world
 from omnisim.validation.oracles.mitsuba_scene import film, scalar_variant
 

@@ -14,10 +14,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
-from omnisim.scene.model import Instance, Light, LightKind, Material, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance, Light, LightKind, Material
 from omnisim.validation.oracles.mitsuba_materials import principled, sky
 from omnisim.validation.oracles.mitsuba_scene import (
     VERTEX_COLOR,

@@ -17,7 +17,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Light, Lighting, Material
 from omnisim.validation.oracles.mitsuba_scene import film, rgb, scalar_variant

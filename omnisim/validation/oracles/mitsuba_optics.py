@@ -22,14 +22,12 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.optics.shapes.quadrics import Conic, Plane
-from omnisim.cameras.optics.surface import Rod, Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras import PerspectiveCamera, pixel_grid
+from omnisim.cameras.optics import OpticalSystem, Rod, Surface
+from omnisim.cameras.optics.shapes import Conic, Plane
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import check_pose
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.oracles.mitsuba_scene import (
     RINGS,
     SECTORS,

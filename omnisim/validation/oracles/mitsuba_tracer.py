@@ -21,11 +21,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.core.poses import check_pose
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.oracles.mitsuba_scene import (
     RINGS,
     SECTORS,

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
 
 OMNIDIR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, 1.0, -1.0])
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.scene.model import AlphaMode, Light, LightKind, Material, Mesh, Scene, Texture, Wrap
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.model import AlphaMode, Instance, Material, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import AlphaMode, Instance, Material
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.ground_truth.boxes_3d import InstanceBox, OrientedBox
 from omnisim.ground_truth.label_names import distinct_color
@@ -24,7 +23,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.validation.plots.contact_sheet import run_sheet
 
 SIDE_PX, COLUMNS = 480, 2

@@ -15,26 +15,28 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.rendering.camera.degradations.bayer import Bayer
-from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
-from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.rendering.camera.degradations.dirt import Dirt
-from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.exposure import Exposure
-from omnisim.rendering.camera.degradations.jpeg import Jpeg
-from omnisim.rendering.camera.degradations.noise import Noise
-from omnisim.rendering.camera.degradations.reflectance import Reflectance
-from omnisim.rendering.camera.degradations.shutter import Shutter
-from omnisim.rendering.camera.degradations.vignetting import Vignetting
-from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
+from omnisim.cameras import PerspectiveCamera
+from omnisim.rendering.camera.degradations import (
+    Bayer,
+    ChromaticAberration,
+    Defocus,
+    Degradation,
+    Dirt,
+    Encoding,
+    Exposure,
+    Jpeg,
+    Noise,
+    Reflectance,
+    Shutter,
+    Vignetting,
+    WhiteBalance,
+    preset,
+)
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.twist import Twist
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.validation.plots.contact_sheet import magnified, run_sheet
 
 SIDE_PX, FINE_PX, TIMES, COLUMNS = 240, 360, 4, 4

@@ -17,16 +17,16 @@ from collections.abc import Callable, Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
 from omnisim.core import poses
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.previews import preview
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Material, Scene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import Material
 from omnisim.validation.plots.contact_sheet import run_sheet
 
 SIDE_PX, COLUMNS = 300, 4

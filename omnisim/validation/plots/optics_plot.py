@@ -8,9 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics.caustic import caustic_points, ray_jacobians
-from omnisim.cameras.optics.surface import Rod, Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import OpticalSystem, Rod, Surface, caustic_points, ray_jacobians
 from omnisim.cameras.optics.tracing import Fate
 from omnisim.validation.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, label_axes
 

@@ -15,8 +15,9 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from omnisim.core.srgb import srgb_from_linear
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.scene.model import Landmark, Scene
+from omnisim.core.trajectories import Trajectory
+from omnisim.scene import Scene
+from omnisim.scene.model import Landmark
 from omnisim.validation.plots.scene_map import draw_scene_map
 
 TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"

@@ -8,7 +8,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from numpy.typing import NDArray
 
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
-from omnisim.scene.model import AlphaMode, Material, Mesh, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import AlphaMode, Material, Mesh
 
 CUT_M = 0.9
 _WALL = "#333333"

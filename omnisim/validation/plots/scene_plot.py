@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.scene.space.floor import floor_height_m
 from omnisim.validation.plots.run_plot import draw_landmark
 from omnisim.validation.plots.scene_map import draw_scene_map

@@ -13,7 +13,7 @@ from omnisim.core.extras import install_hint
 from omnisim.core.files.image_files import read_image
 from omnisim.core.version import __version__
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -10,11 +10,11 @@ import pytest
 import typer.main
 
 from omnisim.apps.cli import completion
-from omnisim.cameras.calibration.calibration_formats import FORMATS
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.cameras.calibration import FORMATS
+from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.camera.degradations.degradation_file import preset_names
 from omnisim.robots.robot_lookup import builtin_robots
-from omnisim.scene.files.source import builtin_scenes
+from omnisim.scene import builtin_scenes
 from omnisim.validation.suite import CHECKS
 
 # What a key press must not wait for; typer itself imports pydantic.

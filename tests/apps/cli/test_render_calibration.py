@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.cameras.calibration.calibrated_camera import find_pose
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras import pixel_grid
+from omnisim.cameras.calibration import find_pose, load_calibration
 from omnisim.cameras.calibration.ray_table import read_ray_table
-from omnisim.cameras.camera import pixel_grid
 from omnisim.core.files.image_files import read_image
 
 SENSOR = """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 

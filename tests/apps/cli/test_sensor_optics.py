@@ -8,9 +8,8 @@ import pytest
 
 import omnisim as package
 from omnisim import OmniCamera
-from omnisim.cameras.optics.system_file import read_optics_file
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.cameras.optics import read_optics_file
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.rendering.camera.picture_file import read_picture
 
 EXAMPLES = Path(package.__file__).parents[1] / "examples" / "optics"

@@ -9,7 +9,7 @@ from websockets.sync.client import connect
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.live import BackgroundPage, LivePage
 from omnisim.apps.live.live_source import LiveSettings
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 SIZE_PX = 96
 REST_WITHIN_S = 120.0

@@ -13,7 +13,7 @@ from omnisim.apps.live.session import Draw, Shown
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import SceneError
 from omnisim.core.files.image_files import read_image
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import read_scene
 from tests.apps.live.pages import live_settings
 
 

@@ -19,7 +19,7 @@ from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.server import new_token, page_bytes
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene.model import DynamicObject
 from omnisim.scene.motion.object_motion import Orbit

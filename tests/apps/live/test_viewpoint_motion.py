@@ -9,7 +9,7 @@ from omnisim.apps.live.ground import Ground
 from omnisim.apps.live.viewpoint_motion import FreeFlight, Place, WheelDrive, Wish
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import Kinematics
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 LIMITS = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 STEP_S = 0.05

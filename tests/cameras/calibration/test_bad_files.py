@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from omnisim.cameras.calibration import fit
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration import fit, load_calibration
 from omnisim.core.errors import CalibrationError
 from tests.cameras.calibration.sample_files import FOLDER
 

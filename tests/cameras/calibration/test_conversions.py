@@ -5,15 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.cameras.calibration import fit
-from omnisim.cameras.calibration.calibration import (
+from omnisim.cameras import MirroredCamera, pixel_grid
+from omnisim.cameras.calibration import (
+    FORMATS,
     calibration_of,
     calibration_text,
+    fit,
     load_calibration,
 )
-from omnisim.cameras.calibration.calibration_formats import FORMATS
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrored import MirroredCamera
 from omnisim.core.errors import CalibrationError
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.calibration.sample_files import EXACT_SAMPLES, FOLDER, rig_rays

@@ -5,12 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.calibration.fit import FITTED_MODELS, fit_camera, mirrored_frame
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
 from omnisim.cameras.models.field_of_view import largest_theta_rad, optical_axis
-from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.core.errors import CalibrationError
 from tests.camera_examples import CAMERA_EXAMPLES
 
@@ -172,7 +169,7 @@ def test_a_mirror_has_to_be_mirrored():
 
 
 def _narrow_mirror():
-    from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+    from omnisim.cameras.mirrors import HyperbolicMirror
 
     return HyperbolicMirror(theta_max_rad=math.radians(60.0))
 

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from omnisim.cameras.calibration.calibration import calibration_of, load_calibration
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras import KannalaBrandtCamera, PerspectiveCamera, UnifiedCamera
+from omnisim.cameras.calibration import calibration_of, load_calibration
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 from tests.cameras.calibration.sample_files import FOLDER
 

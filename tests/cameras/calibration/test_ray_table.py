@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from omnisim.cameras import pixel_grid
 from omnisim.cameras.calibration.ray_table import read_ray_table, write_ray_table
-from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_channels, write_channels
 from tests.camera_examples import CAMERA_EXAMPLES

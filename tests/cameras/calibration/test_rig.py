@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, NamedPose
-from omnisim.cameras.calibration.calibration import Calibration, load_calibration
+from omnisim.cameras import PerspectiveCamera
+from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose, load_calibration
 from omnisim.cameras.calibration.rig import Rig
-from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.core.errors import CalibrationError
 from omnisim.core.poses import pose, rotation_from_quaternion
 

@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras import CAMERA_MODELS
-from omnisim.cameras.calibration import encode
-from omnisim.cameras.calibration.calibration import (
+from omnisim.cameras import CAMERA_MODELS, KannalaBrandtCamera, MirroredCamera
+from omnisim.cameras.calibration import (
+    FORMATS,
     calibration_of,
     calibration_text,
+    encode,
     load_calibration,
 )
-from omnisim.cameras.calibration.calibration_formats import FORMATS
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
 from omnisim.core.errors import CalibrationError
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.calibration.sample_files import EXACT_SAMPLES, rig_rays

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OpticsError
 
 

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 import omnisim.cameras.mirrors.tessellation as tessellation
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras.mirrors import HyperbolicMirror, tessellate
 from omnisim.cameras.mirrors.mirror_mesh_error import (
     Annulus,
     largest_error,
     mesh_error,
     needed_polygons,
 )
-from omnisim.cameras.mirrors.tessellation import tessellate
 
 # Mean, 95 % and maximum in pixels at 360 × 360 of a mesh with rings equally spaced in the picture,
 # computed by others for the paper's mirror and a rim at 105°.

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS, sectors_and_rings, tessellate
+from omnisim.cameras.mirrors import HyperbolicMirror, tessellate
+from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS, sectors_and_rings
 from omnisim.core.errors import OpticsError
 
 

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras.mirrors import HyperbolicMirror, tessellate
 from omnisim.cameras.mirrors.unfolding import RIG_FROM_MIRROR, unfold
 from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, FACE_NAMES, LAYOUT_CELLS, face_index
 from omnisim.core.errors import OutputError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.formats.mesh.mesh_files import write_mirror
 
 

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera, PerspectiveCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.models.field_of_view import edge_pixels, field_of_view
-from omnisim.cameras.models.perspective import PerspectiveCamera
 from tests.camera_examples import CAMERA_EXAMPLES
 
 

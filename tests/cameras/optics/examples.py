@@ -4,13 +4,10 @@ import math
 from pathlib import Path
 
 import omnisim
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.cameras.models.field_of_view import optical_axis
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial
-from omnisim.cameras.optics.shapes.quadrics import Cone, Conic, Hyperbolic, Plane
-from omnisim.cameras.optics.surface import Rod, Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import OpticalSystem, Rod, Surface
+from omnisim.cameras.optics.shapes import Asphere, Cone, Conic, Hyperbolic, Plane, Polynomial
 from omnisim.core import poses
 
 

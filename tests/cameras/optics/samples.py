@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.cameras.camera import Rays
+from omnisim.cameras import Rays
 
 
 def all_samples(rays, camera):

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.cameras.models.field_of_view import optical_axis
+from omnisim.cameras.optics import OpticalSystem
 from omnisim.cameras.optics.media import refractive_index
-from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from tests.camera_examples import CAMERA_EXAMPLES

@@ -6,19 +6,17 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.calibration.calibrated_camera import find_pose
-from omnisim.cameras.calibration.calibration import load_calibration
-from omnisim.cameras.calibration.calibration_formats import FORMATS
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.optics.central_fit import fit_central
-from omnisim.cameras.optics.central_view import CentralView
-from omnisim.cameras.optics.centrality import measure_centrality
-from omnisim.cameras.optics.shapes.quadrics import Conic
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras import KannalaBrandtCamera, MirroredCamera, PerspectiveCamera
+from omnisim.cameras.calibration import FORMATS, find_pose, load_calibration
+from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.optics import (
+    CentralView,
+    OpticalSystem,
+    Surface,
+    fit_central,
+    measure_centrality,
+)
+from omnisim.cameras.optics.shapes import Conic
 from omnisim.core import poses
 from omnisim.core.errors import CalibrationError, OpticsError
 from tests.cameras.optics.examples import FISHEYE, HYPERBOLA, SYSTEMS

@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras.optics.caustic import caustic_points, pixel_jacobians, ray_jacobians
-from omnisim.cameras.optics.centrality import common_point, measure_centrality
-from omnisim.cameras.optics.design import Design
-from omnisim.cameras.optics.shapes.profiles import TabulatedProfile
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics import (
+    Design,
+    OpticalSystem,
+    Surface,
+    caustic_points,
+    common_point,
+    measure_centrality,
+    pixel_jacobians,
+    ray_jacobians,
+)
+from omnisim.cameras.optics.shapes import TabulatedProfile
 from omnisim.core.errors import OpticsError
 from tests.cameras.optics.examples import HYPERBOLA, SYSTEMS, at, pinhole
 

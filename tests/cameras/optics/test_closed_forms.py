@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.models.field_of_view import edge_pixels
+from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.media import MEDIA, refractive_index
-from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial, TabulatedProfile
-from omnisim.cameras.optics.shapes.quadrics import Conic
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.shapes import Asphere, Conic, Polynomial, TabulatedProfile
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.validation import closed_forms
 from omnisim.validation.closed_forms import AxialRays

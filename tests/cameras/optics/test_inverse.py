@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 import scipy
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.optics.shapes.quadrics import Conic
-from omnisim.cameras.optics.surface import Rod, Surface
-from omnisim.cameras.optics.system import OpticalSystem
-from omnisim.cameras.optics.system_file import read_optics_file
-from omnisim.cameras.optics.tracing import Fate
+from omnisim.cameras import pixel_grid
+from omnisim.cameras.optics import Fate, OpticalSystem, Rod, Surface, read_optics_file
+from omnisim.cameras.optics.shapes import Conic
 from omnisim.core import poses
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, at, pinhole
 

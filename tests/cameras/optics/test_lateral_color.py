@@ -6,13 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera
+from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.centrality import seen_rays
 from omnisim.cameras.optics.lateral_color import lateral_color_px
 from omnisim.cameras.optics.media import refractive_index
-from omnisim.cameras.optics.shapes.quadrics import Plane
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.shapes import Plane
 from tests.cameras.optics.examples import SYSTEMS, at, behind_a_dome, port
 
 LENS = EquidistantCamera(200, 200, 80.0, (99.5, 99.5), math.radians(60.0))

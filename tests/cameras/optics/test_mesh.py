@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera, pixel_grid
+from omnisim.cameras.optics import OpticalSystem, Surface, read_optics_file
 from omnisim.cameras.optics.mesh_error import SystemMeshErrors
 from omnisim.cameras.optics.mesh_rays import MeshRays, has_mesh
-from omnisim.cameras.optics.shapes.quadrics import Conic, Hyperbolic
-from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.shapes import Conic, Hyperbolic
 from omnisim.cameras.optics.surface_mesh import tessellate_surface
-from omnisim.cameras.optics.system import OpticalSystem
-from omnisim.cameras.optics.system_file import read_optics_file
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import CAMERA_MODELS
+from omnisim.cameras.optics import OpticalSystem, Surface, read_optics_file
 from omnisim.cameras.optics.media import refractive_index
-from omnisim.cameras.optics.shapes.profiles import Polynomial
-from omnisim.cameras.optics.shapes.quadrics import Conic
-from omnisim.cameras.optics.surface import Surface
-from omnisim.cameras.optics.system import OpticalSystem
-from omnisim.cameras.optics.system_file import parse_optics, read_optics_file
+from omnisim.cameras.optics.shapes import Conic, Polynomial
+from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.files.fingerprint import fingerprint

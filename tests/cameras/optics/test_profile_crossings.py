@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 
-from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial, TabulatedProfile
+from omnisim.cameras.optics.shapes import Asphere, Polynomial, TabulatedProfile
 
 RADIUS_M = 0.03
 RADII_M = np.linspace(0.0, RADIUS_M, 201)

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.cameras.optics import read_optics_file
 from omnisim.cameras.optics.profile_file import read_profile, sampled, write_profile
-from omnisim.cameras.optics.shapes.quadrics import Conic
-from omnisim.cameras.optics.system_file import parse_optics, read_optics_file
+from omnisim.cameras.optics.shapes import Conic
+from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.coordinate_frames import (
     BASE_FROM_OPTICAL_LOOKING_AHEAD,
     RIG_FROM_OPTICAL_LOOKING_UP,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory import Trajectory
 
 H = 1e-5
 

@@ -9,7 +9,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 LENSES = {
     "pinhole.toml": '[lens]\nmodel = "perspective"\nwidth_px = 64\nheight_px = 48\n'

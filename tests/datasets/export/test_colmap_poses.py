@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.datasets.export.export import export_run
 
 LENS = """

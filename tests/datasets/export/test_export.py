@@ -10,14 +10,14 @@ import pytest
 
 from omnisim.apps.cli.completion import EXPORT_FORMATS
 from omnisim.apps.cli.runs.export import parse_start_time
-from omnisim.cameras.optics.system_file import read_optics_file
+from omnisim.cameras.optics import read_optics_file
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import missing_packages
 from omnisim.core.files.atomic_file import atomic_folder, partials, remove_partials
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import pose
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.odometry import OdometryErrors
-from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import FORMATS, format_named
@@ -27,7 +27,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"

@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.recording import Recording
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 

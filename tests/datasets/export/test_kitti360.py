@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.formats.kitti360_labels import _instances

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.cameras.calibration.calibration import load_calibration
+from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
 from omnisim.datasets.export.export import export_run

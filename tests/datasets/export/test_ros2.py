@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import inverse
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.recording import Recording

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import inverse
-from omnisim.core.trajectories.odometry_files import read_odometry
-from omnisim.core.trajectories.trajectory_files import read_trajectory, write_trajectory
+from omnisim.core.trajectories import read_trajectory, write_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
+from omnisim.robots import read_odometry
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 START_NS = 1_769_860_800_123_456_789

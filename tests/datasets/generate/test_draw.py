@@ -7,7 +7,7 @@ from omnisim.core.errors import PlanError
 from omnisim.datasets.generate.draw import draw, draw_which
 from omnisim.datasets.generate.plan import read_plan
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.datasets.plans import write_plan
 
 BALL = '[[objects]]\nfile = "ball.obj"\ncount = [2, 4]\ndistance_m = [0.5, 2.0]'

@@ -27,7 +27,7 @@ from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.generate.shard import find_shard
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.datasets.plans import write_plan
 
 MAIN = (

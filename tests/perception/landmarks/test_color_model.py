@@ -18,7 +18,7 @@ from omnisim.perception.landmarks.color_model import (
     train,
 )
 from omnisim.perception.landmarks.color_model_file import load_model, save_model
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import ColorBand, Landmark
 
 YELLOW, BLUE, GREY = (240, 210, 8), (8, 180, 240), (120, 120, 120)

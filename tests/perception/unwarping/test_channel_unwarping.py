@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera, PerspectiveCamera
 from omnisim.core.errors import OpticsError, OutputError
 from omnisim.core.poses import pose
-from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth.channels import FLOWS
 from omnisim.perception.unwarping.channel_unwarping import ChannelUnwarping
 from tests.scenes import room, scene_of
 from tests.vehicles import box

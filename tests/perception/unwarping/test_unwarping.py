@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import HyperbolicCamera, PerspectiveCamera, pixel_grid
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import linear_from_srgb

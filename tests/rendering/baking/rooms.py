@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from omnisim.scene.model import Lighting, Scene, StartPose
+from omnisim.scene import Scene
+from omnisim.scene.model import Lighting, StartPose
 
 DARK = Lighting((0.0, 0.0, 0.0), ())
 

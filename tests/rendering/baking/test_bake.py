@@ -10,7 +10,8 @@ from omnisim.rendering.baking.atlas.bake_tiles import TileFolder, no_progress
 from omnisim.rendering.baking.atlas.lightmap import lightmap
 from omnisim.rendering.baking.bake import Bake
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.scene.model import Light, Lighting, LightKind, Scene
+from omnisim.scene import Scene
+from omnisim.scene.model import Light, Lighting, LightKind
 from tests.rendering.baking.rooms import DARK, box, lit_by, shining
 
 

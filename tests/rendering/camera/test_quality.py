@@ -10,7 +10,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import DEFAULT_QUALITY, QUALITIES, QualityName, quality_named
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.validation.psnr import psnr_db
 
 

@@ -14,7 +14,7 @@ from omnisim.core.files.image_files import read_image, write_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.context import graphics_info
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 SENSOR = OmniCamera.from_table(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.core import poses
 from omnisim.core.cube import FACE_NAMES, face_index
 from omnisim.core.srgb import srgb_from_linear

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.unfolding import unfold
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, unfolded_cube
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.files.source import resolve_source
 from omnisim.scene.formats.mesh.mesh_files import write_mirror
 from omnisim.validation.psnr import psnr_of_levels_db

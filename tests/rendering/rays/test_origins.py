@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import Rays, pixel_grid
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera, Rays, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
 from tests.scenes import room, room_color, room_hit, scene_of

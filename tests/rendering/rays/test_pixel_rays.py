@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera, pixel_grid
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")

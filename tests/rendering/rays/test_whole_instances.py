@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim import Scene
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 

@@ -4,17 +4,19 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer, Stage, load_scene
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.models.cylindrical import CylindricalCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras import (
+    CylindricalCamera,
+    EquidistantCamera,
+    EquirectangularCamera,
+    HyperbolicCamera,
+    KannalaBrandtCamera,
+    pixel_grid,
+)
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.truth.optical_flow import INVALID, OCCLUDED, OUTSIDE, VISIBLE
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests import embree_oracle

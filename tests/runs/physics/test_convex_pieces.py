@@ -7,8 +7,7 @@ from scipy.spatial import Delaunay
 
 from omnisim.runs.physics.convex_pieces import SLAB_M, Region, convex_pieces, hull_of
 from omnisim.runs.physics.facets import area_vectors, convex_facets
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from tests.runs.physics.worlds import rover, solid
 
 

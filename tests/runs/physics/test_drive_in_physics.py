@@ -11,8 +11,7 @@ pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
 
 from omnisim.core.errors import OmnisimError, RunError, TrajectoryError
 from omnisim.core.poses import rotation_angles
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory, write_trajectory
+from omnisim.core.trajectories import Trajectory, read_trajectory, write_trajectory
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive, drive_together, plan_together
 from omnisim.runs.route import Route

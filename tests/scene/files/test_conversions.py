@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from omnisim.core.errors import SceneError
+from omnisim.scene import load_scene
 from omnisim.scene.files.conversions import CONVERSIONS
-from omnisim.scene.files.load import load_scene
 
 SUFFIXES = [suffix for conversion in CONVERSIONS for suffix in conversion.suffixes]
 

@@ -9,7 +9,7 @@ import trimesh
 from PIL import Image
 
 from omnisim.core.files.fingerprint import fingerprint
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import read_scene
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint
 from omnisim.scene.model import Scene
 from tests.scenes import room, scene_of

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 PLACES = """file = "box.stl"
 [[starts]]

@@ -10,7 +10,7 @@ import pytest
 
 from omnisim.core.errors import SceneError
 from omnisim.core.files.image_files import write_image
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.light.baked_light import Probes
 from tests.baked import write_baked

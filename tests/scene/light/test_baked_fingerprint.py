@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from omnisim.scene import Scene
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint
-from omnisim.scene.model import Scene
 
 
 @pytest.fixture

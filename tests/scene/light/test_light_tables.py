@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING, FILL_AMBIENT
 from omnisim.scene.model import LightKind
 

@@ -5,7 +5,7 @@ import OpenImageIO as oiio
 import pytest
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.light.clear_sky import clear_sky, sun_illuminance
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING

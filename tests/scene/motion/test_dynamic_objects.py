@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 BALL = '[[objects]]\nname = "ball"\nfile = "ball.glb"\n'
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import is_pose
-from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories import Trajectory
 from omnisim.scene.motion.object_motion import Along, Orbit, Rest, Rolling, Shuttle
 
 SQUARE = Trajectory.on_ground(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Material
 from omnisim.scene.space.floor import HeightField, floor_height_m
 from omnisim.scene.space.triangles import TriangleBvh, triangles_within

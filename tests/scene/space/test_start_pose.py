@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, load_scene
 from omnisim.scene.space.start_pose import default_start, find_start, triangle_distances
 
 CLEARANCE_M = 0.25

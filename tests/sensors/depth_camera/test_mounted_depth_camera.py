@@ -10,13 +10,13 @@ from omnisim import Renderer
 from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import pose
-from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories import Trajectory
 from omnisim.rendering.stage import Stage
-from omnisim.robots.robot_file import parse_robot
+from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Material
 from omnisim.sensors.depth_camera.depth_camera import DepthCamera
 from omnisim.sensors.depth_camera.depth_renderer import DepthRenderer

@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 from omnisim.core.errors import RobotFileError, RunError
 from omnisim.core.package_files import SCENES
 from omnisim.core.poses import pose
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.robots.robot_file import parse_robot
+from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.sensors.imu.imu import DEVICES, ImuErrors, true_readings
 from omnisim.sensors.imu.mounted_imu import COLUMNS
 

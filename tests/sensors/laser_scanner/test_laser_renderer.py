@@ -10,7 +10,7 @@ from omnisim import LaserRenderer, LaserScanner
 from omnisim.core.errors import GraphicsError, OmnisimError, OutputError
 from omnisim.core.poses import pose
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture
 from tests.ray_casting import RayCaster, opaque_part
 from tests.scenes import WAREHOUSE, room, room_hit, scene_of, with_warehouse

@@ -8,11 +8,11 @@ import pytest
 import trimesh
 
 from omnisim.core.errors import RobotFileError
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.runs.test_drive import _bytes
 
 LIDAR = """

@@ -10,11 +10,11 @@ import yaml
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import inverse, pose
-from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories import Trajectory
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 SHIFT_S = 0.25

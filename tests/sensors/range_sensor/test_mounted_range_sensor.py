@@ -8,12 +8,12 @@ import pytest
 
 from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.poses import pose
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.robots.robot_file import parse_robot
+from omnisim.core.trajectories import Trajectory
+from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Material
 from omnisim.sensors.range_sensor.range_sensor import RangeSensor, RangeSensorRenderer
 from tests.scenes import scene_of

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equidistant import EquidistantCamera
+from omnisim.cameras import EquidistantCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.scene.model import Light, Lighting, LightKind
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of

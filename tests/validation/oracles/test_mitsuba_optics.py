@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.optics.shapes.quadrics import Cone
+from omnisim.cameras import pixel_grid
+from omnisim.cameras.optics.shapes import Cone
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose

@@ -9,15 +9,15 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, Texture, Wrap
 from omnisim.validation.oracles.surfaces import opaque_only
 from omnisim.validation.psnr import psnr_db

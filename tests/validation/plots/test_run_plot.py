@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.scene.files.load import load_scene
+from omnisim.core.trajectories import Trajectory
+from omnisim.scene import load_scene
 from omnisim.scene.model import DynamicObject
 from omnisim.scene.motion.object_motion import Rest
 from omnisim.validation.plots.run_plot import RunDrawing, run_figure, steps_to_show

@@ -12,18 +12,20 @@ from rich.table import Table
 from omnisim.apps.cli.cameras.calibration_requests import ConvertRequest, ShowRequest
 from omnisim.apps.cli.console import out, pluralize, print_note
 from omnisim.apps.cli.error_table import error_table
-from omnisim.cameras import CAMERA_MODELS
-from omnisim.cameras.calibration.calibrated_camera import OPTICS, CalibratedCamera, find_pose
-from omnisim.cameras.calibration.calibration import (
+from omnisim.cameras import CAMERA_MODELS, CentralCamera, NonCentralCamera
+from omnisim.cameras.calibration import (
+    FORMATS,
+    CalibratedCamera,
     Calibration,
     calibration_of,
     check_calibration_suffix,
+    find_pose,
     load_calibration,
     save_calibration,
 )
-from omnisim.cameras.calibration.calibration_formats import FORMATS, format_named
+from omnisim.cameras.calibration.calibrated_camera import OPTICS
+from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.file_frame import is_catadioptric
-from omnisim.cameras.camera import CentralCamera, NonCentralCamera
 from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -32,7 +34,7 @@ from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 if TYPE_CHECKING:  # seldom needed
-    from omnisim.cameras.optics.system import OpticalSystem
+    from omnisim.cameras.optics import OpticalSystem
 
 SHOWN_POSES = 8
 
@@ -107,7 +109,7 @@ def _system(request: ConvertRequest, source: Path) -> OpticalSystem | None:
     model = None if request.format is not None else _own_camera(source)
     if not isinstance(model, NonCentralCamera):
         return None
-    from omnisim.cameras.optics.system import OpticalSystem
+    from omnisim.cameras.optics import OpticalSystem
 
     assert isinstance(model, OpticalSystem)
     return model

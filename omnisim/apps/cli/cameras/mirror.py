@@ -7,9 +7,9 @@ from pathlib import Path
 from omnisim.apps.cli.console import out
 from omnisim.apps.cli.inputs import read_sensor
 from omnisim.apps.cli.pictures.picture_requests import MirrorRequest
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.mirror_mesh_error import MeshError, mesh_error
-from omnisim.cameras.mirrors.tessellation import tessellate
 from omnisim.cameras.mirrors.unfolding import unfold
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -51,7 +51,7 @@ def run(request: MirrorRequest) -> None:
 def _write_profile(request: MirrorRequest) -> None:
     """Write the profile of the sensor's mirror, or of a surface of an optical system."""
     from omnisim.apps.cli.cameras.optics import write_profile_of, write_surface_profile
-    from omnisim.cameras.optics.shapes.quadrics import Hyperbolic, Plane
+    from omnisim.cameras.optics.shapes import Hyperbolic, Plane
     from omnisim.cameras.optics.surface import Surface
     from omnisim.cameras.optics.system_file import input_files
 

@@ -18,8 +18,8 @@ from omnisim.apps.cli.cameras.optics_requests import (
 )
 from omnisim.apps.cli.console import out, pluralize
 from omnisim.apps.cli.error_table import error_table
+from omnisim.cameras import summary
 from omnisim.cameras.calibration.ray_table import write_ray_table
-from omnisim.cameras.camera import summary
 from omnisim.cameras.optics.central_view import DISTANCES_M
 from omnisim.cameras.optics.centrality import measure_centrality
 from omnisim.cameras.optics.design import Design

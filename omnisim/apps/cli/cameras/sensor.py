@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from omnisim.apps.cli.console import out
 from omnisim.apps.cli.pictures.picture_requests import SensorRequest
-from omnisim.cameras.camera import NonCentralCamera, ParameterValue
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+from omnisim.cameras import HyperbolicCamera, NonCentralCamera
+from omnisim.cameras.camera import ParameterValue
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 

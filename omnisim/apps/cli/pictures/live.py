@@ -23,8 +23,7 @@ from omnisim.apps.live.scene_in_light import SceneInLight
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import OutputError
 from omnisim.robots.vehicle import Vehicle
-from omnisim.scene.files.load import read_scene
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene, read_scene
 
 SCENE, SIZE_PX = "soccer", 400
 RUN_REFUSES = {

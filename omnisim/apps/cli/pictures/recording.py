@@ -25,7 +25,7 @@ from omnisim.apps.cli.inputs import (
 )
 from omnisim.apps.cli.pictures.picture_requests import RenderRequest
 from omnisim.apps.cli.runs.run_requests import DriveRequest
-from omnisim.ground_truth.channels import parse_channels
+from omnisim.ground_truth import parse_channels
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive, PlannedDrive
 from omnisim.runs.route import Route

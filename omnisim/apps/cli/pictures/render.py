@@ -24,13 +24,14 @@ from omnisim.apps.cli.inputs import (
     refuse_options,
 )
 from omnisim.apps.cli.pictures.picture_requests import RenderRequest
-from omnisim.cameras.camera import NonCentralCamera, check_central
+from omnisim.cameras import NonCentralCamera, check_central
 from omnisim.core.cube import FACE_NAMES, unfolded_cube
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import is_float_format, write_image
 from omnisim.core.world import WorldState
+from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
     FINEST_RANGE_STEPS_PER_M,
@@ -38,7 +39,6 @@ from omnisim.ground_truth.channel_files import (
     range_steps_per_m,
     sidecar_path,
 )
-from omnisim.ground_truth.channels import CHANNELS, parse_channels
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.missed_surfaces import near_plane_note
@@ -46,7 +46,7 @@ from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.twist import MAX_MPS, MAX_RADPS, Twist
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
-    from omnisim.cameras.calibration.calibration import Calibration
+    from omnisim.cameras.calibration import Calibration
     from omnisim.robots.vehicle import Vehicle
 
 TRAJECTORY_OPTIONS = {
@@ -183,7 +183,7 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
         ):
             raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
     if request.calibration is not None:
-        from omnisim.cameras.calibration.calibration import check_calibration_suffix
+        from omnisim.cameras.calibration import check_calibration_suffix
 
         check_calibration_suffix(request.calibration, "omnisim")
     if request.rays is not None and request.rays.suffix.lower() != ".exr":
@@ -295,8 +295,8 @@ def _twist(request: RenderRequest, camera: OmniCamera) -> Twist:
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
     """Calibration of the camera with its pose on the vehicle, and the vehicle's in the world."""
-    from omnisim.cameras.calibration.calibrated_camera import OPTICS, CalibratedCamera, NamedPose
-    from omnisim.cameras.calibration.calibration import Calibration
+    from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose
+    from omnisim.cameras.calibration.calibrated_camera import OPTICS
 
     poses = (
         NamedPose("base", "camera", sensor.base_from_optical),

@@ -9,19 +9,19 @@ from omnisim.apps.cli.console import pluralize, print_note
 from omnisim.apps.cli.inputs import check_calibration_path, read_camera, refuse_options
 from omnisim.apps.cli.pictures.picture_requests import RenderRequest
 from omnisim.apps.cli.pictures.recording import drive_of, record
+from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.calibration.rig import Rig, RigCamera
-from omnisim.cameras.camera import NonCentralCamera
 from omnisim.core.errors import OutputError, RunError
 from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
 from omnisim.core.files.sources import recorded_sources, source_digest
 from omnisim.core.poses import pose
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.formats.parsed_trajectory import Axes
-from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.robots.rig_vehicle import rig_vehicle
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.rig_trajectory import RigRoute
 from omnisim.runs.route import Route, route_digest
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 
 ALL = "all"
 OWN_CAMERA = {

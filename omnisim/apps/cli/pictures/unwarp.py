@@ -16,10 +16,9 @@ from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import is_float_format, write_image
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.core.version import __version__
+from omnisim.ground_truth import Labels, check_channels, parse_channels
 from omnisim.ground_truth.channel_files import sidecar_path, write_boxes, write_sidecars
-from omnisim.ground_truth.channels import check_channels, parse_channels
 from omnisim.ground_truth.exr import write_exr
-from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.unwarping.channel_unwarping import ChannelUnwarping

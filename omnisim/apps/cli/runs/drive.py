@@ -11,8 +11,8 @@ from omnisim.apps.cli.pictures.recording import as_requested, drive_of, record
 from omnisim.apps.cli.runs.run_requests import DriveRequest
 from omnisim.core.errors import RunError
 from omnisim.core.extras import require_extra
+from omnisim.robots import Robot, load_robot
 from omnisim.robots.importers.importers import SUFFIXES, load_robot_model
-from omnisim.robots.robot_file import Robot, load_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import NO_SIZE, check_no_contact
 from omnisim.runs.drive import PlannedDrive, drive_together, plan_together

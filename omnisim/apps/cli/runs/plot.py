@@ -9,12 +9,11 @@ from omnisim.apps.cli.console import out, pluralize, print_note
 from omnisim.apps.cli.runs.run_requests import PlotRequest
 from omnisim.core.errors import SceneError
 from omnisim.core.files.image_files import read_image
-from omnisim.core.trajectories.odometry_files import read_odometry
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory
+from omnisim.core.trajectories import Trajectory, read_trajectory
+from omnisim.robots import read_odometry
 from omnisim.runs.drive import scene_contents
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, PLOT, RunFolder
-from omnisim.scene.model import Scene
+from omnisim.scene import Scene
 from omnisim.validation.plots.plot_file import check_plot_target, write_plot
 from omnisim.validation.plots.run_plot import RunDrawing, run_figure, steps_to_show
 

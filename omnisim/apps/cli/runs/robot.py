@@ -9,13 +9,18 @@ from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.runs.robot_requests import CheckRequest, ImportRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target, write_text
-from omnisim.core.trajectories.odometry import OdometryErrors
+from omnisim.robots import (
+    Kinematics,
+    OdometryErrors,
+    builtin_robots,
+    find_robot,
+    load_robot,
+    parse_robot,
+    read_robot,
+)
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.importers import usarsim
 from omnisim.robots.importers.importers import SUFFIXES, import_model
-from omnisim.robots.kinematics import Kinematics
-from omnisim.robots.robot_file import load_robot, parse_robot, read_robot
-from omnisim.robots.robot_lookup import builtin_robots, find_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 from omnisim.sensors.sensor import MountedSensor

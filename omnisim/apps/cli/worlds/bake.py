@@ -10,7 +10,8 @@ from omnisim.apps.cli.worlds.bake_requests import BakeRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_distinct
-from omnisim.scene.files.load import NO_BAKED_LIGHT, read_scene
+from omnisim.scene import read_scene
+from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.files.source import resolve_source
 
 

@@ -16,10 +16,10 @@ from omnisim.apps.cli.pictures.picture_requests import SceneRequest
 from omnisim.core.errors import printable
 from omnisim.core.extras import require_extra
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.light.lighting import is_even, light_summary
-from omnisim.scene.model import LightKind, Scene
+from omnisim.scene.model import LightKind
 from omnisim.scene.summary import (
     floors,
     instance_summaries,

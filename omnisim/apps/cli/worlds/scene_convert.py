@@ -5,7 +5,7 @@ from __future__ import annotations
 from omnisim.apps.cli.console import out, pluralize, print_note
 from omnisim.apps.cli.pictures.picture_requests import SceneConvertRequest
 from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
-from omnisim.scene.files.load import read_scene
+from omnisim.scene import read_scene
 from omnisim.scene.files.source import resolve_source
 from omnisim.scene.formats.gltf.writing.writer import write_glb
 

@@ -23,6 +23,13 @@ from typing import Any
 
 import numpy as np
 
+from omnisim.cameras import (
+    CentralCamera,
+    DoubleSphereCamera,
+    EucmCamera,
+    KannalaBrandtCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import (
@@ -45,11 +52,6 @@ from omnisim.cameras.calibration.formats.quaternion_pose import (
     pose_from_quaternion,
     position_and_quaternion,
 )
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.double_sphere import DoubleSphereCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.files.parameters import Number
 
 FOCAL = "fx fy cx cy"

@@ -18,6 +18,12 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from omnisim.cameras import (
+    CentralCamera,
+    KannalaBrandtCamera,
+    RationalPolynomialCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.fields import check_choice
 from omnisim.cameras.calibration.formats.format import ANY, PINHOLE, Format, error_context
 from omnisim.cameras.calibration.formats.pinhole import (
@@ -26,10 +32,6 @@ from omnisim.cameras.calibration.formats.pinhole import (
     fisheye,
     matrix_intrinsics,
 )
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 CameraInfoLens = UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera

@@ -18,6 +18,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration.documents import parse_yaml
 from omnisim.cameras.calibration.fields import ForeignTable, Size, check_choice, parse
 from omnisim.cameras.calibration.formats.format import (
@@ -29,9 +30,6 @@ from omnisim.cameras.calibration.formats.format import (
 )
 from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.cameras.calibration.formats.yaml_text import yaml_float
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.files.parameters import Number, Table
 
 CamodocalLens = UnifiedCamera | KannalaBrandtCamera

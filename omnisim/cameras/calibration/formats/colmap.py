@@ -22,6 +22,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from omnisim.cameras import (
+    CentralCamera,
+    EquirectangularCamera,
+    EucmCamera,
+    KannalaBrandtCamera,
+    RationalPolynomialCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.fields import (
     check_choice,
     counted,
@@ -38,12 +46,6 @@ from omnisim.cameras.calibration.formats.format import (
 )
 from omnisim.cameras.calibration.formats.pinhole import Intrinsics, brown_pinhole, pinhole
 from omnisim.cameras.calibration.fov_lens import FovLens
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.errors import CalibrationError
 
 MODELS = {

@@ -13,10 +13,8 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from omnisim.cameras import CentralCamera, RationalPolynomialCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.errors import CalibrationError, OpticsError
 
 LensT = TypeVar("LensT", bound=CentralCamera)

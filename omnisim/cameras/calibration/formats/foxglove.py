@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Sequence
 
+from omnisim.cameras import CentralCamera
 from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import ForeignTable, Numbers, Size, parse
 from omnisim.cameras.calibration.formats.camera_info import (
@@ -20,7 +21,6 @@ from omnisim.cameras.calibration.formats.camera_info import (
     camera_info,
 )
 from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
-from omnisim.cameras.camera import CentralCamera
 
 
 class _Camera(ForeignTable):

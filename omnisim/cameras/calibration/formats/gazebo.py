@@ -24,6 +24,15 @@ import re
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, tostring
 
+from omnisim.cameras import (
+    CentralCamera,
+    EquidistantCamera,
+    EquisolidCamera,
+    GazeboCamera,
+    OrthographicCamera,
+    PerspectiveCamera,
+    StereographicCamera,
+)
 from omnisim.cameras.calibration.documents import parse_xml
 from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
 from omnisim.cameras.calibration.fields import check_choice, parse_number, parse_size, unexpected
@@ -35,13 +44,6 @@ from omnisim.cameras.calibration.formats.format import (
     error_context,
 )
 from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equisolid import EquisolidCamera
-from omnisim.cameras.models.gazebo import GazeboCamera
-from omnisim.cameras.models.orthographic import OrthographicCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.stereographic import StereographicCamera
 from omnisim.core.errors import CalibrationError
 
 GazeboFisheye = EquidistantCamera | EquisolidCamera | OrthographicCamera | StereographicCamera

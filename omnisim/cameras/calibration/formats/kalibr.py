@@ -21,6 +21,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from omnisim.cameras import (
+    CentralCamera,
+    DoubleSphereCamera,
+    EucmCamera,
+    KannalaBrandtCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.cameras.calibration.documents import parse_yaml
 from omnisim.cameras.calibration.fields import (
@@ -44,11 +51,6 @@ from omnisim.cameras.calibration.formats.format import (
 from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.cameras.calibration.formats.yaml_text import yaml_floats
 from omnisim.cameras.calibration.fov_lens import FovLens
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.double_sphere import DoubleSphereCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.files.parameters import Number
 
 INTRINSICS = {

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from omnisim.cameras import CentralCamera, EquirectangularCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
 from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import (
@@ -44,10 +45,6 @@ from omnisim.cameras.calibration.formats.format import (
     error_context,
 )
 from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 

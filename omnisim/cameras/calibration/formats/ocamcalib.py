@@ -23,10 +23,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
+from omnisim.cameras import CentralCamera, OcamcalibCamera
 from omnisim.cameras.calibration.fields import parse_number, parse_size, unexpected
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.ocamcalib import OcamcalibCamera
 from omnisim.core.errors import CalibrationError
 
 BLOCKS = ("polynomial", "inverse polynomial", "centre", "affine parameters", "image size")

@@ -13,7 +13,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from omnisim.cameras import CAMERA_MODELS, camera_from_parameters
+from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
 from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import ForeignTable, Matrix, parse, pose, rows, unexpected
@@ -25,7 +25,6 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.camera import CentralCamera
 from omnisim.core.errors import CalibrationError
 
 VERSION = 1

@@ -25,6 +25,12 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from omnisim.cameras import (
+    CentralCamera,
+    KannalaBrandtCamera,
+    RationalPolynomialCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.documents import parse_yaml
 from omnisim.cameras.calibration.fields import (
     ForeignTable,
@@ -51,10 +57,6 @@ from omnisim.cameras.calibration.formats.pinhole import (
     matrix_intrinsics,
 )
 from omnisim.cameras.calibration.formats.yaml_text import yaml_float, yaml_matrix
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 

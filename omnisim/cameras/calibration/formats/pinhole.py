@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from omnisim.cameras import (
+    CentralCamera,
+    KannalaBrandtCamera,
+    PerspectiveCamera,
+    RationalPolynomialCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration.equivalents import equivalent
 from omnisim.cameras.calibration.fields import counted, unexpected
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 
 COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # OpenCV's
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Sequence
 
+from omnisim.cameras import CentralCamera
 from omnisim.cameras.calibration.documents import parse_yaml
 from omnisim.cameras.calibration.fields import ForeignTable, Numbers, Size, parse
 from omnisim.cameras.calibration.formats.camera_info import (
@@ -16,7 +17,6 @@ from omnisim.cameras.calibration.formats.camera_info import (
 )
 from omnisim.cameras.calibration.formats.format import ParsedCamera
 from omnisim.cameras.calibration.formats.yaml_text import yaml_matrix
-from omnisim.cameras.camera import CentralCamera
 
 
 class _Matrix(ForeignTable):

@@ -16,6 +16,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from omnisim.cameras import CentralCamera, FThetaCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import (
@@ -38,8 +39,6 @@ from omnisim.cameras.calibration.formats.quaternion_pose import (
     pose_from_quaternion,
     position_and_quaternion,
 )
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.models.f_theta import FThetaCamera
 from omnisim.core.files.parameters import Number
 
 

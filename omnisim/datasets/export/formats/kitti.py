@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import inverse
 from omnisim.datasets.export.deskewed_cloud import deskewed_points_m

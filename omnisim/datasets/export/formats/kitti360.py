@@ -26,10 +26,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.cameras.calibration.formats.camodocal import Camodocal
 from omnisim.cameras.calibration.formats.format import ParsedCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import write_text

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.image_files import write_numbers
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.formats import tum
-from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.datasets.export.depth_pictures import FarDepths
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.lens_camera import LensCamera

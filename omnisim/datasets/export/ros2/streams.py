@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+from omnisim.cameras.calibration import CalibratedCamera
 from omnisim.cameras.calibration.encode import encode_exactly
 from omnisim.cameras.calibration.formats.camera_info import CameraInfoLens
 from omnisim.cameras.calibration.formats.ros import Ros

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 
 # Samples along a face's edge, corners included: a rim reaches a face first at the middle of an
 # edge or at a corner.

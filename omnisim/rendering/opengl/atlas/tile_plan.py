@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras import CentralCamera
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import (

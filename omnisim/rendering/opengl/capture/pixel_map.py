@@ -9,10 +9,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
+from omnisim.cameras.mirrors import tessellate
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.fences import use_target

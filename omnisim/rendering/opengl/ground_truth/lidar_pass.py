@@ -9,7 +9,7 @@ from functools import lru_cache
 import moderngl
 import numpy as np
 
-from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras import CylindricalCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart

@@ -6,8 +6,7 @@ import math
 
 import mujoco
 
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.unified import UnifiedCamera
+from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.core.errors import SceneError
 from omnisim.scene.formats.mjcf.camera_mount import find_mount
 

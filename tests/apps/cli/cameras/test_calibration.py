@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.cameras.calibration.calibration import calibration_of, load_calibration
-from omnisim.cameras.mirrored import MirroredCamera
+from omnisim.cameras import MirroredCamera
+from omnisim.cameras.calibration import calibration_of, load_calibration
 from omnisim.core.errors import SensorFileError
 from omnisim.core.files.image_files import read_image, write_image
 from omnisim.rendering.camera.omnicamera import OmniCamera

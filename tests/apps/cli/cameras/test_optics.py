@@ -10,10 +10,9 @@ import trimesh
 
 import omnisim as package
 from omnisim.cameras.calibration.ray_table import read_ray_table
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
-from omnisim.cameras.optics.boards.board_corners import write_corners
+from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.optics import read_optics_file, write_corners
 from omnisim.cameras.optics.profile_file import read_profile
-from omnisim.cameras.optics.system_file import read_optics_file
 from tests.cameras.optics.boards.test_calibrate import boards_of
 
 EXAMPLES = Path(package.__file__).parents[1] / "examples" / "optics"

@@ -13,13 +13,11 @@ from omnisim.apps.cli import inputs
 from omnisim.apps.cli.pictures import recording, trajectory
 from omnisim.apps.cli.pictures.picture_requests import RenderRequest
 from omnisim.cameras import camera_from_parameters
-from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.calibration import Calibration, load_calibration
+from omnisim.cameras.calibration import Calibration, NamedPose, load_calibration
 from omnisim.core.bilinear import sample
 from omnisim.core.files.image_files import read_channels, read_image
 from omnisim.core.poses import inverse, pose
-from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.core.trajectories.trajectory_files import read_trajectory, write_trajectory
+from omnisim.core.trajectories import Trajectory, read_trajectory, write_trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer

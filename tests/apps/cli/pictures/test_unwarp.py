@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from omnisim.cameras import camera_from_parameters
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.optics.central_view import CentralView
+from omnisim.cameras import camera_from_parameters, pixel_grid
+from omnisim.cameras.optics import CentralView
 from omnisim.cameras.optics.centrality import directions_at
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.files.image_files import read_channels, read_image, write_image

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.robots.robot_file import load_robot
+from omnisim.robots import load_robot
 from omnisim.sensors.sensor_registry import parse_mounts
 
 SAMPLE = Path(__file__).resolve().parents[3] / "robot" / "usarsim" / "sample.ini"

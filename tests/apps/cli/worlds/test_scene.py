@@ -7,8 +7,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from omnisim.scene.files.load import load_scene
-from omnisim.scene.files.source import builtin_scenes
+from omnisim.scene import builtin_scenes, load_scene
 
 
 @pytest.mark.parametrize("name", builtin_scenes())

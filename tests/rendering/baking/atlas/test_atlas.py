@@ -14,7 +14,7 @@ from omnisim.rendering.baking.atlas.rasterisation import GRID, rasterise
 from omnisim.rendering.baking.atlas.texel_sizes import coarseness
 from omnisim.rendering.baking.atlas.unwrapping import unwrap
 from omnisim.rendering.baking.solids import hollow_triangles, instances_of
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.rendering.baking.rooms import box, lit_by
 
 NO_BACKS = np.zeros(1, dtype=np.bool_)

@@ -7,17 +7,16 @@ import pytest
 
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.files.fingerprint import fingerprint
-from omnisim.rendering.camera.degradations.bayer import Bayer
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import (
-    EFFECTS,
-    PRESETS,
+from omnisim.rendering.camera.degradations import (
+    Bayer,
+    Degradation,
+    Noise,
+    Shutter,
+    WhiteBalance,
     preset,
     preset_names,
 )
-from omnisim.rendering.camera.degradations.noise import Noise
-from omnisim.rendering.camera.degradations.shutter import Shutter
-from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
+from omnisim.rendering.camera.degradations.degradation_file import EFFECTS, PRESETS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 

@@ -5,21 +5,24 @@ import pytest
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.package_files import SHADERS
-from omnisim.rendering.camera.degradations.bayer import Bayer
-from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
-from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from omnisim.rendering.camera.degradations import (
+    Bayer,
+    ChromaticAberration,
+    Defocus,
+    Degradation,
+    Dirt,
+    Encoding,
+    Noise,
+    Reflectance,
+    Shutter,
+    Vignetting,
+    WhiteBalance,
+    preset,
+)
 from omnisim.rendering.camera.degradations.development import developed, exposed, mean_luminance
-from omnisim.rendering.camera.degradations.dirt import Dirt
 from omnisim.rendering.camera.degradations.effect import Shot
-from omnisim.rendering.camera.degradations.encoding import Encoding, neutral
-from omnisim.rendering.camera.degradations.noise import Noise
+from omnisim.rendering.camera.degradations.encoding import neutral
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
-from omnisim.rendering.camera.degradations.reflectance import Reflectance
-from omnisim.rendering.camera.degradations.shutter import Shutter
-from omnisim.rendering.camera.degradations.vignetting import Vignetting
-from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from tests.rendering.camera.degradations.pictures import GEOMETRY, on_gpu, random_picture
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from omnisim.rendering.camera.degradations import Noise
 from omnisim.rendering.camera.degradations.effect import Shot
-from omnisim.rendering.camera.degradations.noise import Noise, poisson
+from omnisim.rendering.camera.degradations.noise import poisson
 from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from tests.rendering.camera.degradations.pictures import flat_picture, on_gpu

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from omnisim.rendering.camera.degradations.bayer import Bayer
-from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
-from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.dirt import Dirt
-from omnisim.rendering.camera.degradations.jpeg import Jpeg
+from omnisim.rendering.camera.degradations import (
+    Bayer,
+    ChromaticAberration,
+    Defocus,
+    Dirt,
+    Jpeg,
+    WhiteBalance,
+)
 from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
-from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 from tests.rendering.camera.degradations.pictures import GEOMETRY, on_gpu, random_picture
 
 SQUARE = PictureGeometry(64, 64, (31.5, 31.5))

@@ -3,9 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.cube import face_index, face_tangents
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles, whole_faces

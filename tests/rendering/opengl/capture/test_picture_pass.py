@@ -7,16 +7,14 @@ import moderngl
 import numpy as np
 import pytest
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera, KannalaBrandtCamera
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import picture_pass
 from omnisim.rendering.opengl.capture.picture_pass import MAX_TABLE_BYTES, RemapPass, fits_table
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import mixed_scene
 
 SIZE_PX = 120

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.mirror_mesh_error import mesh_error
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from tests.camera_examples import CAMERA_EXAMPLES, camera_examples

@@ -12,7 +12,7 @@ from omnisim.rendering.opengl.drawing import tile_renderer
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.rendering.opengl.commands import count_triangles, show_occluded
 from tests.rendering.opengl.sheets import LAMP, SUN, crowd, dynamic_object, mixed_scene
 from tests.scenes import with_warehouse

@@ -12,7 +12,7 @@ from omnisim.rendering.opengl.culling.command_slices import BANDS, command_slice
 from omnisim.rendering.opengl.drawing import tile_renderer
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import LAMP, dynamic_object, mixed_scene
 
 CAMERA = OmniCamera().with_quality("fast").resized(100)

@@ -13,7 +13,7 @@ from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.sensor_tiles import sensor_tiles
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 from tests.rendering.opengl.commands import count_triangles, show_all
 from tests.scenes import room, scene_of
 

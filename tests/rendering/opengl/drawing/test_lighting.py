@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer

@@ -4,7 +4,7 @@ import pytest
 
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 
 @pytest.mark.parametrize("name", ["soccer", "courtyard"])

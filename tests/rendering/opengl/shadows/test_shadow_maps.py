@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnisim.cameras.camera import pixel_grid
+from omnisim.cameras import pixel_grid
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.omnicamera import OmniCamera

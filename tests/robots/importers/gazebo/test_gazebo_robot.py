@@ -9,8 +9,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.core.errors import RobotFileError
 from omnisim.robots.importers.gazebo.gazebo_robot import import_model
 from omnisim.robots.vehicle import Vehicle

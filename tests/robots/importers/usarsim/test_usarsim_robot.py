@@ -10,8 +10,8 @@ import pytest
 
 from omnisim.core.errors import RobotFileError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
-from omnisim.robots.importers.usarsim.usarsim_robot import import_robot
-from omnisim.robots.robot_file import parse_robot
+from omnisim.robots import parse_robot
+from omnisim.robots.importers.usarsim import import_robot
 from omnisim.sensors.sensor_registry import parse_mounts
 
 SAMPLE = Path(__file__).with_name("sample.ini")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Renderer, load_scene
+from omnisim.cameras import EquirectangularCamera
 from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.labels import find_labels

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from omnisim import OmniCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera
 from omnisim.runs.mujoco_loop.simulated_camera import Camera
 from tests.scene.formats.mjcf.models import SHAPES
 

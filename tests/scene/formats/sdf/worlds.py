@@ -1,6 +1,6 @@
 """Small worlds for the tests."""
 
-from omnisim.scene.files.load import load_scene
+from omnisim.scene import load_scene
 
 
 def visual(geometry: str, name: str = "visual", rest: str = "") -> str:
