@@ -29,7 +29,7 @@ def _rows(folder):
 
 def test_readmes_have_a_row_for_each_model_format_and_degradation():
     assert sorted(_rows("cameras")) == sorted(CAMERA_MODELS)
-    assert sorted(_rows("calibration")) == sorted(FORMATS)
+    assert sorted(_rows("cameras/calibration")) == sorted(FORMATS)
     assert _rows("rendering/camera/degradations") == EFFECTS  # in the order of the light
 
 

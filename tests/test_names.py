@@ -68,7 +68,7 @@ RETIRED_IDENTIFIERS = {
     "things": "objects",
     "told": "result, metadata, document",
 }
-GLTF = "omnisim/scene/gltf/"  # whose files have chunks by the specification
+GLTF = "omnisim/scene/formats/gltf/"  # whose files have chunks by the specification
 
 
 def _files(folders, pattern):

@@ -29,8 +29,8 @@ def test_wheel_has_every_shader_and_scene(wheel):
     kinds = ".glb", ".toml", ".exr", ".npz", ".json"  # the latter three of baked light
     shipped += [path for path in (ROOT / "scenes").rglob("*") if path.suffix in kinds]
     shipped += [path for path in (ROOT / "omnisim").rglob("*.toml")]
-    shipped += [ROOT / "omnisim" / "browser" / "presets.json"]
-    shipped += [path for path in (ROOT / "omnisim" / "browser" / "page").iterdir()]
+    shipped += [ROOT / "omnisim" / "apps" / "live" / "presets.json"]
+    shipped += [path for path in (ROOT / "omnisim" / "apps" / "live" / "page").iterdir()]
     assert len(shipped) > 10
     for path in shipped:
         relative = path.relative_to(ROOT).as_posix().removeprefix("omnisim/")

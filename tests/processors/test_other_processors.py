@@ -160,6 +160,6 @@ def test_a_bake_resumes(tmp_path):
 def test_golden_images_hold():
     """In a process of pytest's own, on the emulated processor with this one's driver."""
     code = "import sys, pytest; sys.exit(pytest.main(sys.argv[1:]))"
-    golden = Path(__file__).parents[1] / "gpu" / "test_golden.py"
+    golden = Path(__file__).parents[1] / "rendering" / "opengl" / "test_golden.py"
     output = run_emulated(code, "-q", "-p", "no:cacheprovider", golden, driver=False)
     assert " passed" in output

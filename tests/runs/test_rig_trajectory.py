@@ -16,7 +16,7 @@ from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.runs.rig_trajectory import RigRoute
 
-SAMPLES = Path(__file__).parents[1] / "calibration" / "samples"
+SAMPLES = Path(__file__).parents[1] / "cameras" / "calibration" / "samples"
 LENS = PerspectiveCamera(64, 48, 40.0, (31.5, 23.5))
 AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
 IMU_FROM_CAMERA = pose((0.1, -0.2, 0.3), 10.0, 20.0, 30.0)

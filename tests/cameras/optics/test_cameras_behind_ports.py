@@ -16,7 +16,7 @@ from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.optics.examples import behind_a_dome, port
 
-SAMPLES = Path(__file__).parents[2] / "calibration" / "samples"
+SAMPLES = Path(__file__).parents[1] / "calibration" / "samples"
 RADIUS_M = 0.5
 each_camera = pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES)
 

@@ -24,7 +24,7 @@ from omnisim.rendering.renderer import Renderer
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
-SAMPLES = Path(__file__).parents[3] / "calibration" / "samples"
+SAMPLES = Path(__file__).parents[3] / "cameras" / "calibration" / "samples"
 TUM_VI = SAMPLES / "kalibr_tum_vi.yaml"
 SKY_M = 1e6  # where nothing is hit
 FAST = ("--size", 96, "--quality", "fast")

@@ -8,7 +8,7 @@ import pytest
 from omnisim.robots import load_robot
 from omnisim.sensors.sensor_registry import parse_mounts
 
-SAMPLE = Path(__file__).resolve().parents[3] / "robot" / "usarsim" / "sample.ini"
+SAMPLE = Path(__file__).resolve().parents[3] / "robots" / "importers" / "usarsim" / "sample.ini"
 SCANNER = "(ItemClass=class'USARBot.SICKLMS',ItemName=\"a\",Position=(X=0.1,Y=0,Z=-0.2))"
 
 
