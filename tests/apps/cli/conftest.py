@@ -9,7 +9,7 @@ import typer.main
 from omnisim.apps.cli.app import main
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="package", autouse=True)  # others see commands that have not run
 def _commands_are_built_once():
     """The tree of commands, which does not change, is built once and not for each run."""
     with pytest.MonkeyPatch.context() as monkeypatch:
