@@ -27,8 +27,8 @@ def emulated_environment(driver=True):
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F",
     }
     if driver:
-        # instructions and vectors of 128 bits; LP_NATIVE_VECTOR_WIDTH=128 alone, on a processor
-        # with AVX, lets Mesa 22.3 write past its own memory
+        # instructions and vectors of 128 bits; LP_NATIVE_VECTOR_WIDTH=128 alone needs a cache of
+        # shaders of its own: Mesa's does not tell code of one width from that of another
         environment["GALLIUM_OVERRIDE_CPU_CAPS"] = "sse4.1"
     return environment
 
