@@ -10,14 +10,14 @@ from omnisim.cameras.optics import CentralView
 from omnisim.cameras.optics.centrality import directions_at
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.files.image_files import read_channels, read_image, write_image
-from tests.apps.cli import pictures
+from tests.apps.cli import picture_files
 from tests.cameras.optics.examples import SYSTEMS
 
 
 @pytest.fixture
 def picture(tmp_path):
     """A picture as `omnisim render` writes it, without rendering."""
-    pixels, metadata = np.full((360, 360, 3), 128, dtype=np.uint8), pictures.metadata()
+    pixels, metadata = np.full((360, 360, 3), 128, dtype=np.uint8), picture_files.metadata()
     write_image(tmp_path / "a.png", pixels, metadata)
     return metadata
 
