@@ -223,3 +223,26 @@ def test_every_camera_model_is_a_triple():
 
 def test_public_names_are_importable():
     assert all(hasattr(omnisim, name) for name in omnisim.__all__)
+
+
+def test_a_public_name_means_one_thing():
+    """What several packages export by one name is one thing."""
+    sources = defaultdict(set)
+    for module, path in MODULES.items():
+        if path.stem == "__init__":
+            for node in _import_nodes(module):
+                for alias in node.names if isinstance(node, ast.ImportFrom) else ():
+                    sources[alias.asname or alias.name].add(_source(node.module, alias.name))
+    assert len(sources) > 100
+    _check(
+        f"{name}: {', '.join(sorted(found))}" for name, found in sources.items() if len(found) > 1
+    )
+
+
+def _source(module, name):
+    """Module that defines what a package exports by a name."""
+    if module in MODULES and MODULES[module].stem == "__init__":
+        for node in _import_nodes(module):
+            if isinstance(node, ast.ImportFrom) and name in {one.name for one in node.names}:
+                return _source(node.module, name)
+    return module
