@@ -28,11 +28,6 @@ from tests.vehicles import (
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _coarse():
-    """Fine shadow maps: those of a body and of static geometry differ at their rims."""
-
-
 def picture(scene, world_from_base, **options):
     with Renderer(scene, CAMERA, **options) as renderer:
         return renderer.render(world_from_base).rgba

@@ -177,11 +177,6 @@ def bind_texture(unit: int, texture: int) -> None:
     gl_function("glBindTextureUnit", _ENUM, _ENUM)(unit, texture)
 
 
-def generate_mipmaps(texture: int) -> None:
-    """Make all mip levels of a texture from its first one."""
-    gl_function("glGenerateTextureMipmap", _ENUM)(texture)
-
-
 class StorageBindings:
     """Buffers at consecutive storage bindings.
 

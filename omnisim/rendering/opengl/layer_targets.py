@@ -23,10 +23,12 @@ def attach_texture(
     attach(framebuffer, attachment, texture, level)
 
 
-def attach_layer(framebuffer: int, array: int, layer: int, attachment: int = COLORS) -> None:
-    """Make a layer of a texture array the colours of a framebuffer, or another attachment."""
+def attach_layer(
+    framebuffer: int, array: int, layer: int, attachment: int = COLORS, level: int = 0
+) -> None:
+    """Make a layer of a texture array the colors of a framebuffer, or another attachment."""
     attach = gl_function("glNamedFramebufferTextureLayer", _ENUM, _ENUM, _ENUM, _INT, _INT)
-    attach(framebuffer, attachment, array, 0, layer)
+    attach(framebuffer, attachment, array, level, layer)
 
 
 def draw_into_all(target: moderngl.Framebuffer) -> None:

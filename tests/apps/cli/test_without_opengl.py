@@ -27,8 +27,9 @@ np.savez("frame.npz", rgb=frame.rgb, valid=frame.valid, **frame.channels)
 MEASUREMENTS = """
 import numpy as np
 from omnisim.sensors import (
-    DepthRenderer, LaserRenderer, LidarRenderer, RangeSensorRenderer, Stage,
+    DepthRenderer, LaserRenderer, LidarRenderer, RangeSensorRenderer,
 )
+from omnisim.rendering import Stage
 from omnisim.core.poses import pose
 base = pose((0.0, 0.0, 1.0))
 with Stage("courtyard", backend="rays") as stage:

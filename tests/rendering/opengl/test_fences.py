@@ -13,7 +13,8 @@ DRAWING = """
 import numpy as np
 import omnisim
 from omnisim.core.poses import pose
-from omnisim.sensors import LidarRenderer, OmniCamera, Renderer
+from omnisim.rendering import OmniCamera, Renderer
+from omnisim.sensors import LidarRenderer
 
 def motion(time_s):
     return pose((time_s, 0.0, 0.8), yaw_deg=20.0 * time_s)

@@ -5,24 +5,22 @@ from __future__ import annotations
 import moderngl
 
 from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import (
-    allocate_half_floats,
-    generate_mipmaps,
-    limit_levels,
-)
-from omnisim.rendering.opengl.layer_targets import attach_texture
+from omnisim.rendering.opengl.gl_functions import allocate_half_floats, limit_levels
+from omnisim.rendering.opengl.layer_targets import attach_layer, attach_texture
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
+
+_LAYERED = "GL_ARB_shader_viewport_layer_array"  # a vertex chooses its layer
 
 
 class AtlasLevels:
     """Mip levels of an atlas, or of a texture array of atlases.
 
-    With llvmpipe each level is a pass of ours: the driver's own passes, one for each level of each
-    layer, do not keep their fences, see `omnisim.rendering.opengl.fences`.
+    Each level is a pass of ours, by any driver: the same means everywhere. The passes of llvmpipe's
+    own levels, one for each of each layer, do not keep their fences, see `fences.py`.
 
     Args:
-        texture: half floats, without levels so far.
+        texture: half floats, without levels so far; what it has is lost.
         max_level: number of the last level; 0: there is none but the first.
     """
 
@@ -31,43 +29,49 @@ class AtlasLevels:
         if not max_level:
             return
         context = texture.ctx
-        is_array = isinstance(texture, moderngl.TextureArray)
-        can_draw = not is_array or "GL_ARB_shader_viewport_layer_array" in context.extensions
-        self._targets: list[moderngl.Framebuffer] = []
-        if context.extra.fences is None or not can_draw:
-            texture.build_mipmaps(0, max_level)  # allocates the levels
-            return
         texture.use()
         allocate_half_floats(texture.size, max_level + 1)
         limit_levels(texture.glo, 0, max_level)
-        defines = ("LAYERED",) if is_array else ()
+        self._is_array = isinstance(texture, moderngl.TextureArray)
+        self._is_layered = self._is_array and _LAYERED in context.extensions
+        defines = ["ARRAY"] * self._is_array + ["LAYERED"] * self._is_layered
         program = build_program(context, "scene/mip_level.vert", "scene/mip_level.frag", defines)
         uniform(program, "u_finer").value = 0
         self._texels = uniform(program, "u_texels")
+        self._layer = None
+        if self._is_array and not self._is_layered:
+            self._layer = uniform(program, "u_layer")
         self._triangle = context.vertex_array(program, [])
         self._sampler = context.sampler(
             repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR)
         )
-        for level in range(1, max_level + 1):
-            target = context.framebuffer([texture])
-            attach_texture(target.glo, texture.glo, level=level)
-            target.viewport = 0, 0, *(max(1, side >> level) for side in texture.size[:2])
-            self._targets.append(target)
+        self._targets = [self._target(level) for level in range(1, max_level + 1)]
+
+    def _target(self, level: int) -> moderngl.Framebuffer:
+        texture = self._texture
+        target = texture.ctx.framebuffer([texture])
+        attach_texture(target.glo, texture.glo, level=level)
+        target.viewport = 0, 0, *(max(1, side >> level) for side in texture.size[:2])
+        return target
 
     def draw(self, layers: int = 1) -> None:
         """Draw all levels but the first, of so many layers."""
         if not self._max_level:
             return
-        if not self._targets:
-            generate_mipmaps(self._texture.glo)
-            return
         self._texture.use(0)
         self._sampler.use(0)
         for level, target in enumerate(self._targets, start=1):
             limit_levels(self._texture.glo, level - 1, level - 1)
-            use_target(target)
             _, _, width, height = target.viewport
             self._texels.value = 1.0 / width, 1.0 / height
-            self._triangle.render(moderngl.TRIANGLES, vertices=3, instances=layers)
+            if self._layer is None:
+                use_target(target)
+                self._triangle.render(moderngl.TRIANGLES, vertices=3, instances=layers)
+                continue
+            for layer in range(layers):
+                attach_layer(target.glo, self._texture.glo, layer, level=level)
+                use_target(target)
+                self._layer.value = float(layer)
+                self._triangle.render(moderngl.TRIANGLES, vertices=3)
         limit_levels(self._texture.glo, 0, self._max_level)
         self._sampler.clear(0)
