@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.gl_functions import flush
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shader_files import build_program
 
@@ -175,6 +176,7 @@ class _Shutter:
         self, picture: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
     ) -> moderngl.Texture:
         """Add a sub-frame to those since the first one of its frame, and return the sum."""
+        flush()  # virgl uploads before the draws so far, unless they are submitted
         self._row_weights.write(np.ascontiguousarray(row_weights, dtype="<f4"))
         before, after = self._sums
         if is_first:
