@@ -226,7 +226,7 @@ def test_public_names_are_importable():
 
 
 def test_a_public_name_means_one_thing():
-    """What several packages export by one name is one thing."""
+    """A name that several packages export is the same thing in each."""
     sources = defaultdict(set)
     for module, path in MODULES.items():
         if path.stem == "__init__":
