@@ -15,7 +15,8 @@ bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {
     // 1 - half_sine^2 in pixels, whose squares are nearly exact: it vanishes at 180 degrees
     float full_px = 2.0 * u_focal_length_px;
     float half_cosine = sqrt(max(full_px * full_px - dot(offset_px, offset_px), 0.0)) / full_px;
-    half_cosine = radius <= u_radius_max ? half_cosine : sqrt(max(1.0 - half_sine * half_sine, 0.0));
+    half_cosine = radius <= u_radius_max ? half_cosine
+        : sqrt(max(1.0 - half_sine * half_sine, 0.0));
     vec2 across = azimuth_of(offset_px / u_focal_length_px, radius) * 2.0 * half_sine * half_cosine;
     ray = vec3(across, 1.0 - 2.0 * half_sine * half_sine);
     return radius <= u_radius_max;

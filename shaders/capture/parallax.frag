@@ -1,5 +1,5 @@
-// Pixels of a camera whose rays do not meet in one point, from the atlas of one viewpoint: colours of
-// those of their samples whose surfaces lie, more or less, on the plane of those that the pixels
+// Pixels of a camera whose rays do not meet in one point, from the atlas of one viewpoint: colours
+// of those of their samples whose surfaces lie, more or less, on the plane of those that the pixels
 // around meet, if the atlas shows each there; and which samples are left (parallax_samples.frag).
 // Without branches: software drivers go through all of them.
 // With MIP_LEVELS the atlas has some.
@@ -15,8 +15,8 @@ layout(location = 1) out uvec2 out_left;  // bits of the samples, row by row
 #include "capture/parallax_color.glsl"
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
-// Past a tile of which look-ups still find its own, by the gutter of parallax_plan.py less what they
-// mix.
+// Past a tile of which look-ups still find its own, by the gutter of parallax_plan.py less what
+// they mix.
 #ifdef MIP_LEVELS
 const float GUTTER_TEXELS = 1.0;
 #else

@@ -12,8 +12,8 @@ layout(location = 0) out vec4 out_color;
 #include "capture/parallax_rays.glsl"
 #include "capture/parallax_color.glsl"
 
-// Texels that a colour is mixed of show what the ray meets, or something whose parallax is less than
-// a texel from it: beside an edge, what is behind or before it would shine through.
+// Texels that a colour is mixed of show what the ray meets, or something whose parallax is less
+// than a texel from it: beside an edge, what is behind or before it would shine through.
 bool is_unmixed(Place place, float nearness, float level) {
     float reach = level > 0.0 ? exp2(ceil(level)) : 0.5;
     vec2 first = place.texel - reach, last = place.texel + reach;

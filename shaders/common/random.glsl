@@ -16,5 +16,6 @@ uvec4 pcg4d(uvec4 v) {
 float uniform_number(uint hash) { return (float(hash >> 9u) + 0.5) * 1.1920928955078125e-7; }
 
 float normal_number(uint first, uint second) {
-    return sqrt(-2.0 * log(uniform_number(first))) * cos(6.28318530717958648 * uniform_number(second));
+    return sqrt(-2.0 * log(uniform_number(first)))
+        * cos(6.28318530717958648 * uniform_number(second));
 }

@@ -17,7 +17,8 @@ struct Command {  // of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
 };
 
-layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };  // [camera][rank][tile]
+// [camera][rank][tile]
+layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
 layout(std430, binding = 8) readonly buffer Items { Item items[]; };
 layout(std430, binding = 9) readonly buffer Centres { vec4 centres[]; };        // of the triangles
 layout(std430, binding = 10) readonly buffer Indices { uint indices[]; };

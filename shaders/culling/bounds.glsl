@@ -1,5 +1,6 @@
-// Table of the bounds of groups and clusters, a texture: software drivers fetch from one quicker than
-// they read buffers. The layout is that of omnisim/rendering/opengl/culling/cluster_buffers.py.
+// Table of the bounds of groups and clusters, a texture: software drivers fetch from one quicker
+// than they read buffers. The layout is that of
+// omnisim/rendering/opengl/culling/cluster_buffers.py.
 // Group group_at(uint index), Cluster cluster_at(uint index).
 
 uniform usampler2D u_bounds;

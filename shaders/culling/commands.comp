@@ -1,7 +1,8 @@
 // Draw commands of the visible clusters of one range and one camera, near ones first: a stable
-// counting sort by distance. One work group for each range, of one bucket, and camera. Clusters of a group that
-// follow each other, visible in a tile and of the same bin, are a run and share a command: drivers
-// take longer for a command than for some triangles. In a tile the order of clusters stays.
+// counting sort by distance. One work group for each range, of one bucket, and camera. Clusters of
+// a group that follow each other, visible in a tile and of the same bin, are a run and share a
+// command: drivers take longer for a command than for some triangles. In a tile the order of
+// clusters stays.
 #version 450 core
 
 #define THREADS 32u

@@ -1,8 +1,8 @@
 // Culls the clusters of a candidate, a group in a view: outside of the frustum, turned away, or too
 // small to cover a sample.
-// PASS 0: the only one; 1: only what occludes others is drawn, the rest waits; 2: of what waits, but
-// for what is behind the depth of the passes before, in the same way. Bounds are conservative: what is
-// drawn differs by nothing that shows.
+// PASS 0: the only one; 1: only what occludes others is drawn, the rest waits; 2: of what waits,
+// but for what is behind the depth of the passes before, in the same way. Bounds are conservative:
+// what is drawn differs by nothing that shows.
 #version 450 core
 
 layout(local_size_x = 64) in;

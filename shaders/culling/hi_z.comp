@@ -53,7 +53,8 @@ uniform sampler2D u_atlas_depth;
 
 // The four texels around a corner; at the edge they repeat.
 vec4 around(uvec2 corner) {
-    return textureGather(u_atlas_depth, at_layer(vec2(corner) / vec2(textureSize(u_atlas_depth, 0).xy)));
+    vec2 size = vec2(textureSize(u_atlas_depth, 0).xy);
+    return textureGather(u_atlas_depth, at_layer(vec2(corner) / size));
 }
 
 void main() {

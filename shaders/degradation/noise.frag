@@ -1,5 +1,6 @@
 // Shot noise, dark current, read noise and the converter, for each pixel and colour.
-// Names and units are those of omnisim/rendering/camera/degradations/noise.py, which has the sources.
+// Names and units are those of omnisim/rendering/camera/degradations/noise.py, which has the
+// sources.
 #version 450 core
 
 uniform sampler2D u_picture;

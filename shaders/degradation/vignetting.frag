@@ -10,5 +10,6 @@ void main() {
     float squared = squared_radius(gl_FragCoord.xy - 0.5);
     float factor = 1.0 + squared * (u_coefficients.x
         + squared * (u_coefficients.y + squared * u_coefficients.z));
-    out_value = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0) * vec4(vec3(max(factor, 0.0)), 1.0);
+    vec4 value = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0);
+    out_value = value * vec4(vec3(max(factor, 0.0)), 1.0);
 }

@@ -13,6 +13,7 @@ layout(location = 0) out uvec2 out_hit;
 
 #define SLICE
 float slice_share;
+const vec3 ray_origin = vec3(0.0);
 #include "ground_truth/texel.glsl"
 #include "ground_truth/intersect.glsl"
 

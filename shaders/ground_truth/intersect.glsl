@@ -94,7 +94,8 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
             bool is_nearer = crossing.range < hit.range;
             bool ends = any_hit && crossing.range < max_range && primitive != ignored;
             if (is_nearer || ends) {
-                hit = Hit(primitive, triangle_id, false, crossing.range, crossing.weights, t.normal);
+                hit = Hit(
+                    primitive, triangle_id, false, crossing.range, crossing.weights, t.normal);
                 if (ends) return hit;
             }
         } else if (crossing.outside_rad < least_rad) {

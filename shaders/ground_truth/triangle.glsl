@@ -2,12 +2,9 @@
 // viewpoint frame: the world's axes, the origin is the viewpoint, metres.
 // Crossing intersect_triangle(Triangle t, vec3 ray): that with a unit ray from the viewpoint.
 // vec3 weights_beside(Triangle t, uint edge, vec3 ray): corners' shares in an edge's nearest point.
+// A program declares `ray_origin`, from the viewpoint, before: all is as seen from there.
 
 #include "ground_truth/tables.glsl"
-
-#ifdef PARALLAX
-vec3 ray_origin = vec3(0.0);  // from the viewpoint; all is seen from there then
-#endif
 
 struct Triangle {
     vec3 a, b, c;       // corners
@@ -31,11 +28,9 @@ Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index) {
     t.a = transformed(viewpoint_from_mesh, vec4(uintBitsToFloat(corners[0].xyz), 1.0));
     t.b = transformed(viewpoint_from_mesh, vec4(uintBitsToFloat(corners[1].xyz), 1.0));
     t.c = transformed(viewpoint_from_mesh, vec4(uintBitsToFloat(corners[2].xyz), 1.0));
-#ifdef PARALLAX
     t.a -= ray_origin;
     t.b -= ray_origin;
     t.c -= ray_origin;
-#endif
     t.normal = cross(t.b - t.a, t.c - t.a);
     t.is_clockwise = dot(t.normal, t.a) > 0.0;
     t.normal *= t.is_clockwise ? -1.0 : 1.0;
@@ -54,13 +49,14 @@ Crossing intersect_triangle(Triangle t, vec3 ray) {
     crossing.outside_rad = max(max(outside.x, outside.y), outside.z);
     crossing.range = dot(t.normal, t.a) / min(dot(t.normal, ray), -1e-30);
     crossing.weights = sides;
-    crossing.edge = outside.x >= max(outside.y, outside.z) ? 0u : (outside.y >= outside.z ? 1u : 2u);
+    crossing.edge = outside.x >= max(outside.y, outside.z) ? 0u
+        : outside.y >= outside.z ? 1u : 2u;
     crossing.adjacent = t.adjacent[crossing.edge];
     return crossing;
 }
 
-// The point of the passed edge that is nearest to the ray: in the plane of the ray and the normal of
-// the plane that the edge and the viewpoint span, or an end.
+// The point of the passed edge that is nearest to the ray: in the plane of the ray and the normal
+// of the plane that the edge and the viewpoint span, or an end.
 vec3 weights_beside(Triangle t, uint edge, vec3 ray) {
     vec3 start = edge == 0u ? t.b : (edge == 1u ? t.c : t.a);
     vec3 along = (edge == 0u ? t.c : (edge == 1u ? t.a : t.b)) - start;
@@ -68,5 +64,6 @@ vec3 weights_beside(Triangle t, uint edge, vec3 ray) {
     float way = dot(cross(along, ray), plane);
     float share = way == 0.0 ? 0.5 : clamp(-dot(cross(start, ray), plane) / way, 0.0, 1.0);
     vec2 ends = vec2(1.0 - share, share);
-    return edge == 0u ? vec3(0.0, ends) : (edge == 1u ? vec3(ends.y, 0.0, ends.x) : vec3(ends, 0.0));
+    return edge == 0u ? vec3(0.0, ends)
+        : edge == 1u ? vec3(ends.y, 0.0, ends.x) : vec3(ends, 0.0);
 }

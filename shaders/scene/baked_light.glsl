@@ -1,9 +1,9 @@
 // Baked light of a scene: its lamps, sky and bounces, with their shadows.
-// vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in metres from
-// the effective viewpoint, normal a unit vector, both in axes of the world.
-// LIGHTMAP: of static surfaces, by their places in the lightmap, with BOTH_SIDES by that of the side
-// seen. PROBES: of all else, by spherical harmonics of order 2 between the probes of a grid. With both:
-// the lightmap's, unless the place is negative.
+// vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in metres
+// from the effective viewpoint, normal a unit vector, both in axes of the world.
+// LIGHTMAP: of static surfaces, by their places in the lightmap, with BOTH_SIDES by that of the
+// side seen. PROBES: of all else, by spherical harmonics of order 2 between the probes of a grid.
+// With both: the lightmap's, unless the place is negative.
 // Twin of omnisim/scene/light/baked_light.py.
 
 #ifdef LIGHTMAP
@@ -22,7 +22,8 @@ vec3 lightmap_light() {
 #endif
 
 #ifdef PROBES
-uniform sampler3D u_probes;  // blocks along z, of four numbers each: factors times weights, and weights
+// Blocks along z, of four numbers each: factors times weights, and weights.
+uniform sampler3D u_probes;
 uniform vec3 u_probes_per_m;
 #ifdef LAYERED
 #define PROBES_VIEWPOINT (-light_positions[v_camera * POSITIONS + PROBES_POSITION].xyz)

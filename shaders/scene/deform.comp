@@ -1,4 +1,5 @@
-// Deforms vertices: morph targets, then linear blend skinning. The twin of omnisim/scene/motion/deformation.py.
+// Deforms vertices: morph targets, then linear blend skinning. The twin of
+// omnisim/scene/motion/deformation.py.
 // The layouts are those of omnisim/rendering/opengl/geometry/mesh_deformer.py and vertex_format.py.
 // Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals by the matrix of cofactors.
 #version 450 core

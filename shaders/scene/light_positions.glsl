@@ -1,6 +1,6 @@
 // Positions that count from the effective viewpoint, metres.
-// PUNCTUAL_POSITION(i): of a point or spot light. SHADOW_VIEWPOINT: of the viewpoint, from the shadow
-// maps' origin. With LAYERED each camera has its own, and v_camera is one's number.
+// PUNCTUAL_POSITION(i): of a point or spot light. SHADOW_VIEWPOINT: of the viewpoint, from the
+// shadow maps' origin. With LAYERED each camera has its own, and v_camera is one's number.
 
 #ifdef SHADOWS
 const int PROBES_POSITION = PUNCTUAL_LIGHTS + 1;

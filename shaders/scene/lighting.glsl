@@ -1,17 +1,18 @@
 // vec3 light_on_surface(vec3 position, vec3 normal): light on a white surface, linear RGB.
-// Lamp directional_lamp(int i, vec3 position), punctual_lamp(int i, vec3 position, vec3 area): one light,
-// for any reflectance; the area is surface_area(position), of scene/shadow.glsl.
+// Lamp directional_lamp(int i, vec3 position), punctual_lamp(int i, vec3 position, vec3 area): one
+// light, for any reflectance; the area is surface_area(position), of scene/shadow.glsl.
 // vec3 ambient_light(vec3 normal): light of the environment on a white surface.
 // vec3 environment_light(vec3 direction, float roughness): radiance of the environment around a
 // direction, as a surface of this roughness reflects it.
-// vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light and that of all lamps on a white surface.
+// vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light and that of all lamps on a white
+// surface.
 // With BAKED_LIGHT, which LIGHTMAP or PROBES have, light_on_surface is scene/baked_light.glsl's.
 // position in metres from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/light/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights.
-// EACH_DIRECTIONAL, EACH_PUNCTUAL: a macro for each of their numbers. A loop of large bodies may not be
-// unrolled, and then nothing of a light is known when it is compiled. A point light is a spot light whose
-// cone has every direction in it.
+// EACH_DIRECTIONAL, EACH_PUNCTUAL: a macro for each of their numbers. A loop of large bodies may
+// not be unrolled, and then nothing of a light is known when it is compiled. A point light is a
+// spot light whose cone has every direction in it.
 // Source: glTF extension KHR_lights_punctual (falloff and cone).
 
 uniform vec3 u_ambient;
@@ -24,9 +25,9 @@ flat in int v_camera;
 #endif
 #include "scene/light_positions.glsl"
 #if PUNCTUAL_LIGHTS > 0
-uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];      // intensity and exposure multiplied in
+uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];  // intensity and exposure multiplied in
 uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light travels
-uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine of inner and outer cone
+uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];  // range in metres, cosines of the two cones
 #endif
 
 #include "scene/shadow.glsl"

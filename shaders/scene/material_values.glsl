@@ -2,7 +2,8 @@
 // SurfaceValues surface_values(vec2 uv): texture coordinates as in scene/surface.frag.
 // vec4 material_texel(int index): of the material's record.
 // vec3 map_coordinates(int map, vec2 uv): texture coordinates and layer of a map.
-// The table has MATERIAL_TEXELS texels a material, see omnisim/rendering/opengl/materials/material_table.py.
+// The table has MATERIAL_TEXELS texels a material, see
+// omnisim/rendering/opengl/materials/material_table.py.
 // METALLIC_ROUGHNESS_MAP, OCCLUSION_MAP, EMISSIVE_MAP: the material has such a map.
 // Source: glTF 2.0, section 3.9.
 
@@ -35,7 +36,8 @@ vec4 material_texel(int index) {
 }
 
 vec3 map_coordinates(int map, vec2 uv) {
-    vec4 across = material_texel(FIRST_MAP + 2 * map), down = material_texel(FIRST_MAP + 1 + 2 * map);
+    vec4 across = material_texel(FIRST_MAP + 2 * map);
+    vec4 down = material_texel(FIRST_MAP + 1 + 2 * map);
 #ifdef SECOND_COORDINATES
     if (down.w > 0.5) uv = v_second_coordinate;
 #endif

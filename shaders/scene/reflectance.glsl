@@ -1,14 +1,14 @@
 // Reflectance of metals and dielectrics.
 // struct Reflectance: a surface's, of one fragment.
 // vec3 reflected_light(Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal,
-// vec3 shape_normal, vec3 view): linear RGB that a lit surface reflects and emits. Position, normals and
-// view in axes of the world; the view is a unit vector towards the viewpoint. The normals are those of
-// the surface and of its clear coat by their maps, and of its shape, without.
-// With BAKED_LIGHT the light of the surroundings is what the baked light has beyond that of the lamps; an
-// environment map is reflected as far as its light reaches the surface.
+// vec3 shape_normal, vec3 view): linear RGB that a lit surface reflects and emits. Position,
+// normals and view in axes of the world; the view is a unit vector towards the viewpoint. The
+// normals are those of the surface and of its clear coat by their maps, and of its shape, without.
+// With BAKED_LIGHT the light of the surroundings is what the baked light has beyond that of the
+// lamps; an environment map is reflected as far as its light reaches the surface.
 // Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
-// Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; of baked light beside maps:
-// Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
+// Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; of baked light
+// beside maps: Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
 
 const float PI = 3.14159265358979;
 const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/surface_reflectance.py
@@ -123,7 +123,8 @@ vec3 reflected_environment(
 }
 
 vec3 reflected_light(
-    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 shape_normal, vec3 view) {
+    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 shape_normal,
+    vec3 view) {
     float coat_cosine = clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0);
     float coat = surface.coat * mix(COAT_F0, 1.0, pow(1.0 - coat_cosine, 5.0));
     vec3 light = light_of_surroundings(position, normal, shape_normal);

@@ -1,9 +1,9 @@
 // Reflectance of a fragment's material: numbers of a table, times its maps.
 // Reflectance reflectance_of(vec3 base_color, vec2 uv): base colour as in scene/surface.frag.
-// vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side), coat_shading_normal likewise:
-// unit normal of the surface and of its clear coat, by their normal maps.
-// NORMAL_MAP, SPECULAR_MAP, CLEARCOAT_MAP, CLEARCOAT_NORMAL_MAP: the material has such a map. Includes
-// scene/material_values.glsl.
+// vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side), coat_shading_normal
+// likewise: unit normal of the surface and of its clear coat, by their normal maps.
+// NORMAL_MAP, SPECULAR_MAP, CLEARCOAT_MAP, CLEARCOAT_NORMAL_MAP: the material has such a map.
+// Includes scene/material_values.glsl.
 // Source: glTF 2.0, section 3.9; KHR_materials_specular, KHR_materials_clearcoat.
 
 #include "scene/material_values.glsl"
@@ -50,7 +50,8 @@ vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side) {
 vec3 coat_shading_normal(vec3 normal, vec3 position, vec2 uv, float side) {
 #ifdef CLEARCOAT_NORMAL_MAP
     normal = mapped_normal(
-        u_clearcoat_normal_map, map_coordinates(6, uv), material_texel(3).z, normal, position, side);
+        u_clearcoat_normal_map, map_coordinates(6, uv), material_texel(3).z, normal, position,
+        side);
 #endif
     return normal;
 }

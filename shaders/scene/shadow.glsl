@@ -1,13 +1,15 @@
 // float directional_visibility(int i, vec3 position): share of a light that reaches a surface at a
 // position in metres from the effective viewpoint; 1 without SHADOWS.
-// float punctual_visibility(int i, vec3 away, vec3 area): likewise, `away` in metres from the light.
+// float punctual_visibility(int i, vec3 away, vec3 area): likewise, `away` in metres from the
+// light.
 // vec3 surface_area(vec3 position): of the surface in a texel of the picture, times its normal.
-// DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bits of the lights that cast shadows; CUBE_CASTERS: of those
-// punctual ones whose maps are the faces of a cube. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS: how many
-// lights cast some. SHADOW_CASCADES: maps of each directional light.
-// SHADOW_REGIONS: middle and half size of each caster's first map, in the texture. SHADOW_TEXELS: size of
-// their texels, on maps from -1 to 1. SHADOW_SCALES: inverse of the tangent of half the field of view;
-// of directional lights depth of half a map's width. Loads would take longer than what is computed.
+// DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bits of the lights that cast shadows; CUBE_CASTERS: of
+// those punctual ones whose maps are the faces of a cube. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS:
+// how many lights cast some. SHADOW_CASCADES: maps of each directional light.
+// SHADOW_REGIONS: middle and half size of each caster's first map, in the texture. SHADOW_TEXELS:
+// size of their texels, on maps from -1 to 1. SHADOW_SCALES: inverse of the tangent of half the
+// field of view; of directional lights depth of half a map's width. Loads would take longer than
+// what is computed.
 // Surfaces are offset along their triangles' normals, as those of vertices may point elsewhere.
 // Source of the normal offset: Holbert, "Saying Goodbye to Shadow Acne", GDC 2011.
 
@@ -49,15 +51,16 @@ MapLevel level_for(float area, float finest) {
         : texels < 16.0 ? MapLevel(2.0, 4.0 * finest) : MapLevel(3.0, 8.0 * finest);
 }
 
-// From a surface to where it is looked up, in texels: in front of it by more than its depth differs by
-// within the filter, a texel to each side. area: along the axes of the map, and towards the light.
+// From a surface to where it is looked up, in texels: in front of it by more than its depth differs
+// by within the filter, a texel to each side. area: along the axes of the map, and towards the
+// light.
 vec3 offset_texels(vec3 area) {
     vec3 normal = area * inversesqrt(max(dot(area, area), 1e-37));
     return normal * (0.2 + abs(normal.x) + abs(normal.y));
 }
 
-// slope: of depth on the surface, along x and y together. The offset is that of the finest level, as it
-// moves a shadow's edge, too; coarser ones compare with a depth that is as much nearer.
+// slope: of depth on the surface, along x and y together. The offset is that of the finest level,
+// as it moves a shadow's edge, too; coarser ones compare with a depth that is as much nearer.
 float visibility_at(
     vec2 local, float depth, float slope, vec4 region, MapLevel level, float finest) {
     float coarser = level.texel - finest, most = 1.0 - 0.5 * level.texel;

@@ -1,5 +1,5 @@
-// vec2 sky_coordinates(vec3 direction): texture coordinates of an environment map, for a unit vector
-// in axes of the world. Twin of coordinates_of in omnisim/scene/light/environment.py.
+// vec2 sky_coordinates(vec3 direction): texture coordinates of an environment map, for a unit
+// vector in axes of the world. Twin of coordinates_of in omnisim/scene/light/environment.py.
 
 const float TURN = 6.28318530717959;
 

@@ -5,7 +5,8 @@
 // With LAYERED each camera has a layer of the target. Included before all else, for its extensions.
 // u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
 // Attributes of clusters have the same locations in all programs, which share their vertex arrays:
-// those of CLUSTER_VERTEX and INSTANCE in omnisim/rendering/opengl/geometry/vertex_format.py, in order.
+// those of CLUSTER_VERTEX and INSTANCE in omnisim/rendering/opengl/geometry/vertex_format.py, in
+// order.
 
 #ifdef LAYERED
 #extension GL_ARB_shader_draw_parameters : require

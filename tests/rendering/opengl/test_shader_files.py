@@ -1,8 +1,13 @@
+import re
+
 import pytest
 
 import omnisim.rendering.opengl.shader_files as shader_files
 from omnisim.core.errors import GraphicsError
+from omnisim.core.package_files import SHADERS
 from omnisim.rendering.opengl.shader_files import build_compute_shader, build_program
+
+SUFFIXES = (".glsl", ".vert", ".frag", ".comp")
 
 
 def test_compiler_message_points_at_the_included_file(context, tmp_path, monkeypatch):
@@ -39,3 +44,27 @@ def test_compute_shaders_too(context, tmp_path, monkeypatch):
     )
     with pytest.raises(GraphicsError, match=r"a\.comp:3"):
         build_compute_shader(context, "a.comp", ("ANYTHING",))
+
+
+def test_lines_of_shaders_have_at_most_100_columns():
+    files = [path for path in SHADERS.rglob("*") if path.suffix in SUFFIXES]
+    assert files
+    wide = [
+        f"{path.name}:{number}"
+        for path in files
+        for number, line in enumerate(path.read_text("utf-8").splitlines(), 1)
+        if len(line) > 100
+    ]
+    assert not wide
+
+
+@pytest.mark.parametrize("folder", ["scene/surface", "scene/caster", "ground_truth/"])
+def test_features_of_surfaces_and_hits_are_chosen_outside_of_main(folder):
+    """The file of a feature defines its functions both with and without it."""
+    mains = {
+        path.name: re.search(r"^void main\(\) {\n(.*?)^}", path.read_text("utf-8"), re.S | re.M)
+        for path in SHADERS.glob(f"{folder}*")
+        if path.suffix in (".vert", ".frag")
+    }
+    assert len(mains) >= 2
+    assert not [name for name, main in mains.items() if main is None or "#" in main[1]]

@@ -30,9 +30,7 @@ class OcclusionPass:
 
     def __init__(self, hits: RayHitPass):
         self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
-        program = build_program(
-            context, "capture/picture.vert", "ground_truth/occlusion.frag", hits.defines
-        )
+        program = build_program(context, "capture/picture.vert", hits.occlusion_shader)
         hits.prepare(program, np.eye(3))
         uniform(program, "u_points").value = _POINTS_UNIT
         uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT

@@ -14,8 +14,8 @@ from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.uniforms import uniform
 
-UNKNOWN_HIT = np.uint32(1 << 31)  # of a draw item's bits, as in hits.frag
-UNKNOWN_OCCLUSION = np.uint8(2)  # as in occlusion.frag
+UNKNOWN_HIT = np.uint32(1 << 31)  # of a draw item's bits, as in parallax_hits.frag
+UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag
 _ORIGINS = 11  # texture unit
 
 
@@ -31,7 +31,8 @@ class ParallaxHitPass(RayHitPass):
         origins: texture (height, width) of the rays' origins, see `put_origins`.
     """
 
-    defines = ("PARALLAX",)
+    shader = "ground_truth/parallax_hits.frag"
+    occlusion_shader = "ground_truth/parallax_occlusion.frag"
 
     def __init__(self, visibility: VisibilityPass, pixels: TracedPixels, pyramid: DepthPyramid):
         super().__init__(visibility, pixels)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import moderngl
 import numpy as np
@@ -50,13 +50,15 @@ class RayHitPass:
         points: texture of points and ranges, see `Hits`.
         primitives: texture of 1 + draw item, and triangle in it.
         tables: of the draw items.
-        defines: of its programs.
+        shader: fragment shader of its hits.
+        occlusion_shader: that of their occlusion from another viewpoint.
 
     Raises:
         GraphicsError: a picture or a scene that does not fit on the GPU.
     """
 
-    defines: tuple[str, ...] = ()
+    shader: ClassVar[str] = "ground_truth/hits.frag"
+    occlusion_shader: ClassVar[str] = "ground_truth/occlusion.frag"
 
     def __init__(self, visibility: VisibilityPass, pixels: PixelMap):
         self.visibility, self.pixels = visibility, pixels
@@ -145,9 +147,8 @@ class RayHitPass:
         program = build_program(
             self.pixels.context,
             "capture/picture.vert",
-            "ground_truth/hits.frag",
+            self.shader,
             (
-                *self.defines,
                 *self._compiled_windows,
                 *(_DEFINES[name] for name in details.components),
                 *defines,

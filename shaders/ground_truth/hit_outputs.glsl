@@ -1,0 +1,26 @@
+// Outputs of a ray: point, range, primitive, and the details that were asked for.
+// void write_nothing(vec3 ray): nothing is hit, or there is no ray.
+// void write_hit(vec3 ray, vec3 start, vec3 texel, Hit hit): start is the ray's
+// origin from the viewpoint, texel the place in the atlas that shows its end.
+
+// Viewpoint frame; and range. Infinite: nothing is hit, and the point is a direction.
+layout(location = 0) out vec4 out_point;
+layout(location = 1) out uvec2 out_primitive;  // 1 + draw item, and triangle in it; 0: nothing
+#define FIRST_DETAIL 2
+#include "ground_truth/hit_normal.glsl"
+#include "ground_truth/hit_material.glsl"
+
+void write_nothing(vec3 ray) {
+    out_point = vec4(ray, INFINITE);
+    out_primitive = uvec2(0u);
+    write_no_normal();
+    write_no_albedo();
+    write_no_gloss();
+}
+
+void write_hit(vec3 ray, vec3 start, vec3 texel, Hit hit) {
+    out_point = vec4(start + hit.range * ray, hit.range);
+    out_primitive = hit.primitive;
+    write_normal(hit);
+    write_material(texel, hit);
+}

@@ -1,0 +1,44 @@
+// Occlusion as in occlusion.frag, from the origin of the ray that shows the point then. UNKNOWN is
+// added where the viewpoint does not see all of that ray.
+#version 450 core
+
+vec3 ray_origin = vec3(0.0);  // from the next viewpoint
+#define GUESS
+#include "capture/first_surface.glsl"
+#include "ground_truth/intersect.glsl"
+#include "ground_truth/occluding.glsl"
+
+uniform sampler2D u_origins;  // from the next viewpoint, in its frame
+const uint UNKNOWN = 2u;
+const int ROUNDS = 3;
+
+// As parallax_hits.frag follows a ray, until it is occluded or has reached the point.
+uint follow(vec3 ray, uvec2 primitive, float range) {
+    vec3 rig = u_rig_from_viewpoint * ray, rig_origin = u_rig_from_viewpoint * ray_origin;
+    float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));
+    float start = u_nearest;
+    bool goes_on = true, known = false, is_occluded = false;
+    for (int round = 0; round < ROUNDS && goes_on; ++round) {
+        FirstSurface found = first_surface(rig, rig_origin, start);
+        Place place = place_of(rig + found.nearness * rig_origin, rig_origin);
+        vec3 texel = vec3(place.texel, depth);
+        is_occluded = occluded(texel, ray, primitive, (1.0 - NEARER) * range);
+        bool reaches = (found.nearness - 1.0 / range) * place.texels < STEP_TEXELS;
+        known = found.known && (is_occluded || reaches);
+        goes_on = found.known && !known;
+        start = found.nearness - STEP_TEXELS / place.texels;
+    }
+    return (is_occluded ? 1u : 0u) + (known ? 0u : UNKNOWN);
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    uvec2 primitive;
+    vec3 point;
+    out_occluded = 0u;
+    if (!point_of(pixel, primitive, point)) return;
+    ray_origin = texelFetch(u_origins, pixel, 0).xyz;
+    if (primitive.x != 0u) point -= ray_origin;
+    float range = primitive.x != 0u ? length(point) : INFINITE;
+    out_occluded = follow(normalize(point), primitive, range);
+}

@@ -1,0 +1,27 @@
+// Rays of an image's pixels; with BATCH of several images, one below the other.
+// ivec2 pixel(): the fragment's, of its own image.
+// mat3 viewpoint_from_optical(): of its camera, which is past the last of the draw items in a
+// batch.
+
+uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
+
+#ifdef BATCH
+mat3 viewpoint_from_optical() {
+    vec4 rows[3] = matrix_at(u_draw_item_count - 1u, VIEWPOINT_FROM_MESH);
+    return transpose(mat3(rows[0].xyz, rows[1].xyz, rows[2].xyz));
+}
+
+ivec2 pixel() {
+    return ivec2(gl_FragCoord.xy) - ivec2(0, v_picture * textureSize(u_rays, 0).y);
+}
+#else
+uniform mat3 u_viewpoint_from_optical;
+
+mat3 viewpoint_from_optical() {
+    return u_viewpoint_from_optical;
+}
+
+ivec2 pixel() {
+    return ivec2(gl_FragCoord.xy);
+}
+#endif

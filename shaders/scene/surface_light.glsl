@@ -1,0 +1,39 @@
+// vec3 lit_color(vec3 base_color, vec3 triangle_normal): linear RGB that a surface sends to the
+// viewpoint.
+// Without LIT and LIGHTMAP the base color, whose light is known at the vertices or does not count.
+// With REFLECTANCE it has metal, gloss, maps or emission. With LIGHTMAP and without LIT it is
+// matte, and all of its light is in the lightmap.
+
+#if defined(LIT) && defined(REFLECTANCE)
+#include "scene/lighting.glsl"
+#include "scene/reflectance.glsl"
+#include "scene/reflective_material.glsl"
+
+vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
+    vec2 uv = texture_coordinate();
+    vec3 position = surface_position(), plain_normal = seen_normal(triangle_normal);
+    float side = gl_FrontFacing ? 1.0 : -1.0;
+    vec3 normal = shading_normal(plain_normal, position, uv, side);
+    vec3 coat_normal = coat_shading_normal(plain_normal, position, uv, side);
+    return reflected_light(
+        reflectance_of(base_color, uv), position, normal, coat_normal, plain_normal,
+        normalize(-position));
+}
+#elif defined(LIT)
+#include "scene/lighting.glsl"
+
+vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
+    vec3 light = light_on_surface(surface_position(), seen_normal(triangle_normal));
+    return base_color * (is_unlit() ? vec3(1.0) : light);
+}
+#elif defined(LIGHTMAP)
+#include "scene/baked_light.glsl"
+
+vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
+    return is_unlit() ? base_color : base_color * lightmap_light();
+}
+#else
+vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
+    return base_color;
+}
+#endif

@@ -1,0 +1,48 @@
+// Position and normal of a fragment, in axes of the world about the effective viewpoint.
+// vec3 surface_position(): metres, with POSITION; else 0, as nobody needs it.
+// vec3 normal_of_triangle(): of any length and either side. Call it before any discard: derivatives
+// need the whole 2 x 2 block.
+// vec3 seen_normal(vec3 triangle_normal): unit, of the side that is seen, which is the side that is
+// lit, whatever way the triangle is wound. With NORMALS_AGREE all normals point to the front side,
+// which alone is seen: none is missing, and none is flipped.
+
+#ifdef POSITION
+in vec3 v_position;
+
+vec3 surface_position() {
+    return v_position;
+}
+#else
+vec3 surface_position() {
+    return vec3(0.0);
+}
+#endif
+
+#ifdef LIT
+in vec3 v_normal;
+#endif
+
+#if !defined(LIT)
+vec3 normal_of_triangle() {
+    return vec3(0.0);
+}
+#elif defined(NORMALS_AGREE)
+vec3 normal_of_triangle() {
+    return vec3(0.0);
+}
+
+vec3 seen_normal(vec3 triangle_normal) {
+    return v_normal * inversesqrt(max(dot(v_normal, v_normal), 1e-37));
+}
+#else
+vec3 normal_of_triangle() {
+    return cross(dFdx(v_position), dFdy(v_position));
+}
+
+vec3 seen_normal(vec3 triangle_normal) {
+    vec3 flat_normal = triangle_normal * (dot(triangle_normal, v_position) > 0.0 ? -1.0 : 1.0);
+    vec3 normal = dot(v_normal, v_normal) > 0.0 ? v_normal : flat_normal;
+    normal *= dot(normal, flat_normal) < 0.0 ? -1.0 : 1.0;
+    return normal * inversesqrt(max(dot(normal, normal), 1e-37));  // 0 on a triangle seen edge-on
+}
+#endif

@@ -1,0 +1,49 @@
+// Light on a surface that is known at its vertices.
+// vec3 vertex_light(): on a white surface, linear RGB, with BAKED; else 1.
+// void pass_light_coordinate(): place of each side in the lightmap, with LIGHTMAP.
+// u_light_rectangles: left, top, width and height of an item's sides in the lightmap; those of
+// clusters are applied.
+
+#ifdef BAKED
+layout(location = 1) in vec3 in_light;
+
+vec3 vertex_light() {
+    return in_light;
+}
+#else
+vec3 vertex_light() {
+    return vec3(1.0);
+}
+#endif
+
+#ifdef LIGHTMAP
+#ifdef BOTH_SIDES
+#define SIDES 2
+#define LIGHT_COORDINATE vec4
+#else
+#define SIDES 1
+#define LIGHT_COORDINATE vec2
+#endif
+layout(location = 5) in LIGHT_COORDINATE in_light_coordinate;  // of the front, and of the back
+out LIGHT_COORDINATE v_light_coordinate;
+#ifdef CLUSTERED
+void pass_light_coordinate() {
+    v_light_coordinate = in_light_coordinate;
+}
+#else
+uniform vec4 u_light_rectangles[SIDES];
+
+void pass_light_coordinate() {
+    for (int side = 0; side < SIDES; ++side) {
+        vec4 rectangle = u_light_rectangles[side];
+        int at = 2 * side;
+        vec2 own = vec2(in_light_coordinate[at], in_light_coordinate[at + 1]);
+        own = rectangle.xy + own * rectangle.zw;
+        v_light_coordinate[at] = own.x;
+        v_light_coordinate[at + 1] = own.y;
+    }
+}
+#endif
+#else
+void pass_light_coordinate() {}
+#endif
