@@ -1,4 +1,4 @@
-"""Pipeline of many pictures of one camera: drawn, sampled and read together, slice by slice."""
+"""Pipeline that renders batches of images of one camera, slice by slice."""
 
 from __future__ import annotations
 
@@ -16,22 +16,21 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.readback_ring import ReadbackRing
 from omnisim.rendering.readback import ScenePoses
 
-MAX_SLICE_BYTES = 256 * 2**20  # of atlases and pictures: however many poses there are
+MAX_SLICE_BYTES = 256 * 2**20  # of atlases and images, for any number of poses
 _PIXEL_BYTES = 4
 
 
 class BatchPipeline:
-    """Draws pictures of an ideal camera into the layers of one atlas and below each other.
+    """Renders an ideal camera into one layer of the atlas per pose, images stacked in one target.
 
     Args:
-        context: of OpenGL.
-        cube: the virtual cameras.
-        picture_pass: from an atlas to a picture.
-        size_px: width and height of a picture.
+        context: OpenGL context.
+        cube: virtual cameras.
+        picture_pass: samples an atlas into an image.
+        size_px: width and height of an image.
 
     Attributes:
-        context, size_px: as given.
-        slice_length: most pictures that are drawn together.
+        slice_length: maximum number of images per slice.
     """
 
     def __init__(
@@ -48,7 +47,7 @@ class BatchPipeline:
         self.refresh()
 
     def refresh(self) -> None:
-        """Bound the memory of what the virtual cameras have now."""
+        """Update the slice length to the memory that the virtual cameras need now."""
         width, height = self.size_px
         limits = self.context.info
         layer_bytes = self._cube.bytes_of_layer + _PIXEL_BYTES * width * height
@@ -62,12 +61,13 @@ class BatchPipeline:
         )
 
     def begin(self, poses: Sequence[ScenePoses], out: NDArray[np.uint8]) -> None:
-        """Draw the pictures of poses, and start to read them.
+        """Render the poses and start the readback.
 
         Args:
-            poses: of each.
-            out: (n, height, width, components) sRGB, with alpha if there are four; filled by `end`
-                at the latest.
+            poses: one per image.
+            out: (n, height, width, components) sRGB, with alpha if there are four components;
+                filled
+                when `end` returns.
         """
         self.end()
         try:
@@ -80,7 +80,7 @@ class BatchPipeline:
     def _draw_slices(
         self, poses: Sequence[ScenePoses]
     ) -> Iterator[tuple[slice, moderngl.Framebuffer]]:
-        """Draw slice after slice: those that are drawn, and the target below each other."""
+        """Render slice by slice; yield the slice of poses and the target with their images."""
         if not poses:
             return
         slices = -(-len(poses) // self.slice_length)
@@ -93,11 +93,11 @@ class BatchPipeline:
             yield some, target
 
     def end(self) -> None:
-        """Wait for the pictures of `begin`."""
+        """Wait for the images that `begin` started."""
         self._ring.finish()
 
     def _reserve(self, count: int) -> tuple[moderngl.TextureArray, moderngl.Framebuffer]:
-        """Atlases and a target for at least so many pictures, at most twice as many."""
+        """Atlases and a target for `count` to 2 `count` images."""
         if self._atlases is None or not count <= self._atlases.layers <= 2 * count:
             plan, (width, height) = self._cube.plan, self.size_px
             with gpu_allocation(f"a batch of {count} pictures", "render fewer at once"):
@@ -108,6 +108,6 @@ class BatchPipeline:
                 self._target = self.context.framebuffer([pictures])
             self._atlases.repeat_x = self._atlases.repeat_y = False
             self._atlases.filter = self._cube.atlas.filter
-            # once: nothing is ever drawn where nothing is valid
+            # once: pixels without a ray are never drawn
             clear_target(self._target)
         return self._atlases, self._target

@@ -1,7 +1,7 @@
 """OpenGL contexts without a display, through EGL.
 
-A released context is emptied and kept for the next that is opened: that is quicker, and moderngl
-loses some memory with each that it makes.
+A released context is emptied and kept for the next `open_context`: that is faster, and moderngl
+leaks some memory per context.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import moderngl
-from moderngl import Context as Context  # for those who only hand it on
+from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.fences import Fences
@@ -28,24 +28,23 @@ INSTALL_HINT = (
 )
 _NO_DRIVER = "there is no OpenGL driver"
 _NO_SUCH_DEVICE = "there is no such device"
-_MAX_DEVICES = 64  # more than a machine has; ends a driver's endless list
+_MAX_DEVICES = 64  # more than any machine has; ends a driver's endless list
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
-_users: list[int] = []  # the process that uses OpenGL, if one does: a fork inherits the note
+_users: list[int] = []  # process that uses OpenGL, if any; inherited by a fork
 _unclosed: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # with their threads
 _idle: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # emptied, with their threads
-_MAX_IDLE = 2  # each may keep some memory of its driver
+_MAX_IDLE = 2  # an idle context may still hold driver memory
 
 
 class _Opened(NamedTuple):
-    """Device and objects of a context.
+    """Device of a context, and the objects that live as long as it does.
 
     Attributes:
-        device: as asked for.
-        handle: EGL's.
-        dropped_textures: to delete, not moderngl's.
-        lasting_target: moderngl binds the target that it used last again and again: this one is
-            never deleted.
-        fences: of passes, where the driver is llvmpipe.
+        device: number that the caller asked for; None: the default.
+        handle: EGL's handle of the context.
+        dropped_textures: names of textures to delete that moderngl does not own.
+        lasting_target: never deleted, because moderngl keeps rebinding the last target it used.
+        fences: fences of the last passes; None: the driver is not llvmpipe.
     """
 
     device: int | None
@@ -69,12 +68,12 @@ def open_context(device: int | None = None) -> moderngl.Context:
     """Open an offscreen OpenGL context, or one that was released on this thread.
 
     Args:
-        device: EGL's number of the device, as `omnisim info` lists them; None takes the default,
-            or else the first that works: software, on most machines, is the last.
+        device: EGL's number, as `omnisim info` lists them; None takes the default device, else the
+            first that works (on most machines the last one is software).
 
     Raises:
-        GraphicsError: no EGL, no driver, no such device, an OpenGL that is too old, or a process
-            that was forked from one with OpenGL.
+        GraphicsError: no EGL, no driver, no such device, OpenGL too old, or a process forked from
+            one that uses OpenGL.
     """
     check_process()
     if device is not None and not (isinstance(device, int) and 0 <= device < _MAX_DEVICES):
@@ -87,7 +86,7 @@ def open_context(device: int | None = None) -> moderngl.Context:
         idle.__enter__()  # type: ignore[no-untyped-call]  # current, as a new one is
         if _current_handle() == idle.extra.handle:
             return idle
-        # another library has ended EGL's display, and with it all of its contexts
+        # another library has terminated EGL's display, and with it all contexts
     try:
         return _open(device)
     except GraphicsError as reason:
@@ -99,7 +98,7 @@ def open_context(device: int | None = None) -> moderngl.Context:
 
 
 def check_process() -> None:
-    """Refuse OpenGL after a fork: the driver's threads are not in the child, which waits for them.
+    """Refuse OpenGL after a fork: the child would wait for driver threads that it does not have.
 
     Raises:
         GraphicsError: this process was forked from one that had opened OpenGL.
@@ -112,12 +111,12 @@ def check_process() -> None:
 
 
 def release_context(context: moderngl.Context) -> None:
-    """Release a context of this thread and all in it; after a fork it stays its parent's."""
+    """Release a context of this thread with everything in it; a forked child leaves it alone."""
     if _users != [os.getpid()]:
         return
     with context:
         collect_garbage(context)
-        context.finish()  # the driver keeps what commands under way use
+        context.finish()  # the driver still holds what pending commands use
         is_sound = context.error == "GL_NO_ERROR"
     if is_sound and len(_idle) < _MAX_IDLE:
         _idle.append((threading.current_thread(), context))
@@ -126,7 +125,7 @@ def release_context(context: moderngl.Context) -> None:
 
 
 def collect_garbage(context: moderngl.Context) -> None:
-    """Free what is no longer used of a context, which is current."""
+    """Release unreferenced objects of the current context."""
     context.extra.lasting_target.use()
     context.gc()
     while context.extra.dropped_textures:
@@ -134,7 +133,7 @@ def collect_garbage(context: moderngl.Context) -> None:
 
 
 def _take_idle(device: int | None) -> moderngl.Context | None:
-    """Take an idle context of a device and this thread; those of threads that ended go."""
+    """Take this thread's idle context of a device; discard those of threads that have ended."""
     found = None
     for _ in range(len(_idle)):
         thread, context = _idle.popleft()
@@ -156,10 +155,10 @@ def _is_here(thread: threading.Thread) -> bool:
 
 
 def release_unclosed_context(context: moderngl.Context, thread: threading.Thread) -> None:
-    """Release a context that its last user dropped without closing it, and warn.
+    """Release a context whose last user dropped it without closing, and warn.
 
-    Garbage is collected on any thread: where the context's own is another one and still runs, the
-    context is released by that thread's next call of `release_unclosed_contexts`.
+    The garbage collector runs on any thread. If the context belongs to another thread that still
+    runs, that thread releases it in its next `release_unclosed_contexts`.
     """
     _unclosed.append((thread, context))
     release_unclosed_contexts()
@@ -175,7 +174,7 @@ def release_unclosed_contexts() -> None:
     for _ in range(len(_unclosed)):
         try:
             thread, context = _unclosed.popleft()
-        except IndexError:  # another thread took it
+        except IndexError:  # another thread was faster
             return
         if _is_here(thread):
             release_context(context)
@@ -186,7 +185,7 @@ def release_unclosed_contexts() -> None:
 
 
 def _current_handle() -> int | None:
-    """EGL's handle of this thread's current context, or None: there is none."""
+    """EGL's handle of this thread's current context; None: no context is current."""
     get: Any = ctypes.CDLL(_LIBRARIES[0]).eglGetCurrentContext
     get.restype = ctypes.c_void_p
     handle: int | None = get()
@@ -238,10 +237,10 @@ def graphics_info(context: moderngl.Context) -> GraphicsInfo:
 
 
 def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
-    """List EGL's devices by number, with their OpenGL or the reason why it cannot be used.
+    """List EGL's devices by number, with their OpenGL or the error that opening them raises.
 
     Raises:
-        GraphicsError: EGL or OpenGL itself is not installed, or as `open_context`.
+        GraphicsError: EGL or OpenGL is not installed.
     """
     check_process()
     _check_libraries()
@@ -260,7 +259,7 @@ def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
 
 
 def _reason(message: str, device: int | None) -> str:
-    """Explain glcontext's message, which has "found N devices" and EGL's error numbers."""
+    """Explain glcontext's message: "found N devices", or EGL's error numbers."""
     if "found 0 devices" in message:
         return f"{_NO_DRIVER}: {INSTALL_HINT}"
     if "requested device index" in message:

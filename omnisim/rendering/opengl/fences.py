@@ -1,10 +1,9 @@
 """Fences of llvmpipe's last passes, kept until no thread uses them.
 
-Mesa's llvmpipe draws on threads of its own. It frees the fence of a pass when it sees that the pass
-is done, and does so without the fence's lock: the thread that has just signaled it may not have
-unlocked it yet, and then writes into memory that is free. This happens where that thread is
-interrupted, on a busy machine, and the next pass is short. So a sync object holds the fence of each
-pass, and lives until many more passes are drawn.
+Mesa's llvmpipe draws on its own threads. Once it sees that a pass is finished it frees the pass's
+fence, without taking the fence's lock: the thread that signaled the fence may still be unlocking
+it, and then writes to freed memory. This happens if that thread is preempted on a busy machine and
+the next pass is short. A sync object therefore keeps each pass's fence alive for many more passes.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ import moderngl
 from omnisim.rendering.opengl.gl_functions import gl_function
 
 _GPU_COMMANDS_COMPLETE = 0x9117
-_MAX_FENCES = 32  # llvmpipe has no more than 5 passes under way
+_MAX_FENCES = 32  # llvmpipe has at most 5 passes in flight
 
 
 class Fences:
-    """Sync objects of the current context, the newest last."""
+    """Sync objects of the current context, newest last."""
 
     def __init__(self) -> None:
         create = gl_function("glFenceSync", ctypes.c_uint, ctypes.c_uint, returns=ctypes.c_void_p)
@@ -31,20 +30,20 @@ class Fences:
         self._names: deque[int] = deque()
 
     def keep(self) -> None:
-        """Keep the fence of all commands so far."""
+        """Keep the fence of all commands issued so far."""
         self._names.append(self._create())
         if len(self._names) > _MAX_FENCES:
             self._delete(self._names.popleft())
 
 
 def end_pass(context: moderngl.Context) -> None:
-    """End what was drawn so far, before another target is drawn into."""
+    """End the current pass before drawing to another target."""
     if context.extra.fences is not None:
         context.extra.fences.keep()
 
 
 def use_target(target: moderngl.Framebuffer) -> None:
-    """Draw into a target, with moderngl's state of it."""
+    """Draw to a target, with moderngl's state of it."""
     end_pass(target.ctx)
     target.use()
 
@@ -55,7 +54,7 @@ def clear_target(
     depth: float = 1.0,
     viewport: tuple[int, int, int, int] | None = None,
 ) -> None:
-    """Clear a target, or a viewport of it, in a pass of its own."""
+    """Clear a target, or a viewport of it, in its own pass."""
     end_pass(target.ctx)
     target.clear(*color, depth=depth, viewport=viewport)
     end_pass(target.ctx)

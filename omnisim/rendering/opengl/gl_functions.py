@@ -1,4 +1,4 @@
-"""OpenGL functions that moderngl lacks, called by their addresses."""
+"""OpenGL functions that moderngl does not wrap, called through their addresses."""
 
 from __future__ import annotations
 
@@ -19,36 +19,36 @@ _DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80E
 _BASE_LEVEL, _MAX_LEVEL = 0x813C, 0x813D
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 
-COMMAND_BYTES = 20  # of an indirect draw
+COMMAND_BYTES = 20  # of an indirect draw command
 
 
 @cache
 def gl_function(name: str, *parameters: type, returns: type | None = None) -> Callable[..., Any]:
-    """Function of OpenGL, by its name and the types of its parameters and of what it returns."""
+    """OpenGL function by name, parameter types and return type."""
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetProcAddress.restype = ctypes.c_void_p
     return ctypes.CFUNCTYPE(returns, *parameters)(egl.eglGetProcAddress(name.encode()))
 
 
 def clip_depth_from_zero_to_one() -> None:
-    """Clip depth to [0, w] in the current context, as reversed depth needs it."""
+    """Clip depth to [0, w] in the current context, as reversed depth requires."""
     gl_function("glClipControl", ctypes.c_uint, ctypes.c_uint)(_LOWER_LEFT, _ZERO_TO_ONE)
 
 
 def clear_integers(attachment: int) -> None:
-    """Zero an attachment of integers of the framebuffer in use: glClear is for floats."""
+    """Clear an integer attachment of the bound framebuffer to 0: moderngl clears floats only."""
     zeros = (ctypes.c_uint * 4)()
     clear = gl_function("glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
     clear(_COLOR, attachment, ctypes.addressof(zeros))
 
 
 def flush() -> None:
-    """Submit all commands so far to the driver."""
+    """Submit all pending commands to the driver."""
     gl_function("glFlush")()
 
 
 def allocate_float_depth(renderbuffer: int, size: tuple[int, int], samples: int) -> None:
-    """Give a renderbuffer storage of 32-bit float depth; `samples` is 0 for none."""
+    """Allocate 32-bit float depth for a renderbuffer; `samples` 0: no multisampling."""
     gl_function("glBindRenderbuffer", ctypes.c_uint, ctypes.c_uint)(_RENDERBUFFER, renderbuffer)
     allocate = gl_function(
         "glRenderbufferStorageMultisample",
@@ -58,7 +58,7 @@ def allocate_float_depth(renderbuffer: int, size: tuple[int, int], samples: int)
 
 
 def allocate_depth_texture(size: tuple[int, int], levels: int = 1) -> None:
-    """Give the 2D texture that is bound storage of 32-bit float depth, with so many mip levels."""
+    """Allocate 32-bit float depth with `levels` mip levels for the bound 2D texture."""
     allocate = gl_function(
         "glTexImage2D",
         _ENUM, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_void_p,
@@ -71,18 +71,18 @@ def allocate_depth_texture(size: tuple[int, int], levels: int = 1) -> None:
 
 
 def limit_levels(texture: int, first: int, last: int) -> None:
-    """Sample no other mip levels of a texture: while one is drawn into, the others may be read."""
+    """Restrict sampling to some mip levels, so that another one can be drawn to."""
     limit = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
     limit(texture, _BASE_LEVEL, first)
     limit(texture, _MAX_LEVEL, last)
 
 
 def allocate_half_floats(size: tuple[int, ...], levels: int) -> None:
-    """Give the texture that is bound, or the array, storage of RGBA in half floats.
+    """Allocate half-float RGBA for the bound texture or texture array.
 
     Args:
-        size: width, height and, of an array, layers.
-        levels: mip levels.
+        size: width, height and, for an array, layers.
+        levels: number of mip levels.
     """
     kind = _TEXTURE_2D if len(size) == 2 else _TEXTURE_2D_ARRAY
     allocate = gl_function(f"glTexStorage{len(size)}D", _ENUM, _INT, _ENUM, *(_INT for _ in size))
@@ -90,13 +90,13 @@ def allocate_half_floats(size: tuple[int, ...], levels: int) -> None:
 
 
 def allocate_texture_array(internal_format: int, levels: int, size: tuple[int, int, int]) -> None:
-    """Give the texture array that is bound its storage: width, height and layers."""
+    """Allocate the bound texture array: width, height and layers."""
     allocate = gl_function("glTexStorage3D", _ENUM, _INT, _ENUM, _INT, _INT, _INT)
     allocate(_TEXTURE_2D_ARRAY, levels, internal_format, *size)
 
 
 def upload_layer(level: int, layer: int, size: tuple[int, int], rgba: bytes) -> None:
-    """Fill a mip level of one layer of the texture array that is bound, 8-bit RGBA."""
+    """Upload 8-bit RGBA to one mip level of one layer of the bound texture array."""
     upload = gl_function(
         "glTexSubImage3D",
         _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_char_p,
@@ -105,7 +105,7 @@ def upload_layer(level: int, layer: int, size: tuple[int, int], rgba: bytes) -> 
 
 
 def view_layer(array: int, internal_format: int, levels: int, layer: int) -> int:
-    """Make a 2D texture of one layer of a texture array, without a copy; return its name."""
+    """Create a 2D texture view of one layer, without a copy; return its name."""
     name = ctypes.c_uint()
     gl_function("glGenTextures", _INT, ctypes.c_void_p)(1, ctypes.addressof(name))
     view = gl_function(
@@ -116,17 +116,17 @@ def view_layer(array: int, internal_format: int, levels: int, layer: int) -> int
 
 
 def delete_texture(name: int) -> None:
-    """Delete a texture that is not moderngl's."""
+    """Delete a texture that moderngl does not own."""
     names = ctypes.c_uint(name)
     gl_function("glDeleteTextures", _INT, ctypes.c_void_p)(1, ctypes.addressof(names))
 
 
 def copy_regions(source: int, target: int, rectangles_px: Iterable[Sequence[int]]) -> None:
-    """Copy rectangles of a 2D texture to the same place of another.
+    """Copy rectangles of a 2D texture to the same place in another.
 
     Args:
-        source, target: names of the textures.
-        rectangles_px: left, top, width and height.
+        source, target: texture names.
+        rectangles_px: left, top, width and height of each.
     """
     copy = gl_function(
         "glCopyImageSubData",
@@ -141,10 +141,10 @@ def copy_regions(source: int, target: int, rectangles_px: Iterable[Sequence[int]
 
 
 class IndirectDraws:
-    """Multi-draws of indexed triangles, by commands and their number in buffers on the GPU.
+    """Multi-draws of indexed triangles; commands and draw counts are in GPU buffers.
 
-    Moderngl's need the number on the CPU, and its calls take longer than the drawing itself where
-    that is quick: each function is looked up once.
+    Moderngl needs the draw count on the CPU, and calling it takes longer than a short draw. Each
+    function is therefore looked up once.
     """
 
     def __init__(self) -> None:
@@ -157,7 +157,7 @@ class IndirectDraws:
         )  # fmt: skip
 
     def bind(self, commands: int, counts: int, vertex_array: int) -> None:
-        """Bind the buffers of the next draws."""
+        """Bind the buffers that the next draws use."""
         self._bind_buffer(_DRAW_INDIRECT_BUFFER, commands)
         self._bind_buffer(_PARAMETER_BUFFER, counts)
         self._bind_vertex_array(vertex_array)
@@ -165,7 +165,7 @@ class IndirectDraws:
     def drawing(
         self, first_command: int, count_index: int, max_commands: int
     ) -> Callable[[], None]:
-        """Call that draws as many commands as the count says, by what is then bound."""
+        """Call that draws as many commands as the counter says, with the bindings at that time."""
         return partial(
             self._draw, _TRIANGLES, _UNSIGNED_INT,
             COMMAND_BYTES * first_command, 4 * count_index, max_commands, COMMAND_BYTES,
@@ -178,14 +178,11 @@ def bind_texture(unit: int, texture: int) -> None:
 
 
 class StorageBindings:
-    """Buffers at consecutive storage bindings.
+    """Buffers bound to consecutive storage bindings.
 
     Args:
-        buffers: to bind.
-        first: binding.
-
-    Attributes:
-        buffers: as given.
+        buffers: buffers in order.
+        first: first binding.
     """
 
     def __init__(self, buffers: Sequence[moderngl.Buffer], first: int = 0):
@@ -197,5 +194,5 @@ class StorageBindings:
 
     @property
     def size(self) -> int:
-        """Memory of the buffers."""
+        """Size of the buffers in bytes."""
         return sum(one.size for one in self.buffers)

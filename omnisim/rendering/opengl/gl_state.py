@@ -1,8 +1,8 @@
-"""State of OpenGL that passes of each frame set themselves.
+"""OpenGL state that the passes of each frame set themselves.
 
-Moderngl sets all state of a target whenever it is used, cleared or read. Here only what differs is.
-Between passes nothing is blended, culled, tested for depth, clipped or cut off: a pass that changes
-this state changes it back, also when it is interrupted.
+Moderngl sets all state of a target whenever it is bound, cleared or read; here only what differs is
+set. Between passes blending, culling, depth test, clipping and scissor are off: a pass that enables
+one disables it again, also if it is interrupted.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from omnisim.rendering.opengl.gl_functions import gl_function
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
 _CULL_FACE, _DEPTH_TEST, _BLEND, _SCISSOR_TEST = 0x0B44, 0x0B71, 0x0BE2, 0x0C11
-_CLIP_DISTANCES = range(0x3000, 0x3004)  # at the edges of tiles, in shaders/scene/vertex.glsl
+_CLIP_DISTANCES = range(0x3000, 0x3004)  # at tile edges, see shaders/scene/vertex.glsl
 _GREATER, _EQUAL, _CLOCKWISE, _BACK = 0x0204, 0x0202, 0x0900, 0x0405
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
 _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
 
 def set_constants() -> None:
-    """Set what all passes of a context agree on: reversed depth, sides of triangles, blending.
+    """Set the state that all passes of a context share: reversed depth, winding, blend function.
 
-    Y of the clip space runs down the picture: triangles are wound the other way round.
+    Clip-space y points down the image, which reverses the winding.
     """
     gl_function("glDepthFunc", _ENUM)(_GREATER)
     gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
@@ -41,11 +41,11 @@ def set_constants() -> None:
 
 
 class GlState:
-    """Functions that set state of the current context; each is looked up once.
+    """Setters of the current context's state; each OpenGL function is looked up once.
 
     Attributes:
-        bind_texture: unit and name.
-        set_culling: of back faces.
+        bind_texture: takes unit and texture name.
+        set_culling: enables or disables back-face culling.
     """
 
     def __init__(self) -> None:
@@ -68,9 +68,9 @@ class GlState:
         self._set_each_clip_distance = [_toggle(enable, disable, one) for one in _CLIP_DISTANCES]
 
     def use(self, target: moderngl.Framebuffer, has_depth: bool = False) -> None:
-        """Draw into all of a target; `has_depth`: depth is written, too.
+        """Draw to all of a target; `has_depth`: write depth, too.
 
-        Any target of moderngl's without depth switches that off.
+        Binding a moderngl target without depth disables depth writes.
         """
         if has_depth:
             self._set_depth_mask(True)
@@ -81,7 +81,7 @@ class GlState:
     def clear(
         self, colors: Sequence[tuple[float, float, float, float] | None], depth: float
     ) -> None:
-        """Clear the target in use: its colours, of which None are integers, and depth."""
+        """Clear the bound target: depth, and each color; None marks integer attachments."""
         for number, color in enumerate(colors):
             if color is None:
                 self._clear_integers(_COLOR, number, (ctypes.c_uint * 4)())
@@ -91,7 +91,7 @@ class GlState:
 
     @contextmanager
     def drawing(self) -> Iterator[None]:
-        """Test and write depth, cull back faces, and clip at the edges of tiles."""
+        """Test and write depth, cull back faces, and clip at tile edges."""
         try:
             self._set_depth_test(True)
             self.set_culling(True)
@@ -104,7 +104,7 @@ class GlState:
 
     @contextmanager
     def blending(self) -> Iterator[None]:
-        """Blend what is drawn, without depth of its own."""
+        """Blend, without writing depth."""
         try:
             self._set_depth_mask(False)
             self._set_blending(True)
@@ -114,9 +114,9 @@ class GlState:
 
     @contextmanager
     def where_clear(self) -> Iterator[None]:
-        """Draw where depth is as it was cleared to, by programs that do not write clip distances.
+        """Draw where depth has its clear value, with programs that write no clip distances.
 
-        Back faces are shown from here on.
+        Back-face culling stays off afterwards.
         """
         try:
             self.set_culling(False)
@@ -130,10 +130,10 @@ class GlState:
 
     @contextmanager
     def within_rectangles(self, target: moderngl.Framebuffer) -> Iterator[Callable[..., None]]:
-        """Draw into rectangles of the target in use, and nothing beside them.
+        """Draw to rectangles of the bound target only.
 
         Yields:
-            Function that takes left, top, width and height of the next one.
+            Setter of the next rectangle: left, top, width and height.
         """
 
         def aim(*rectangle_px: int) -> None:
@@ -149,7 +149,7 @@ class GlState:
 
     @contextmanager
     def unclipped(self) -> Iterator[None]:
-        """Draw by programs that do not write clip distances."""
+        """Draw with programs that write no clip distances."""
         try:
             self._set_clip_distances(False)
             yield
@@ -161,7 +161,7 @@ class GlState:
             toggle(is_enabled)
 
     def read_rgba(self, target: moderngl.Framebuffer, out: NDArray[np.uint8]) -> None:
-        """Read 8 bits of RGBA (height, width, 4), contiguous, of a target's one attachment."""
+        """Read 8-bit RGBA (height, width, 4), contiguous, from a target with one attachment."""
         self._bind(_FRAMEBUFFER, target.glo)
         self._read(0, 0, *target.size, _RGBA, _UNSIGNED_BYTE, out.ctypes.data)
 

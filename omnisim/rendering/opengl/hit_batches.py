@@ -1,4 +1,4 @@
-"""Hits of many pictures of one camera: drawn, intersected and read together, slice by slice."""
+"""Ray hits for batches of images of one camera, slice by slice."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.uniforms import uniform
 from omnisim.rendering.readback import ScenePoses
 
-# Triangle IDs, base colours and depth of a texel; points, primitives, normals and base colours. And
-# what materials take.
+# Bytes per texel (triangle IDs, base colors, depth) and per pixel (points, primitives, normals,
+# base colors), and what materials add.
 _TEXEL_BYTES, _PIXEL_BYTES = 12, 48
 _MATERIAL_TEXEL_BYTES, _MATERIAL_PIXEL_BYTES = 12, 16
 
 
 class _Variant:
-    """Program for some of the channels, and the target of its pictures."""
+    """Program for a set of channels, and its target."""
 
     def __init__(self, passes: RayHitPass, details: HitDetails, count: int):
         context, (width, height) = passes.pixels.context, passes.pixels.size_px
@@ -48,10 +48,10 @@ class _Variant:
 
 
 class HitBatches:
-    """Intersects the rays of many pictures, each with the triangles that its camera sees.
+    """Intersects the rays of many images, each with the triangles that its camera sees.
 
     Args:
-        passes: those of a single picture.
+        passes: passes of a single image.
     """
 
     def __init__(self, passes: RayHitPass):
@@ -59,11 +59,11 @@ class HitBatches:
         self._variant: _Variant | None = None
 
     def refresh(self) -> None:
-        """Hit what the buffers have now."""
+        """Update after the buffers changed."""
         self._variant = None
 
     def slice_length(self, details: HitDetails = NO_DETAILS) -> int:
-        """Most pictures that are drawn together; 1: they are better drawn one by one."""
+        """Maximum number of images per slice; 1: single images are faster."""
         passes = self._passes
         visibility, context = passes.visibility, passes.pixels.context
         has_clusters = visibility.buffers.clustered_geometry is not None
@@ -89,7 +89,7 @@ class HitBatches:
         )
 
     def hits(self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS) -> Iterator[Hits]:
-        """Hits of each picture, in order; see `RayHitPass.render`."""
+        """Yield the hits of each image in order; see `RayHitPass.render`."""
         length = min(self.slice_length(details), len(poses))
         if length <= 1:
             yield from (self._passes.render(*one, details) for one in poses)
@@ -117,7 +117,7 @@ class HitBatches:
         return read_hits(variant.target, passes.pixels.size_px, len(poses), details)
 
     def _reserve(self, count: int, details: HitDetails) -> _Variant:
-        """Program and layers for at least so many pictures, at most twice as many."""
+        """Program and layers for `count` to 2 `count` images."""
         found = self._variant
         if found is None or not (found.details == details and count <= found.count <= 2 * count):
             self._variant = None  # frees its memory first

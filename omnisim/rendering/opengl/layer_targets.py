@@ -1,4 +1,4 @@
-"""Layers of texture arrays as targets of drawing."""
+"""Texture array layers as render targets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import moderngl
 
 from omnisim.rendering.opengl.gl_functions import gl_function
 
-COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; those of more colours follow
+COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
 _TEXTURE_2D_ARRAY, _DEPTH_COMPONENT32F = 0x8C1A, 0x8CAC
 _DEPTH_COMPONENT, _FLOAT = 0x1902, 0x1406
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
@@ -17,8 +17,7 @@ _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 def attach_texture(
     framebuffer: int, texture: int, attachment: int = COLORS, level: int = 0
 ) -> None:
-    """Make a mip level of a texture, or all layers of an array, the colours of a framebuffer, or
-    another attachment."""  # fmt: skip
+    """Attach a mip level of a texture, or of all layers of an array, to a framebuffer."""
     attach = gl_function("glNamedFramebufferTexture", _ENUM, _ENUM, _ENUM, _INT)
     attach(framebuffer, attachment, texture, level)
 
@@ -26,13 +25,13 @@ def attach_texture(
 def attach_layer(
     framebuffer: int, array: int, layer: int, attachment: int = COLORS, level: int = 0
 ) -> None:
-    """Make a layer of a texture array the colors of a framebuffer, or another attachment."""
+    """Attach one layer of a texture array to a framebuffer."""
     attach = gl_function("glNamedFramebufferTextureLayer", _ENUM, _ENUM, _ENUM, _INT, _INT)
     attach(framebuffer, attachment, array, level, layer)
 
 
 def draw_into_all(target: moderngl.Framebuffer) -> None:
-    """Draw into all colours of a target, which moderngl sets only when it uses one."""
+    """Enable all color attachments of a target: moderngl does so only when it binds one."""
     count = len(target.color_attachments)
     attachments = (_ENUM * count)(*range(COLORS, COLORS + count))
     draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, ctypes.c_void_p)
@@ -42,8 +41,8 @@ def draw_into_all(target: moderngl.Framebuffer) -> None:
 def layered_target(
     context: moderngl.Context, *colors: moderngl.TextureArray
 ) -> tuple[moderngl.Framebuffer, moderngl.TextureArray]:
-    """Framebuffer of all layers of texture arrays, and their depth: 32-bit floats, readable."""
-    # moderngl makes no depth of layers: its texture gets other storage
+    """Framebuffer with all layers of texture arrays, and its readable 32-bit float depth array."""
+    # moderngl has no layered depth: its color texture gets other storage
     depth = context.texture_array((1, 1, 1), 1)
     depth.filter = (moderngl.NEAREST, moderngl.NEAREST)
     depth.repeat_x = depth.repeat_y = False

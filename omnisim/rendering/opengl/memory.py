@@ -12,10 +12,10 @@ from omnisim.core.errors import GraphicsError
 
 @contextmanager
 def gpu_allocation(what: str, remedy: str) -> Iterator[None]:
-    """Name a failing allocation of a `with` block, and a remedy.
+    """Explain a failing allocation in a `with` block, with a remedy.
 
     Raises:
-        GraphicsError: OpenGL refused.
+        GraphicsError: OpenGL refused the allocation.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Pipeline of a camera whose rays do not meet in one point."""
+"""Pipeline of a non-central camera."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.pipeline import Pipeline
 from omnisim.rendering.readback import ScenePoses
 
-# Linear RGB (n, 3) along rays (n,) at some poses.
+# Linear RGB (n, 3) along rays (n,), with the scene at some poses.
 CastAt = Callable[[ScenePoses, SampleRays], NDArray[np.float32]]
 
 
 class ParallaxPipeline(Pipeline):
-    """Pipeline that draws from the viewpoint nearest to all rays.
+    """Pipeline that renders from the viewpoint nearest to all rays.
 
     Args:
-        cube: the virtual cameras.
-        samples: of the camera whose pixels are the samples: their size counts.
-        parallax: samples the atlas.
+        cube: virtual cameras.
+        samples: pixel map of the supersampled camera; sets the size.
+        parallax: pass that samples the atlas.
         viewpoint_m: (3,) rig frame.
-        cast: gives undecided samples; None: they are as if what hides them were thin.
+        cast: colors undecided samples; None: assume that their occluders are thin.
         supersampling, linear_type: see `Pipeline`.
 
     Attributes:
-        undecided_samples: of all pictures drawn since it was set to 0.
+        undecided_samples: number in all images since it was last set to 0.
     """
 
     def __init__(
@@ -49,10 +49,10 @@ class ParallaxPipeline(Pipeline):
         super().__init__(cube, samples, supersampling, "f2" if linear_type == "f2" else "f4")
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
-        """Make none: the parallax pass is there."""
+        """Do nothing: the parallax pass is the image pass."""
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
-        """Draw the encoded picture, and the linear one where it is asked for."""
+        """Draw the encoded image and, on request, the linear one."""
         pose, cast = poses.world_from_rig.copy(), self._cast
         pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
         atlas = self._cube.render(pose, poses.world_from_objects)

@@ -1,4 +1,4 @@
-"""Pipeline from a scene to a picture: cube pass, picture pass, degradation, readback."""
+"""Pipeline from a scene to an image: cube pass, image pass, degradation, readback."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from omnisim.rendering.readback import Exposed, Readback, ScenePoses, SubFrame
 
 
 class Pipeline:
-    """Pipeline of an ideal camera in one scene; everything on the GPU is made once.
+    """Pipeline of an ideal camera in one scene; GPU resources are created once.
 
     Args:
-        cube: the virtual cameras.
-        samples: of the camera whose pixels are the samples.
-        supersampling: samples to a side of a pixel of the picture, averaged.
-        linear_type: of the linear picture: half floats, or float32.
+        cube: virtual cameras.
+        samples: pixel map of the supersampled camera.
+        supersampling: samples per pixel side, averaged.
+        linear_type: type of the linear image: half floats, or float32.
 
     Attributes:
-        context: of OpenGL.
-        size_px: width and height of the picture.
-        picture_pass: from the atlas to the picture.
-        linear: texture of the linear picture, where it was asked for: RGB and validity.
-        encoded_target: framebuffer of the encoded picture alone.
+        context: OpenGL context.
+        size_px: width and height of the image.
+        picture_pass: samples the atlas into the image.
+        linear: texture of the linear image: RGB and validity; None until one is requested.
+        encoded_target: framebuffer with the encoded image alone.
 
     Raises:
-        GraphicsError: a picture larger than the GPU allows.
+        GraphicsError: an image larger than the GPU allows.
     """
 
     def __init__(
@@ -61,19 +61,19 @@ class Pipeline:
             self.encoded_target = context.framebuffer([encoded])
             self._linear_target = context.framebuffer([self.linear])
             self._both_targets = context.framebuffer([encoded, self.linear])
-        # once: nothing is ever drawn where nothing is valid
+        # once: pixels without a ray are never drawn
         clear_target(self._both_targets)
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
         self.picture_pass = picture_pass(samples, self._cube.plan, supersampling)
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
-        """Draw the encoded picture, and the linear one where it is asked for."""
+        """Draw the encoded image and, on request, the linear one."""
         atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
         self.picture_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
 
     def render(self, poses: ScenePoses, linear: bool = False) -> Readback:
-        """Render a picture, with linear colours where they are asked for."""
+        """Render an image, with linear colors on request."""
         self.draw(poses, linear)
         rgba = self.read_encoded()
         if not linear:
@@ -84,7 +84,7 @@ class Pipeline:
         return Readback(rgba, floats)
 
     def read_encoded(self) -> NDArray[np.uint8]:
-        """Read the encoded picture (height, width, 4)."""
+        """Read the encoded image (height, width, 4)."""
         width, height = self.size_px
         rgba = np.empty((height, width, 4), dtype=np.uint8)
         self._state.read_rgba(self.encoded_target, rgba)
@@ -92,11 +92,11 @@ class Pipeline:
 
 
 class DegradedPipeline:
-    """Pipeline of a camera that is not ideal.
+    """Pipeline of a degraded camera.
 
     Args:
-        ideal: draws sub-frames; its linear picture is float32.
-        degradation: its passes.
+        ideal: renders sub-frames; its linear image is float32.
+        degradation: passes of the effects.
     """
 
     def __init__(self, ideal: Pipeline, degradation: DegradationPass):
@@ -109,13 +109,13 @@ class DegradedPipeline:
         metered: bool = False,
         linear: bool = False,
     ) -> Readback:
-        """Render a picture from sub-frames.
+        """Render an image from sub-frames.
 
         Args:
             sub_frames: at least one.
-            expose: from the mean luminance to the exposure.
-            metered: whether `expose` is given the luminance.
-            linear: whether linear colours are asked for.
+            expose: maps the mean luminance to the exposure.
+            metered: measure the luminance for `expose`.
+            linear: also keep the linear image.
         """
         ideal, degradation = self._ideal, self._degradation
         for sub_frame in sub_frames:
@@ -130,7 +130,7 @@ class DegradedPipeline:
 
 
 def check_picture_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
-    """Refuse a picture larger than the GPU allows.
+    """Refuse an image larger than the GPU allows.
 
     Raises:
         GraphicsError: naming the size and the limit.

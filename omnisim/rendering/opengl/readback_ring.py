@@ -1,4 +1,4 @@
-"""Ring of pixel-pack buffers: pictures are read while the next ones are drawn."""
+"""Ring of pixel-pack buffers: images are read while the next ones are drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnisim.rendering.opengl.fences import end_pass
 from omnisim.rendering.opengl.gl_functions import flush
 from omnisim.rendering.opengl.memory import gpu_allocation
 
-LENGTH = 3  # one is drawn, one is read, one is copied
+LENGTH = 3  # one buffer is drawn, one read, one copied
 
 
 class _Read(NamedTuple):
@@ -22,10 +22,10 @@ class _Read(NamedTuple):
 
 
 class ReadbackRing:
-    """Reads pictures of 8 bits, in the order in which they were drawn.
+    """Reads 8-bit images in the order in which they were drawn.
 
     Args:
-        context: of OpenGL.
+        context: OpenGL context.
     """
 
     def __init__(self, context: moderngl.Context):
@@ -34,11 +34,11 @@ class ReadbackRing:
         self._reads: deque[_Read] = deque()
 
     def start(self, target: moderngl.Framebuffer, out: NDArray[np.uint8]) -> None:
-        """Start to read the first rows of a target; with a full ring, end the oldest read first.
+        """Start to read the first rows of a target; with a full ring, finish the oldest read first.
 
         Args:
-            target: drawn before this.
-            out: (..., width, components), contiguous, filled by `finish` at the latest.
+            target: already drawn.
+            out: (..., width, components), contiguous; filled when `finish` returns.
         """
         if len(self._reads) == LENGTH:
             self._finish_one()
@@ -51,12 +51,12 @@ class ReadbackRing:
         self._reads.append(_Read(buffer, out))
 
     def finish(self) -> None:
-        """End all reads."""
+        """Finish all reads."""
         while self._reads:
             self._finish_one()
 
     def discard(self) -> None:
-        """Forget reads that were interrupted: their arrays are not written any more."""
+        """Discard interrupted reads: their arrays are no longer written."""
         while self._reads:
             self._free.append(self._reads.popleft().buffer)
 
@@ -66,10 +66,10 @@ class ReadbackRing:
         self._free.append(read.buffer)
 
     def _buffer(self, size: int) -> moderngl.Buffer:
-        """Free buffer of at least a size in bytes."""
+        """Free buffer of at least `size` bytes."""
         if self._free and self._free[-1].size >= size:
             return self._free.pop()
         if self._free:
-            self._free.pop()  # too small: freed
+            self._free.pop()  # too small
         with gpu_allocation(f"a readback of {size >> 20} MiB", "render fewer pictures at once"):
             return self._context.buffer(reserve=size, dynamic=True)

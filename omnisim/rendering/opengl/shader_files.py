@@ -1,4 +1,4 @@
-"""Shader files: includes, defines, and compiler messages that point at the file."""
+"""Shader files: includes, defines, and compiler messages that name file and line."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.package_files import SHADERS
 
 _INCLUDE = re.compile(r"^\s*#include\s+(\S+)\s*$")
-# The second number of #line is meant for the file, but Mesa forgets it inside expressions. So
-# the file is written into the line number instead: line 12 of file 3 is line 300012.
+# The second number of #line should be the file, but Mesa forgets it inside expressions. The line
+# number therefore encodes the file: line 12 of file 3 is line 300012.
 _LINES_PER_FILE = 100_000
 # Mesa and most drivers write "0:300012(3): error"; NVIDIA writes "0(300012) : error".
 _LOCATION = re.compile(r"\b\d+(?::(\d+)\(\d+\)|\((\d+)\))")
@@ -28,13 +28,13 @@ def build_program(
     defines: Sequence[str] = (),
     includes: Mapping[str, str] | None = None,
 ) -> moderngl.Program:
-    """Compile and link two files of the shader folder.
+    """Compile and link a vertex and a fragment shader of the shader folder.
 
     Args:
-        context: where.
-        vertex, fragment: files, relative to the folder.
+        context: OpenGL context.
+        vertex, fragment: paths relative to the shader folder.
         defines: names to #define in both.
-        includes: files that `#include NAME`, without quotes, stands for.
+        includes: file for each `#include NAME` without quotes.
 
     Raises:
         GraphicsError: a file is missing or does not compile; names file and line.
@@ -47,7 +47,7 @@ def build_program(
 def build_compute_shader(
     context: moderngl.Context, compute: str, defines: Sequence[str] = ()
 ) -> moderngl.ComputeShader:
-    """Compile one compute shader of the shader folder, with names to #define in it.
+    """Compile a compute shader of the shader folder, with names to #define.
 
     Raises:
         GraphicsError: the file is missing or does not compile; names file and line.
@@ -57,7 +57,7 @@ def build_compute_shader(
 
 
 def included_files(name: str) -> frozenset[str]:
-    """Names of a file of the shader folder and of all that it includes.
+    """Names of a file of the shader folder and of all files that it includes.
 
     Raises:
         GraphicsError: one of them is missing.
@@ -70,7 +70,7 @@ def included_files(name: str) -> frozenset[str]:
 def _expand(
     name: str, files: list[str], defines: Sequence[str], includes: Mapping[str, str]
 ) -> str:
-    """Expand the includes of a file; `files` collects their names."""
+    """Expand the includes of a file; append each file name to `files`."""
     files.append(name)
     before_first = _LINES_PER_FILE * len(files)
     expanded = []
@@ -92,7 +92,7 @@ def _expand(
 
 @cache
 def _lines(path: Path) -> tuple[str, ...]:
-    """Lines of a file, which many programs include: it is read once."""
+    """Lines of a file, cached: many programs include it."""
     try:
         return tuple(path.read_text(encoding="utf-8").splitlines())
     except OSError:
@@ -101,7 +101,7 @@ def _lines(path: Path) -> tuple[str, ...]:
 
 @contextmanager
 def _file_names() -> Iterator[list[str]]:
-    """Yield a list for names of files; a compiler's message then points at them."""
+    """Yield a list to collect file names; rewrite compiler messages to name file and line."""
     files: list[str] = []
 
     def locate(match: re.Match[str]) -> str:

@@ -1,4 +1,4 @@
-"""Uniforms of programs, and their values from NumPy."""
+"""Uniforms of programs, set from NumPy arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from omnisim.scene.model import Fog
 def find_uniform(
     program: moderngl.Program | moderngl.ComputeShader, name: str
 ) -> moderngl.Uniform | None:
-    """Uniform of a program; None where the compiler left it out."""
+    """Uniform of a program; None if the compiler removed it."""
     member = program.get(name, None)
     return member if isinstance(member, moderngl.Uniform) else None
 
@@ -21,7 +21,7 @@ def uniform(program: moderngl.Program | moderngl.ComputeShader, name: str) -> mo
     """Uniform of a program.
 
     Raises:
-        KeyError: it has none of that name.
+        KeyError: no uniform of that name.
     """
     found = find_uniform(program, name)
     if found is None:
@@ -30,14 +30,14 @@ def uniform(program: moderngl.Program | moderngl.ComputeShader, name: str) -> mo
 
 
 def set_sampler(program: moderngl.Program, name: str, unit: int) -> None:
-    """Set the texture unit of a sampler, unless the compiler left it out."""
+    """Set the texture unit of a sampler, unless the compiler removed it."""
     found = find_uniform(program, name)
     if found is not None:
         found.value = unit
 
 
 def write_fog(program: moderngl.Program, fog: Fog) -> None:
-    """Write the uniforms of shaders/scene/fog.glsl, where a program has them."""
+    """Set the uniforms of shaders/scene/fog.glsl, if a program has them."""
     for name, value in (
         ("u_fog_color", fog.color), ("u_fog_attenuation_per_m", fog.attenuation_per_m)
     ):  # fmt: skip
@@ -47,5 +47,5 @@ def write_fog(program: moderngl.Program, fog: Fog) -> None:
 
 
 def columns_first(matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Matrices (..., n, n) as float32 in OpenGL's order, column after column."""
+    """Matrices (..., n, n) as float32 in OpenGL's column-major order."""
     return np.ascontiguousarray(np.swapaxes(matrices, -1, -2), dtype=np.float32)

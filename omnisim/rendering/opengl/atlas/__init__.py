@@ -1,1 +1,1 @@
-"""The atlas of virtual cameras: which tiles a camera needs, and how finely sampled."""
+"""Atlas of virtual cameras: the tiles that a camera needs, and their sampling density."""

@@ -1,4 +1,4 @@
-"""Sampling density of a picture on a face of the cube: which part it sees, and how densely."""
+"""Sampling density of an image on a cube face: visible region and resolution."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 
-# Samples along a face's edge, corners included: a rim reaches a face first at the middle of an
-# edge or at a corner.
+# Samples per face edge, corners included: a rim first reaches a face at the middle of an edge or at
+# a corner.
 GRID = 65
 GRID_STEP = 2.0 / (GRID - 1)
-# A pole of the picture stretches one direction without bound, the rim of an orthographic lens
-# squeezes one to nothing. Neither is followed further than this: a picture that is stretched
-# across more than four times as much as along is drawn for four, and no pixel is taken to be
-# wider than 32 of the smallest.
+# The pole of an image stretches one direction without bound, and the rim of an orthographic lens
+# shrinks one to zero. Both are limited: an image stretched more than four times as much across as
+# along counts as four times, and no pixel counts as wider than 32 of the smallest.
 MAX_ANISOTROPY = 4.0
 MIN_DENSITY_SHARE = 1.0 / 32.0
 WHOLE_FACE: NDArray[np.float64] = np.array([[-1.0, -1.0], [1.0, 1.0]])
@@ -24,13 +23,13 @@ _STEP = 1e-5  # of a tangent, for derivatives: far above rounding, far below a t
 
 
 class RegionDensity(NamedTuple):
-    """Sampling density of the picture in a region of a face.
+    """Sampling density of the image in a region of a face.
 
     Attributes:
-        min_px_per_tan, max_px_per_tan: pixels to a tangent of 1.
-        region: (2, 2) least and largest tangents, right and down, that are looked up here; regions
+        min_px_per_tan, max_px_per_tan: pixels per tangent of 1.
+        region: (2, 2) lower and upper bounds of the tangents (right, down) looked up here; regions
             of a face do not overlap.
-        seen_region: (2, 2) likewise, without the margins that the picture does not see.
+        seen_region: (2, 2) the same bounds without the margins that the image does not see.
     """
 
     min_px_per_tan: float
@@ -40,12 +39,12 @@ class RegionDensity(NamedTuple):
 
 
 class SamplingDensity:
-    """Sampling density of the picture on a face, by samples all over it.
+    """Sampling density of the image on a face, from samples all over it.
 
     Args:
-        tangents: (n, 2) of the samples, those of the grid first, row by row.
-        seen: (n,) the picture looks them up.
-        most, least: (n,) pixels to a tangent of 1, along and across; 0 and infinite: not known.
+        tangents: (n, 2) of the samples, grid first, row by row.
+        seen: (n,) samples that the image looks up.
+        most, least: (n,) pixels per tangent of 1, along and across; 0 and infinity: unknown.
     """
 
     def __init__(
@@ -59,19 +58,21 @@ class SamplingDensity:
         self._is_seen = bool(seen.any())
 
     def whole(self) -> list[RegionDensity]:
-        """Density of the whole face; empty where the picture sees nothing of it."""
+        """Density of the whole face; empty if the image sees nothing of it."""
         return self._densities([WHOLE_FACE]) if self._is_seen else []
 
     def subdivide(self, texels_per_pixel: float, tile_texels: float) -> list[RegionDensity]:
-        """Densities of the regions into which to cut the face where that spares texels.
+        """Densities of the regions to cut the face into, where cutting saves texels.
 
-        The density of a picture varies over a face: at 45° down a mirror shows the same angle in
-        half as many pixels as above the horizon. Greedy: the cut that spares most is made first,
+        The density of an image varies over a face: 45° below the horizon, a mirror shows the same
+            angle
+        in half as many pixels as above it. The cuts are greedy: the one that saves the most comes
+        first,
         and each half is cut again.
 
         Args:
-            texels_per_pixel: to a side of a pixel.
-            tile_texels: cost of one more tile.
+            texels_per_pixel: texels per pixel side.
+            tile_texels: cost of an additional tile.
         """
         if not self._is_seen:
             return []
@@ -81,11 +82,11 @@ class SamplingDensity:
         return self._densities([-1.0 + GRID_STEP * np.array(cell, dtype=float) for cell in cells])
 
     def _densities(self, regions: list[NDArray[np.float64]]) -> list[RegionDensity]:
-        """Densities inside of tangents (2, 2) each, where the picture sees some of them."""
+        """Densities within tangent bounds (2, 2) each, where the image sees some samples."""
         return [found for one in regions if (found := self._density(one)) is not None]
 
     def _density(self, region: NDArray[np.float64]) -> RegionDensity | None:
-        # the seen part may begin anywhere between two samples
+        # the visible part may begin anywhere between two samples
         near = np.all(
             (self._tangents >= region[0] - GRID_STEP) & (self._tangents <= region[1] + GRID_STEP),
             axis=-1,
@@ -98,7 +99,7 @@ class SamplingDensity:
         if np.any(seen_region[0] >= seen_region[1]):
             return None
         densest = float(self._max[near].max())
-        if densest == 0.0:  # no derivative here: as elsewhere on the face
+        if densest == 0.0:  # no derivative here: take the face's
             densest = float(self._max.max())
             near = np.ones_like(near)
         sparsest = float(self._min[near].min()) if densest > 0.0 else 1.0
@@ -106,9 +107,9 @@ class SamplingDensity:
         return RegionDensity(sparsest, densest, region, seen_region)
 
     def _on_grid(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Largest density in pixels to a tangent of 1, and visibility, (GRID, GRID), rows down.
+        """Maximum density in pixels per tangent of 1, and visibility, (GRID, GRID), rows down.
 
-        Between two samples the larger density of both counts, and that either is seen.
+        A cell between samples takes their larger density, and is seen if one of them is.
         """
         count = GRID * GRID
         density = self._max[:count].reshape(GRID, GRID)
@@ -125,12 +126,12 @@ class SamplingDensity:
 def density_of_camera(
     camera: CentralCamera, face_from_optical: NDArray[np.float64], seen: NDArray[np.float64]
 ) -> SamplingDensity:
-    """Density of a camera's picture.
+    """Density of a camera's image.
 
     Args:
-        camera: whose picture.
+        camera: camera model.
         face_from_optical: (3, 3).
-        seen: tangents (n, 2) that the picture looks up.
+        seen: tangents (n, 2) that the image looks up.
     """
     grid = _grid()
     tangents = np.concatenate((grid, seen))
@@ -150,8 +151,9 @@ def density_of_camera(
     down, down_valid = pixels(0.0, _STEP)
     steps = np.stack((right - at, down - at), axis=-1)
     inner = valid & right_valid & down_valid
-    # A picture of everything is cut open somewhere, and at its poles all azimuths meet: there a
-    # step leaps. No face is so dense that one would move the picture by a pixel otherwise.
+    # A full-sphere image has a cut somewhere, and all azimuths meet at its poles: a step jumps
+    # there.
+    # No face is so dense that a step elsewhere would move the image by a pixel.
     smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
     inner = smooth if smooth.any() else inner
     largest, smallest = _singular_values(steps[inner] / _STEP)
@@ -164,7 +166,7 @@ def density_of_camera(
 def density_of_rays(
     tangents: NDArray[np.float64], px_per_tan: NDArray[np.float64]
 ) -> SamplingDensity:
-    """Density of a picture whose rays meet a face at tangents (n, 2), pixels to a tangent of 1."""
+    """Density of an image whose rays meet a face at tangents (n, 2), pixels per tangent of 1."""
     density = np.zeros((GRID, GRID))
     column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
     for down in (0, 1):
@@ -192,7 +194,7 @@ def _grid() -> NDArray[np.float64]:
 
 
 def _dilate(values: NDArray[Any]) -> NDArray[Any]:
-    """Largest of each value and its eight neighbours."""
+    """Maximum over each value and its eight neighbors."""
     for axis in (0, 1):
         padded = np.pad(values, [(1, 1) if axis == own else (0, 0) for own in (0, 1)])
         size = values.shape[axis]
@@ -212,12 +214,12 @@ def _cut_cell(
     first: tuple[int, int],
     last: tuple[int, int],
 ) -> list[Cell]:
-    """Cells into which to cut the one between two samples, but for those that nobody sees."""
+    """Cells to cut the range between two samples into, without unseen ones."""
     rows, columns = slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)
     inside, seen_inside = density[rows, columns], seen[rows, columns]
     if not seen_inside.any():
         return []
-    # along rows: cuts between what is above and what is below; along columns: left and right
+    # along rows: cuts between above and below; along columns: between left and right
     below = _prefix_texels(inside, seen_inside, tile_texels)
     above = _prefix_texels(inside[::-1], seen_inside[::-1], tile_texels)[::-1]
     left = _prefix_texels(inside.T, seen_inside.T, tile_texels)
@@ -239,7 +241,7 @@ def _cut_cell(
 def _prefix_texels(
     density: NDArray[np.float64], seen: NDArray[np.bool_], tile_texels: float
 ) -> NDArray[np.float64]:
-    """Cost of a tile of the rows 0 to i, for each i, in texels."""
+    """Cost in texels of a tile of rows 0 to i, per i."""
     count = np.arange(len(seen))
     any_row = seen.any(axis=1)
     last = np.maximum.accumulate(np.where(any_row, count, -1))

@@ -1,4 +1,4 @@
-"""Tiles of the atlas: the parts of the cube's faces that a camera needs, and their texels."""
+"""Atlas tiles: the parts of the cube faces that a camera needs, and their texels."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from omnisim.rendering.opengl.atlas.sampling_density import (
     density_of_camera,
 )
 
-# The largest density lies between two samples at worst: 1 % to spare.
+# The largest density lies between two samples at worst: a margin of 1 %.
 DENSITY_MARGIN = 1.01
 MIN_FACE_PX = 16
 MAX_TILES = 64
-# Cost of one more tile: triangles at its edge are drawn once more. In texels, and as a share of
-# all texels, so that tiles stay few in a large picture.
+# Cost of an additional tile: triangles at its edge are drawn again. In texels, and as a share of
+# all texels, so that large images keep few tiles.
 TILE_TEXELS = 8000.0
 TILE_SHARE = 0.005
 
 
 @dataclass(frozen=True)
 class Tile:
-    """One virtual camera: a rectangle of a face of the cube, and its place in the atlas.
+    """Virtual camera: a rectangle of a cube face, and its place in the atlas.
 
     Attributes:
         face: index into `omnisim.core.cube.FACE_NAMES`.
         face_size_px: texels across the 90° of the whole face.
-        origin_px: first texel (right, down), counted from the face's top left corner; negative
-            where the tile begins before the 90° do.
+        origin_px: first texel (right, down) from the face's top left corner; negative if the tile
+            begins outside of the face.
         size_px: width and height, gutter included.
-        region: tangents (right, down) of the top left and of the bottom right corner of what is
-            looked up in this tile and in no other.
-        left_px, top_px: place in the atlas.
+        region: tangents (right, down) of the top left and the bottom right corner of the region
+            that is looked up in this tile only.
+        left_px, top_px: position in the atlas.
     """
 
     face: int
@@ -60,24 +60,24 @@ class Tile:
 
     @property
     def face_corner_px(self) -> tuple[int, int]:
-        """Left and top of the whole face in the atlas, were all of it there."""
+        """Left and top that the whole face would have in the atlas."""
         return self.left_px - self.origin_px[0], self.top_px - self.origin_px[1]
 
     @property
     def padded_region(self) -> NDArray[np.float64]:
-        """Tangents (2, 2) of the top left and of the bottom right corner, gutter included."""
+        """Tangents (2, 2) of the top left and the bottom right corner, gutter included."""
         origin = np.array(self.origin_px, dtype=np.float64)
         return -1.0 + 2.0 * np.stack((origin, origin + self.size_px)) / self.face_size_px
 
 
 @dataclass(frozen=True)
 class TilePlan:
-    """All virtual cameras of a sensor, and the atlas that they are drawn into.
+    """Virtual cameras of a sensor, and the atlas that holds them.
 
     Attributes:
-        tiles: by face.
-        max_level: mip levels beyond the first that lookups reach.
-        level_bias: added to the level at which a texel is as wide as what looks it up.
+        tiles: sorted by face.
+        max_level: highest mip level that lookups reach.
+        level_bias: added to the mip level at which a texel is as wide as its lookup's footprint.
         width_px, height_px: size of the atlas.
     """
 
@@ -89,12 +89,12 @@ class TilePlan:
 
     @property
     def texels(self) -> int:
-        """Texels of all tiles."""
+        """Number of texels of all tiles."""
         return sum(tile.size_px[0] * tile.size_px[1] for tile in self.tiles)
 
     @property
     def rectangles_px(self) -> NDArray[np.float64]:
-        """Left, top, width and height (tiles, 4) of the tiles in the atlas."""
+        """Left, top, width and height (tiles, 4) of each tile in the atlas."""
         return np.array([(one.left_px, one.top_px, *one.size_px) for one in self.tiles], np.float64)
 
 
@@ -108,24 +108,25 @@ def plan_tiles(
     subdivide: bool = False,
     level_bias: float = 0.0,
 ) -> TilePlan:
-    """Plan the rectangle of each face of the cube that a camera sees.
+    """Plan the rectangle of each cube face that a camera sees.
 
-    Without a size each face gets as many texels as the densest part of the picture that sees it
-    needs, so that nothing is magnified, but for the poles of a picture (`sampling_density`).
+    Without a face size, each face gets the texels that the densest part of the image on it needs,
+    so
+    that nothing is magnified except at an image's poles (`sampling_density`).
 
     Args:
-        camera: whose picture.
+        camera: camera model.
         rig_from_optical: (3, 3).
-        texels_per_pixel: to a side of the picture's smallest pixels.
-        face_size_px: texels across the 90° of every face.
-        also_seen: directions (n, 3), optical frame, that are looked up although the camera model
-            does not see them: a mesh's rim has corners.
-        subdivide: cut faces into tiles of different density where that spares texels.
+        texels_per_pixel: texels per side of the image's smallest pixels.
+        face_size_px: texels across the 90° of every face; None: as the density requires.
+        also_seen: directions (n, 3), optical frame, that are looked up beyond the camera model's
+            field of view, because a mesh's rim has corners.
+        subdivide: cut faces into tiles of different density where that saves texels.
         level_bias: added to the mip level at which a texel is as wide as a pixel: negative is
-            sharper. Lookups are bilinear, so that two texels apart, at −1, they leave nothing out.
+            sharper. Lookups are bilinear: at −1, two texels per pixel, they still cover everything.
 
     Raises:
-        GraphicsError: the camera sees nothing at all.
+        GraphicsError: the camera sees nothing.
     """
     seen = _picture_rays(camera)
     if also_seen is not None:
@@ -152,16 +153,16 @@ def plan_densities(
     max_level: int | None = None,
     gutter_px: int = 1,
 ) -> TilePlan:
-    """Plan the tiles of each face of the cube, in the order of `omnisim.core.cube.FACE_NAMES`.
+    """Plan the tiles of each cube face, in the order of `omnisim.core.cube.FACE_NAMES`.
 
     Args:
-        densities: of the picture on each face.
+        densities: density of the image on each face.
         texels_per_pixel, face_size_px, subdivide, level_bias: see `plan_tiles`.
-        max_level: mip levels beyond the first; None: as the densities need.
-        gutter_px: around tiles, at least.
+        max_level: highest mip level; None: as the densities require.
+        gutter_px: minimum gutter around tiles.
 
     Raises:
-        GraphicsError: nothing is seen at all.
+        GraphicsError: no face is seen.
     """
     whole = [(face, one) for face, density in enumerate(densities) for one in density.whole()]
     if not whole:
@@ -176,7 +177,7 @@ def plan_densities(
             for part in density.subdivide(texels_per_pixel, tile_texels)
         ]
         if 0 < len(parts) <= MAX_TILES:
-            # a tile's gutter is as wide as the largest mip texel: it may cost what cutting spares
+            # a gutter is as wide as the largest mip texel: it may cost what cutting saves
             subdivided = _plan(
                 parts, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px
             )
@@ -185,7 +186,7 @@ def plan_densities(
 
 
 def whole_faces(plan: TilePlan) -> TilePlan:
-    """Tiles of the same faces, each whole and padded all around, as dense as its densest tile."""
+    """Tiles of the same faces, each whole and padded, as dense as its densest tile."""
     sizes: dict[int, int] = {}
     for tile in plan.tiles:
         sizes[tile.face] = max(tile.face_size_px, sizes.get(tile.face, 0))
@@ -201,7 +202,7 @@ def _plan(
     max_level: int | None,
     gutter_px: int,
 ) -> TilePlan:
-    """One tile for each region of a face."""
+    """One tile per region of a face."""
     sizes = [
         max(MIN_FACE_PX, math.ceil(2.0 * DENSITY_MARGIN * texels_per_pixel * one.max_px_per_tan))
         if face_size_px is None
@@ -233,11 +234,11 @@ def _tile(
     seen_region: NDArray[np.float64],
     step: int,
 ) -> Tile:
-    """Tile around tangents (2, 2) that are seen, not yet placed.
+    """Tile around visible tangents (2, 2), without a position in the atlas.
 
-    Tiles, and the faces in them, begin at multiples of `step`, and a whole one is the gutter
-    around: no mip texel mixes two tiles, and a lookup at the very edge of what is seen still finds
-    a whole texel of its own face.
+    Tiles, and their faces, begin at multiples of `step`, and the gutter is one whole step: no mip
+    texel mixes two tiles, and a lookup at the very edge of the visible region still finds a whole
+    texel of its own face.
     """
     texels = 0.5 * face_size_px * (np.clip(seen_region, -1.0, 1.0) + 1.0) / step
     first = step * (np.floor(texels[0]).astype(int) - 1)
@@ -250,7 +251,7 @@ def _tile(
 
 
 def _pack(tiles: list[Tile], level: int, level_bias: float) -> TilePlan:
-    """Pack tiles into rows, the high ones first, in an atlas about as wide as high."""
+    """Pack tiles into rows, tallest first, in a roughly square atlas."""
     widest = max(tile.size_px[0] for tile in tiles)
     texels = sum(tile.size_px[0] * tile.size_px[1] for tile in tiles)
     width_px = max(widest, 1 << math.ceil(math.log2(math.sqrt(texels))))
@@ -268,9 +269,9 @@ def _pack(tiles: list[Tile], level: int, level_bias: float) -> TilePlan:
 
 
 def _picture_rays(camera: CentralCamera) -> NDArray[np.float64]:
-    """Directions (n, 3), optical frame, that the picture sees, its edges and corners included.
+    """Directions (n, 3), optical frame, that the image sees, edges and corners included.
 
-    A small picture by a long lens falls between the samples of a face's grid.
+    A small image from a long lens falls between the samples of a face's grid.
     """
     u = np.linspace(-0.5, camera.width_px - 0.5, min(GRID, camera.width_px + 2))
     v = np.linspace(-0.5, camera.height_px - 0.5, min(GRID, camera.height_px + 2))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 
-_MIN_LENGTH = 1e-30  # of a normal: an infinitely far plane has none
+_MIN_LENGTH = 1e-30  # of a normal: an infinitely far plane has a normal of 0
 
 
 class TileView(NamedTuple):
@@ -21,7 +21,7 @@ class TileView(NamedTuple):
         tile: the tile.
         clip_from_viewpoint: (4, 4).
         frustum_planes: (6, 4), inward unit normals and distances of left, right, top, bottom, near
-            and far. A point is inside where n · (x, y, z) + d ≥ 0.
+            and far. A point is inside if n · (x, y, z) + d ≥ 0.
     """
 
     tile: Tile
@@ -34,7 +34,7 @@ class TileViews:
 
     Args:
         plan: the tiles.
-        near_m, far_m: of the virtual cameras.
+        near_m, far_m: clip planes of the virtual cameras.
     """
 
     def __init__(self, plan: TilePlan, near_m: float, far_m: float):
@@ -60,16 +60,16 @@ def frustum_planes(clips: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> NDArray[np.float64]:
-    """Matrices (tiles, 4, 4) of a plan's tiles, from the axes of the rig at the viewpoint."""
+    """Matrices (tiles, 4, 4) from rig axes at the viewpoint to each tile's clip space."""
     clips = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
     clips[..., :3] = clips[..., :3] @ FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
     return clips
 
 
 def _projection(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
-    """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the picture.
+    """Matrix (4, 4) clip_from_face of a tile; clip-space y points down the image.
 
-    Its depth runs from 1 at the near plane to 0 at the far one, which may be infinite.
+    Depth is 1 at the near plane and 0 at the far plane, which may be infinite.
     """
     first, last = tile.padded_region
     (x_scale, y_scale), (x_shift, y_shift) = 2.0 / (last - first), -(last + first) / (last - first)

@@ -1,4 +1,4 @@
-"""Pixels whose red, green and blue have rays of their own."""
+"""Image pass with separate rays for red, green and blue."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from omnisim.rendering.opengl.capture.parallax_pass import CastSamples, Parallax
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays
 from omnisim.scene.model import Fog
 
-_GREEN = 1  # whose rays say where the picture is valid
+_GREEN = 1  # its rays decide which pixels are valid
 
 
 class ChromaticPass:
-    """Picture pass of a camera that refracts: one pass for each channel, of one atlas.
+    """Image pass of a refracting camera: one pass per channel, from one atlas.
 
     Args:
-        context: of OpenGL.
-        rays: of the samples of R, G and B, from the viewpoint, rig frame.
+        context: OpenGL context.
+        rays: sample rays of R, G and B from the viewpoint, rig frame.
         plan: tiles of the atlas.
-        pyramid: of its depth.
+        pyramid: hierarchical depth of the atlas.
         fog: see `ParallaxPass`.
 
     Attributes:
-        undecided_samples: of the last picture, those of all channels.
+        undecided_samples: number in the last image, all channels.
 
     Raises:
         GraphicsError: no memory for it.
@@ -66,7 +66,7 @@ class ChromaticPass:
 
 
 def _write_only(target: moderngl.Framebuffer, channels: Sequence[bool]) -> None:
-    """Set which of RGBA drawing changes, in all attachments."""
+    """Set the RGBA channels that drawing writes, in all attachments."""
     mask, count = tuple(channels), len(target.color_attachments)
     masks = mask if count == 1 else (mask,) * count
     setattr(target, "color_mask", masks)  # noqa: B010  moderngl's stubs know one attachment only

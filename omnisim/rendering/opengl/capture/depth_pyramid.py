@@ -1,4 +1,4 @@
-"""Hierarchical depth of an atlas, and its tiles by direction: for rays beside its viewpoint."""
+"""Hierarchical depth of an atlas with its tiles by direction, for rays beside its viewpoint."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.uniforms import columns_first, find_uniform, uniform
 
-_CELLS = 64  # of a face, to a side: tiles end between them; as in first_surface.glsl
-_BLOCK, _BLOCKS_PER_GROUP = 8, 8  # texels to a side, as there
+_CELLS = 64  # per face side; tiles end at cell edges; as in first_surface.glsl
+_BLOCK, _BLOCKS_PER_GROUP = 8, 8  # texels per side, as there
 _DEPTH, _BLOCKS, _CELL_TILES = 8, 9, 10  # texture units
 
 
@@ -20,10 +20,10 @@ class DepthPyramid:
     """Textures of programs with `capture/first_surface.glsl`.
 
     Args:
-        context: of OpenGL.
+        context: OpenGL context.
         plan: tiles of the atlas, whose regions end at multiples of 1/32.
-        near_m, far_m: of the virtual cameras; far may be infinite.
-        longest_m: distance of the rays' origins from the viewpoint, at most.
+        near_m, far_m: clip planes of the virtual cameras; far may be infinite.
+        longest_m: maximum distance of the rays' origins from the viewpoint.
 
     Raises:
         GraphicsError: no memory for it.
@@ -53,7 +53,7 @@ class DepthPyramid:
         self._nearest: list[moderngl.Uniform] = []
 
     def bind_program(self, program: moderngl.Program) -> None:
-        """Set the constant uniforms of a program; `update` sets the others."""
+        """Set the constant uniforms of a program; `update` sets the rest."""
         for name, value in (
             ("u_depth", _DEPTH),
             ("u_blocks", _BLOCKS),
@@ -70,7 +70,7 @@ class DepthPyramid:
             self._nearest.append(nearest)
 
     def update(self, depth: NDArray[np.float32]) -> None:
-        """Take over the depth (height, width) of the atlas's texels, and bind the textures."""
+        """Take the depth (height, width) of the atlas, and bind the textures."""
         self._depth.write(depth)
         blocks = _largest(depth, _BLOCK)
         scale, offset = self._inverse_z_from_depth
@@ -87,7 +87,7 @@ class DepthPyramid:
 
 
 def _cell_tiles(plan: TilePlan) -> NDArray[np.float32]:
-    """Texels from tangents (cells, faces × cells, 4), offset and scale; 0: no tile has the cell."""
+    """Offset and scale from tangents to texels (cells, faces × cells, 4); 0: not in any tile."""
     found = np.zeros((_CELLS, len(FACE_NAMES), _CELLS, 4), dtype=np.float32)
     for tile in plan.tiles:
         half_px = 0.5 * tile.face_size_px
@@ -98,7 +98,7 @@ def _cell_tiles(plan: TilePlan) -> NDArray[np.float32]:
 
 
 def _whole_cells(tile: Tile) -> tuple[slice, slice]:
-    """Columns and rows of cells of the face that a tile has the whole of."""
+    """Columns and rows of the face's cells that lie inside a tile."""
     (first_x, first_y), (last_x, last_y) = tile.region
     (drawn_left, drawn_top), (drawn_right, drawn_bottom) = tile.padded_region.tolist()
     slices = []
@@ -113,10 +113,10 @@ def _whole_cells(tile: Tile) -> tuple[slice, slice]:
 
 
 def _largest(values: NDArray[np.float32], side: int) -> NDArray[np.float32]:
-    """Largest of each square of so many values to a side, smaller ones at the ends."""
+    """Maximum of each square of `side` × `side` values, smaller at the far edges."""
     height, width = values.shape
     whole = height - height % side
-    # rows first, and whole ones at once: far quicker than one after the other
+    # rows first, full ones at once: far quicker than one after the other
     rows = values[:whole].reshape(-1, side, width).max(axis=1)
     if whole < height:
         rows = np.concatenate((rows, values[whole:].max(axis=0, keepdims=True)))
@@ -125,7 +125,7 @@ def _largest(values: NDArray[np.float32], side: int) -> NDArray[np.float32]:
 
 
 def _dilated(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Largest of each block and its eight neighbours."""
+    """Maximum over each block and its eight neighbors."""
     rows = np.pad(blocks, 1, mode="edge")
     rows = np.maximum(np.maximum(rows[:-2], rows[1:-1]), rows[2:])
     found: NDArray[np.float32] = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
@@ -133,7 +133,7 @@ def _dilated(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _dilated_groups(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Largest of each group of blocks and its neighbours, for each block."""
+    """Maximum over each group of blocks and its neighbors, per block."""
     groups = _dilated(_largest(blocks, _BLOCKS_PER_GROUP))
     columns = groups.repeat(_BLOCKS_PER_GROUP, axis=0)[: blocks.shape[0]]
     return columns.repeat(_BLOCKS_PER_GROUP, axis=1)[:, : blocks.shape[1]]

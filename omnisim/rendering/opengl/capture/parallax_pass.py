@@ -1,4 +1,4 @@
-"""Pixels of rays with origins of their own, from the atlas of one viewpoint and its depth."""
+"""Image of rays with their own origins, sampled from the atlas of one viewpoint and its depth."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from omnisim.scene.model import Fog
 
 # texture units
 _ATLAS, _RAYS, _ORIGINS, _RIM_RAYS, _SURFACES, _SAMPLES = range(6)
-_RIM_ROW = 1 << 12  # texels in a row of the rim's rays, as in capture/parallax_rays.glsl
-_SAMPLE_ROW = 1 << 10  # samples in a row of those that are drawn one by one
-_PARTS = 64  # of a pixel, at most, as in capture/parallax_samples.frag
+_RIM_ROW = 1 << 12  # texels per row of the rim's rays, as in capture/parallax_rays.glsl
+_SAMPLE_ROW = 1 << 10  # samples per row of those drawn one by one
+_PARTS = 64  # maximum samples per pixel, as in capture/parallax_samples.frag
 _LEFT = 1  # attachment
 
 # Linear RGB (n, 3) along rays (n,).
@@ -33,31 +33,31 @@ CastSamples = Callable[[SampleRays], NDArray[np.float32]]
 
 
 class RayTextures(NamedTuple):
-    """Rays of pixels, and those of the samples at the rim, as `capture/parallax.frag` has them."""
+    """Rays of pixels, and of the samples at the rim, as `capture/parallax.frag` reads them."""
 
     rays: moderngl.Texture
     origins: moderngl.Texture
     rim: moderngl.Texture
 
     def use(self) -> None:
-        """Bind them."""
+        """Bind the textures."""
         for unit, texture in ((_RAYS, self.rays), (_ORIGINS, self.origins), (_RIM_RAYS, self.rim)):
             texture.use(unit)
 
 
 class ParallaxPass:
-    """Picture pass of a camera whose rays do not meet.
+    """Image pass of a camera whose rays do not pass through one point.
 
     Args:
-        context: of OpenGL.
-        rays: of the samples, from the viewpoint, rig frame.
+        context: OpenGL context.
+        rays: sample rays from the viewpoint, rig frame.
         plan: tiles of the atlas.
-        pyramid: of its depth.
-        shown: pixels (height, width) of the picture to draw; None: all that have samples.
-        fog: that the atlas shows, from the viewpoint; None: there is none.
+        pyramid: hierarchical depth of the atlas.
+        shown: pixels (height, width) to draw; None: all with samples.
+        fog: fog in the atlas, as seen from the viewpoint; None: clear air.
 
     Attributes:
-        undecided_samples: of the last picture.
+        undecided_samples: number in the last image.
 
     Raises:
         GraphicsError: no memory for it.
@@ -86,7 +86,7 @@ class ParallaxPass:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._surfaces_target = context.framebuffer([self._surfaces])
         self._target = context.framebuffer([self._colors, left])
-        # once: nothing is ever drawn where there is no ray
+        # once: pixels without a ray are never drawn
         clear_target(self._surfaces_target, (0.0, 0.0, 0.0, -1.0))
         use_target(self._target)
         self._target.clear()
@@ -141,13 +141,13 @@ class ParallaxPass:
         target: moderngl.Framebuffer,
         cast: CastSamples | None,
     ) -> None:
-        """Draw the valid pixels: encoded, and linear where the target has a second attachment.
+        """Draw the valid pixels: encoded, and linear if the target has a second attachment.
 
         Args:
-            atlas: of the viewpoint.
-            depth: (height, width) of its texels.
-            target: of the picture.
-            cast: gives undecided samples; None: they are as if what hides them were thin.
+            atlas: atlas rendered from the viewpoint.
+            depth: depth (height, width) of its texels.
+            target: receives the image.
+            cast: colors undecided samples; None: assume that their occluders are thin.
         """
         self._pyramid.update(depth)
         self.draw_again(atlas, target, cast)
@@ -155,7 +155,7 @@ class ParallaxPass:
     def draw_again(
         self, atlas: moderngl.Texture, target: moderngl.Framebuffer, cast: CastSamples | None
     ) -> None:
-        """Draw by the depth that the pyramid has already."""
+        """Draw again with the pyramid's current depth."""
         self._rays.use()
         atlas.use(_ATLAS)
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
@@ -170,7 +170,7 @@ class ParallaxPass:
         self._picture_array.render()
 
     def _add_samples_left(self, cast: CastSamples | None) -> None:
-        """Add the samples that the pixels around did not tell, one by one."""
+        """Add the samples that the neighboring pixels did not decide, one by one."""
         pixels, at, parts = self._samples_left()
         self.undecided_samples = 0
         if len(parts) == 0:
@@ -189,7 +189,8 @@ class ParallaxPass:
         self._colors.write(colors)
 
     def _samples_left(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Pixels (m,) with samples left; of each sample (n,) the number in these, and its part."""
+        """Pixels (m,) with undecided samples; per sample (n,) the index of its pixel, and its
+        part."""
         width, height = self._size
         bits = np.empty((height, width, 2), dtype="<u4")
         self._target.read_into(bits, components=2, attachment=_LEFT, dtype="u4")
@@ -206,7 +207,7 @@ class ParallaxPass:
         return pixels, at, parts
 
     def _draw_samples(self, samples: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Linear RGB (n, 4) of samples (n,), and 1 where what they meet is known."""
+        """Linear RGB (n, 4) of samples (n,), alpha 1 where the surface that they hit is known."""
         rows = -(-len(samples) // _SAMPLE_ROW)
         if rows > self._samples.height:
             self._samples, self._samples_target = self._allocate_samples(2 * rows)

@@ -1,4 +1,4 @@
-"""Rays of a picture's samples that do not meet in one point."""
+"""Sample rays of an image that do not pass through one point."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-MARGIN_PX = 2  # around the picture, as in capture/parallax.frag
+MARGIN_PX = 2  # around the image, as in capture/parallax.frag
 
 
 class SampleRays(NamedTuple):
-    """Rays of some samples, in the frame of all."""
+    """Rays of some samples in the frame of all rays."""
 
     directions: NDArray[np.float64]  # (n, 3), unit
     origins_m: NDArray[np.float64]  # (n, 3)
@@ -22,16 +22,16 @@ class SampleRays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ParallaxRays:
-    """Rays of pixels' centres, between which those of samples are interpolated, or their own.
+    """Rays of pixel centers, from which those of samples are interpolated, or sample rays.
 
     Attributes:
-        supersampling: samples to a side of a pixel.
-        directions: (height + 2 margins, width + 2 margins, 3) unit, or 0: not valid.
-        origins_m: likewise.
-        smooth: (height, width) pixels whose samples' rays are interpolated.
-        rim_numbers: (height, width) of other pixels, into the rest; −1: the pixel sees nothing.
+        supersampling: samples per pixel side.
+        directions: (height + 2 margins, width + 2 margins, 3) unit; 0: no ray.
+        origins_m: origins of these rays, same shape.
+        smooth: (height, width) pixels whose sample rays are interpolated.
+        rim_numbers: (height, width) row of each other pixel in the arrays below; −1: no ray.
         rim_directions: (n, samples, 3), samples row by row.
-        rim_origins_m: likewise.
+        rim_origins_m: origins of these, same shape.
         rim_valid: (n, samples).
     """
 
@@ -51,7 +51,7 @@ class ParallaxRays:
         origins_m: NDArray[np.float32],
         smooth: NDArray[np.bool_],
     ) -> ParallaxRays:
-        """Rays of samples of which none has its own, see the attributes."""
+        """Rays whose samples are all interpolated; the arguments are the attributes."""
         own = np.zeros((0, supersampling**2, 3), dtype=np.float32)
         numbers = np.full(smooth.shape, -1, dtype=np.intp)
         is_valid = np.zeros(own.shape[:2], dtype=np.bool_)
@@ -61,11 +61,11 @@ class ParallaxRays:
 
     @property
     def shown(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) of which some sample has a ray."""
+        """Pixels (height, width) with at least one sample ray."""
         return self.smooth | (self.rim_numbers >= 0)
 
     def valid_bits(self) -> NDArray[np.uint64]:
-        """Samples of each pixel (height × width,) that have a ray, the first the lowest bit."""
+        """Bit mask per pixel (height × width,) of its samples with a ray, first sample lowest."""
         count = self.supersampling**2
         bits = np.where(self.smooth, np.uint64((1 << count) - 1), np.uint64(0))
         powers = np.uint64(1) << np.arange(count, dtype=np.uint64)
@@ -74,7 +74,7 @@ class ParallaxRays:
         return bits.ravel()
 
     def valid_shares(self) -> NDArray[np.float32]:
-        """Share of each pixel's (height, width) samples that have a ray."""
+        """Share of each pixel's (height, width) samples with a ray."""
         shares = self.smooth.astype(np.float32)
         rim = self.rim_numbers >= 0
         shares[rim] = self.rim_valid.mean(axis=1)[self.rim_numbers[rim]]
@@ -82,13 +82,13 @@ class ParallaxRays:
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) whose centre has a ray."""
+        """Pixels (height, width) whose center has a ray."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return np.asarray(self.directions[inner, inner].any(axis=-1))
 
     @property
     def longest_m(self) -> float:
-        """Length of the longest origin."""
+        """Length of the longest origin vector."""
         longest = 0.0
         for origins_m, valid in (
             (self.origins_m, self.directions.any(axis=-1)),
@@ -99,7 +99,7 @@ class ParallaxRays:
         return longest
 
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Directions and origins (n, 3) of the pixels' centres that have a ray, row by row."""
+        """Directions and origins (n, 3) of the valid pixel centers, row by row."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return (
             self.directions[inner, inner][self.valid].astype(np.float64),
@@ -107,7 +107,7 @@ class ParallaxRays:
         )
 
     def seen_from(self, viewpoint_m: NDArray[np.float64]) -> ParallaxRays:
-        """The same rays with origins counted from a point (3,)."""
+        """The same rays, origins relative to a point (3,)."""
         offset_m = viewpoint_m.astype(np.float32)
         return replace(
             self,
@@ -118,7 +118,7 @@ class ParallaxRays:
     def of(
         self, rows: NDArray[np.intp], columns: NDArray[np.intp], parts: NDArray[np.intp]
     ) -> SampleRays:
-        """Rays of samples (n,): parts (n,) of pixels at rows and columns (n,)."""  # fmt: skip
+        """Rays of samples (n,), by pixel rows, columns and sample number in the pixel (n,)."""  # fmt: skip
         side = self.supersampling
         offsets = (np.stack((parts % side, parts // side), axis=1) + 0.5) / side - 0.5
         weights = _parabolas(offsets)
@@ -140,14 +140,14 @@ class ParallaxRays:
         rim = np.flatnonzero(numbers >= 0)
         directions[rim] = self.rim_directions[numbers[rim], parts[rim]]
         origins_m[rim] = self.rim_origins_m[numbers[rim], parts[rim]]
-        # beyond the edge of what is seen there is no next sample
+        # beyond the rim there is no next sample
         footprints[rim] = 0.0
         directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-30)
         return SampleRays(directions, origins_m, footprints)
 
 
 def _parabolas(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weights (n, 3, 2) of the pixels before, here and after, by offsets (n, 2) in pixels."""
+    """Weights (n, 3, 2) of the previous, own and next pixel, for offsets (n, 2) in pixels."""
     return np.stack(
         (
             0.5 * offsets * (offsets - 1.0),

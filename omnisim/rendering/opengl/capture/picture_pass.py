@@ -1,4 +1,4 @@
-"""Picture pass: each pixel is the mean of its samples of the atlas, linear and sRGB-encoded."""
+"""Image pass: each pixel is the mean of its atlas samples, linear and sRGB-encoded."""
 
 from __future__ import annotations
 
@@ -19,28 +19,27 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
 
-# A larger table would take more memory than all the rest. Samples of larger pictures are drawn
-# anew in every frame.
+# A larger table would dominate GPU memory. Samples of larger images are drawn anew in every frame.
 MAX_TABLE_BYTES = 128 * 2**20
 _UV_BYTES = 8
-_FIRST_TABLE = 5  # bindings of UVs, and levels, as in `capture/picture.frag`
+_FIRST_TABLE = 5  # bindings of the UV and level tables, as in `capture/picture.frag`
 
 
 class PicturePass(Protocol):
-    """Pass from the atlas to the picture."""
+    """Pass from the atlas to the image."""
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
-        """Draw the valid pixels: encoded, and linear where the target has a second attachment."""
+        """Draw the valid pixels: encoded, and linear if the target has a second attachment."""
         ...
 
 
 def picture_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> PicturePass:
-    """Picture pass of a camera.
+    """Image pass of a camera.
 
     Args:
-        samples: of the camera whose pixels are the samples.
+        samples: pixel map of the supersampled camera.
         plan: tiles of the atlas.
-        supersampling: samples to a side of a pixel.
+        supersampling: samples per pixel side.
 
     Raises:
         GraphicsError: no memory for it.
@@ -60,10 +59,9 @@ def fits_table(sample_count: int) -> bool:
 
 
 class RemapPass:
-    """Picture pass by a table of UVs, as no pose changes them.
+    """Image pass through a UV table, which does not depend on the pose.
 
-    A mirror's mesh, or a camera model whose rays take an iteration, costs a frame no more than any
-    other.
+    It costs a frame the same for all cameras, also for a mirror's mesh or a model that iterates.
 
     Args:
         samples, plan, supersampling: see `picture_pass`.
@@ -97,7 +95,7 @@ class RemapPass:
 
     @property
     def table_bytes(self) -> int:
-        """Size of the table of UVs."""
+        """Size of the UV table in bytes."""
         return self._tables.buffers[0].size
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
@@ -110,12 +108,12 @@ class RemapPass:
     def draw_batch(
         self, atlases: moderngl.TextureArray, target: moderngl.Framebuffer, count: int
     ) -> None:
-        """Draw pictures, encoded, below each other.
+        """Draw encoded images, stacked vertically.
 
         Args:
-            atlases: a layer each.
-            target: as high as some pictures, at least `count`.
-            count: of the pictures, from the first layer on.
+            atlases: one layer per image.
+            target: at least `count` images high.
+            count: number of images, from the first layer.
         """
         self._state.bind_texture(0, atlases.glo)
         self._tables.bind()
@@ -132,7 +130,7 @@ class RemapPass:
 
 
 class SamplePass:
-    """Picture pass that draws the samples' colours into a finer picture, and averages them.
+    """Image pass that draws the samples into a larger image and averages them.
 
     Args:
         samples, plan, supersampling: see `picture_pass`.
@@ -167,7 +165,7 @@ class SamplePass:
 def picture_array(
     context: moderngl.Context, valid: NDArray[np.bool_], supersampling: int, *defines: str
 ) -> moderngl.VertexArray:
-    """Vertex array that draws the pixels (height, width) of drawn samples, or by tables."""
+    """Vertex array over the valid pixels (height, width), for drawn samples or tables."""
     program = build_program(
         context,
         "capture/picture.vert",
@@ -180,7 +178,7 @@ def picture_array(
 def _by_pixel(
     target: moderngl.Framebuffer, attachment: int, supersampling: int
 ) -> NDArray[np.float32]:
-    """Values (height, width, supersampling², parts) of an attachment, those of a pixel together."""
+    """Values (height, width, supersampling², parts) of an attachment, grouped by pixel."""
     parts = (2, 1)[attachment]
     width, height = (length // supersampling for length in target.size)
     samples = np.empty((height, supersampling, width, supersampling, parts), dtype=np.float32)

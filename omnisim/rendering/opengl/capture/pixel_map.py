@@ -1,4 +1,4 @@
-"""Map from a camera's pixels to rays, and with an atlas on to colours or UVs."""
+"""Map from a camera's pixels to rays, and through an atlas to colors or UVs."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.shader_files import build_program, included_files
 from omnisim.rendering.opengl.uniforms import uniform
 
-RAYS_UNIT = 1  # texture unit of the rays, where a program reads them
+RAYS_UNIT = 1  # texture unit of the rays, for programs that read them
 _ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"
 
 
 class Emit(StrEnum):
-    """Output of a capture for each pixel; the value is the file that writes it."""
+    """Output of a capture per pixel; the value is the GLSL file that writes it."""
 
     RAY = "capture/emit_ray.glsl"
     UV = "capture/emit_uv.glsl"
@@ -30,19 +30,18 @@ class Emit(StrEnum):
 
 
 class PixelMap:
-    """Rays of a camera's pixels, and what an atlas has for them.
+    """Rays of a camera's pixels, and what an atlas holds for them.
 
-    No pose changes the rays: they are computed on first use, and kept.
+    Rays do not depend on the pose: they are computed on first use, and kept.
 
     Args:
-        context: of OpenGL.
-        camera: the camera; for supersampling, that of the finer picture.
-        polygons: of its mirror's mesh, which a lens has not; None: exact, by the camera model's
-            GLSL file.
+        context: OpenGL context.
+        camera: camera; for supersampling, the one of the larger image.
+        polygons: number in the mirror's mesh; None: exact, by the camera model's GLSL file.
 
     Attributes:
-        context, camera, polygons: as given.
-        size_px: width and height.
+        context, camera, polygons: see the arguments.
+        size_px: width and height of the image.
     """
 
     def __init__(
@@ -53,10 +52,10 @@ class PixelMap:
 
     @cached_property
     def rays(self) -> moderngl.Texture:
-        """Texture of unit rays, optical frame, and 1 where the pixel has one.
+        """Texture of unit rays in the optical frame; w: 1 where the pixel has a ray.
 
         Raises:
-            moderngl.Error: it does not fit on the GPU.
+            moderngl.Error: too large for the GPU.
         """
         rays = self.context.texture(self.size_px, 4, dtype="f4")
         rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -69,11 +68,11 @@ class PixelMap:
 
     @cached_property
     def lookup_rays(self) -> moderngl.Texture | None:
-        """`rays`, where the camera model finds them by iteration and they fit; else None.
+        """`rays`, if the camera model finds them by iteration and they fit; else None.
 
-        A fetch costs less than an iteration, and more than a formula.
+        Per pixel, a fetch costs less than an iteration and more than a formula.
         """
-        # as large as GPUs let buffers be: those with little memory keep none of a large picture's
+        # at most as large as GPUs let buffers be
         limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         if not self._iterates or 16 * self.size_px[0] * self.size_px[1] > limit:
             return None
@@ -83,7 +82,7 @@ class PixelMap:
             return None
 
     def read_rays(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Unit rays (height, width, 3), optical frame, and their validity (height, width)."""
+        """Unit rays (height, width, 3) in the optical frame, and their validity (height, width)."""
         width, height = self.size_px
         rays = np.empty((height, width, 4), dtype=np.float32)
         self.rays.read_into(rays)
@@ -91,13 +90,13 @@ class PixelMap:
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) that have a ray."""
+        """Pixels (height, width) with a ray."""
         return self.read_rays()[1]
 
     def vertex_array(self, emit: Emit, plan: TilePlan) -> moderngl.VertexArray:
-        """Vertex array that draws for each pixel what its ray has in an atlas.
+        """Vertex array that draws each pixel's output from an atlas.
 
-        For colours, `lookup_rays` have to be bound to `RAYS_UNIT`.
+        To emit colors, `lookup_rays` must be bound to `RAYS_UNIT`.
         """
         if emit is Emit.COLOR and self.lookup_rays is not None:
             array = self._full_screen_array("capture/lookup_rays.frag", emit)

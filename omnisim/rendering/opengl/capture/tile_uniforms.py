@@ -14,7 +14,7 @@ from omnisim.rendering.opengl.uniforms import columns_first, find_uniform
 def bind_tiles(
     program: moderngl.Program, plan: TilePlan, rig_from_optical: NDArray[np.float64]
 ) -> None:
-    """Set the uniforms that a program has of the tiles, mip levels, and rig_from_optical (3, 3)."""
+    """Set a program's uniforms of tiles, mip levels, and rig_from_optical (3, 3)."""
     regions, padded, uv_from_tangent = (
         np.zeros((MAX_TILES, 4), dtype=np.float32) for _ in range(3)
     )

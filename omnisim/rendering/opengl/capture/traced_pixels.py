@@ -1,4 +1,4 @@
-"""Rays of pixels that are given, not computed by a camera model's GLSL file."""
+"""Pixel rays from a table instead of a camera model's GLSL file."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 
 
 class TracedPixels(PixelMap):
-    """Map from the pixels of an optical system to its rays.
+    """Pixel map of an optical system.
 
     Args:
-        context: of OpenGL.
-        camera: the optical system.
+        context: OpenGL context.
+        camera: optical system.
         directions: (height, width, 3) unit, optical frame.
         valid: (height, width).
     """
@@ -34,7 +34,7 @@ class TracedPixels(PixelMap):
 
     @cached_property
     def rays(self) -> moderngl.Texture:
-        """Texture of unit rays, optical frame, and 1 where the pixel has one."""
+        """Texture of unit rays in the optical frame; w: 1 where the pixel has a ray."""
         rays = self.context.texture(self.size_px, 4, self._texels.tobytes(), dtype="f4")
         rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return rays

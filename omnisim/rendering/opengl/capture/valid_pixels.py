@@ -1,4 +1,4 @@
-"""Triangles that cover a picture's valid pixels: what lies outside of a mirror is not drawn."""
+"""Triangles that cover an image's valid pixels, so that nothing outside a mirror is drawn."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ STRIP_PX = 8  # height of a rectangle
 
 
 def covering_triangles(valid: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Corners (n, 2) in pixels (right, down) of triangles that cover all valid pixels, three a
-    triangle; the picture's first corner is (0, 0).
+    """Corners (n, 2) in pixels (right, down) of triangles that cover all valid pixels, three per
+    triangle; the image's first corner is (0, 0).
 
     Args:
         valid: (height, width).
@@ -34,7 +34,7 @@ def covering_triangles(valid: NDArray[np.bool_]) -> NDArray[np.float32]:
 def valid_pixels_array(
     context: moderngl.Context, program: moderngl.Program, valid: NDArray[np.bool_]
 ) -> moderngl.VertexArray:
-    """Vertex array that draws the valid pixels (height, width) by `capture/picture.vert`."""
+    """Vertex array over the valid pixels (height, width) for `capture/picture.vert`."""
     corners = covering_triangles(valid)
     if not corners.size:
         corners = np.zeros((3, 2), dtype=np.float32)  # OpenGL has no empty buffer
