@@ -118,7 +118,7 @@ class ParallaxRays:
     def of(
         self, rows: NDArray[np.intp], columns: NDArray[np.intp], parts: NDArray[np.intp]
     ) -> SampleRays:
-        """Rays of samples (n,), by pixel rows, columns and sample number in the pixel (n,)."""  # fmt: skip
+        """Rays of samples (n,) by row, column and sample number in the pixel (n,)."""  # fmt: skip
         side = self.supersampling
         offsets = (np.stack((parts % side, parts // side), axis=1) + 0.5) / side - 0.5
         weights = _parabolas(offsets)

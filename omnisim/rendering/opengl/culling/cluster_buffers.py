@@ -1,4 +1,4 @@
-"""Clusters and their groups on the GPU, as shaders/culling/views.glsl has them."""
+"""GPU buffers of clusters and their groups, laid out as in shaders/culling/views.glsl."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
 from omnisim.rendering.opengl.shader_files import build_compute_shader
 
-# Bounds, in a texture: entries of four words, see shaders/culling/bounds.glsl.
+# Texture of bounds: entries of four words, see shaders/culling/bounds.glsl.
 _GROUP = np.dtype(
     [
         ("aabb_min", "<f4", 3),
@@ -31,20 +31,20 @@ _CLUSTER = np.dtype(
         ("cone_sine", "<f4"),
     ]
 )
-_ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries
-# Texture units that no program that draws has: in between, all that it reads stays bound.
+_ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries per row
+# Texture units that no drawing program uses: its own textures stay bound during culling.
 DEPTH_UNIT, BOUNDS_UNIT = 16, 17
 
 
 class CullingShaders(NamedTuple):
-    """Compute shaders.
+    """Compute shaders of culling.
 
     Attributes:
-        instances: matrices.
-        groups: candidates of the first pass.
-        cull: in one pass, or the first and a later one.
-        commands: of what is left.
-        hi_z: depth between two passes: fine and coarse levels.
+        instances: writes the matrices of objects in views.
+        groups: culls groups; the rest are the candidates of the first pass.
+        cull: for a single pass, or for the first and the later passes.
+        commands: writes draw commands of visible clusters.
+        hi_z: hierarchical depth between two passes: fine and coarse levels.
     """
 
     instances: moderngl.ComputeShader
@@ -55,21 +55,21 @@ class CullingShaders(NamedTuple):
 
 
 class ClusterBuffers:
-    """Buffers of clusters that all cameras share.
+    """Cluster buffers that all cameras share.
 
     Args:
-        context: where.
-        hierarchy: the clusters and groups.
-        double_sided: (clusters,) back faces are seen, too.
-        objects: (groups,) object that they are of.
-        buckets: (groups,) in order.
+        context: OpenGL context.
+        hierarchy: clusters and groups.
+        double_sided: (clusters,) draw back faces, too.
+        objects: (groups,) index of each group's object.
+        buckets: (groups,) bucket of each group, ascending.
 
     Attributes:
-        index_ranges: buffer, first index of each cluster, and number of its indices.
-        bounds: texture of the groups and then of the clusters.
-        clusters_of_group: (groups,) their number in each group.
-        groups_of_bucket: (buckets,) likewise.
-        cluster_count, group_count: of all.
+        index_ranges: buffer with the first index of each cluster and its number of indices.
+        bounds: texture of the groups' bounds, then the clusters'.
+        clusters_of_group: (groups,) number of clusters per group.
+        groups_of_bucket: (buckets,) number of groups per bucket.
+        cluster_count, group_count: total numbers.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class ClusterBuffers:
         self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
 
     def masks_of_groups(self, clusters: NDArray[np.bool_]) -> NDArray[np.uint32]:
-        """Bits (groups,) of the chosen clusters (clusters,) of each group."""
+        """Bit mask per group (groups,) of the selected clusters (clusters,)."""
         bits = np.where(clusters, self._bits, np.uint32(0))
         masks: NDArray[np.uint32] = np.bitwise_or.reduceat(bits, self._first).astype("<u4")
         return masks
@@ -123,7 +123,7 @@ class ClusterBuffers:
 
     @cached_property
     def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        """Shaders of the depth of cameras that have a layer each."""
+        """Hierarchical depth shaders for cameras with one layer each."""
         return self._hi_z("LAYERED")
 
     def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:
@@ -138,7 +138,7 @@ class ClusterBuffers:
 
 
 def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Texture:
-    """Texture of entries, row by row."""
+    """Texture that holds entries row by row."""
     rows = max(1, -(-len(entries) // _ROW))
     padded = np.zeros(rows * _ROW, dtype=_ENTRY)
     padded[: len(entries)] = entries

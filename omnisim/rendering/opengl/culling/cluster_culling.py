@@ -1,8 +1,8 @@
-"""Culling of clusters on the GPU, for all views at once: frusta, normal cones, size, occlusion.
+"""GPU culling of clusters for all views at once: frustum, normal cone, size, occlusion.
 
-The outcome is a list of draw commands for each batch of buckets, near clusters first, and
-how many there are. Nothing of it comes back to the CPU. Where there can be too many for a buffer,
-clusters are drawn slice by slice: the memory is bounded, whatever the scene.
+The result is a list of draw commands per batch of buckets, near clusters first, and its length.
+Nothing returns to the CPU. If there may be more commands than a buffer holds, clusters are drawn
+slice by slice, which bounds the memory for any scene.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from omnisim.rendering.opengl.gl_functions import COMMAND_BYTES, StorageBindings
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
 
-# Where an edge lies, a GPU rounds to a sixteenth of a texel at worst.
+# A GPU rounds the position of an edge to a sixteenth of a texel at worst.
 EDGE_PX = 0.125
 _INSTANCE_BYTES = 144
 _LIST_BYTES, _CANDIDATE_BYTES = 16, 12  # in shaders/culling/views.glsl
 _MAX_PASSES = 3
-MAX_COMMAND_BYTES = 128 * 2**20  # of a slice, on a GPU that allows as many
+MAX_COMMAND_BYTES = 128 * 2**20  # per slice, on a GPU that allows as many
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
-# Triangles from which on it pays to draw in two passes, and in three.
+# Minimum number of triangles for which two passes pay, and three.
 MIN_TRIANGLES_OF_PASSES = (50_000, 200_000)
-# Clusters whose triangles look wider occlude others: they are drawn in the passes before the last.
+# Clusters with triangles that look wider occlude others: they are drawn before the last pass.
 OCCLUDERS_RAD = ((), (0.05,), (0.025, 0.007))
 SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
     [
@@ -52,30 +52,28 @@ SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
 
 
 class ClusterCuller:
-    """Culls clusters for the views of cameras, and makes draw commands of those that are left.
+    """Culls clusters for the views of cameras, and writes draw commands for the visible ones.
 
     Args:
-        context: where.
-        buffers: the clusters.
-        groups_of_batch: (batches,) numbers of groups that one draw call shows, in order.
-        views: of all cameras.
-        depth: of the atlas, with a layer for each camera if there may be several, to test for
-            occlusion between passes; None: there is one pass.
-        passes: how many there are where depth can be read.
-        atlas_px: size of the atlas.
-        depths_m: of the near and the far plane.
-        samples: of a texel.
-        both_sides: all clusters are seen from behind, too.
+        context: OpenGL context.
+        buffers: cluster buffers.
+        groups_of_batch: (batches,) number of groups per draw call, in order.
+        views: views of all cameras.
+        depth: atlas depth for occlusion tests between passes, one layer per camera if there may be
+        passes: number of passes if depth can be read.
+        atlas_px: width and height of the atlas.
+        depths_m: distances of the near and the far plane.
+        samples: samples per texel.
+        both_sides: keep clusters seen from behind, too.
 
     Attributes:
-        views: as given.
-        passes: how many there are.
-        slices: ranges of commands of each. Each pass has them anew: those of the one before were
-            drawn before their depth is there.
-        ranges: how many all slices have.
-        commands: buffer of those of one slice; base instances are entries of `instances`.
-        counts: buffer of the number of commands of each range, pass by pass, band by band.
-        instances: buffer of an object in a view each: `vertex_format.INSTANCE`.
+        views: see the arguments.
+        passes: number of passes.
+        slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
+        ranges: number of ranges in all slices.
+        commands: buffer with one slice's commands; base instances index `instances`.
+        counts: buffer with the number of commands per range, pass by pass, band by band.
+        instances: buffer with one `vertex_format.INSTANCE` per object and view.
     """
 
     def __init__(
@@ -114,7 +112,7 @@ class ClusterCuller:
             groups_visible = np.zeros(views.cameras * buffers.group_count, dtype=np.uint32)
             visible_of_group = context.buffer(groups_visible)
             bins = context.buffer(reserve=4 * views.cameras * buffers.cluster_count)
-            halves = min(self.passes, 2)  # each pass reads one, and writes the other
+            halves = min(self.passes, 2)  # each pass reads one and writes the other
             self._lists = context.buffer(
                 reserve=(_MAX_PASSES + 1) * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
             )
@@ -147,11 +145,11 @@ class ClusterCuller:
 
     @property
     def memory_bytes(self) -> int:
-        """Memory of the buffers, for all cameras."""
+        """Size of the buffers for all cameras, bytes."""
         return self._bound.size
 
     def show(self, shown: NDArray[np.bool_]) -> None:
-        """Show some clusters (clusters,), and no others."""
+        """Show only the selected clusters (clusters,)."""
         self._shown.write(self._buffers.masks_of_groups(shown))
 
     def bind(self, pass_index: int = 0, slice_index: int = 0) -> None:
@@ -161,22 +159,22 @@ class ClusterCuller:
             for settings in chain.from_iterable(self._settings):
                 settings.write(np.uint32(self.views.cameras))
         self._settings[pass_index][slice_index].bind_to_uniform_block(0)
-        if pass_index == 0 and slice_index == 0:  # nothing that draws takes their place
+        if pass_index == 0 and slice_index == 0:  # drawing does not rebind these
             self._bound.bind()
             self._state.bind_texture(BOUNDS_UNIT, self._buffers.bounds.glo)
             if self._depth is not None:
                 self._state.bind_texture(DEPTH_UNIT, self._depth.glo)
 
     def run(self, pass_index: int) -> None:
-        """Make the commands of one pass, those of its first slice, by the poses that were written.
+        """Write the commands of a pass's first slice, for the current poses.
 
-        The depth of the pass before is there.
+        Needs the depth of the previous pass.
         """
         context, shaders, views = self._context, self._shaders, self.views
         barrier = context.SHADER_STORAGE_BARRIER_BIT
         self.bind(pass_index)
         if pass_index == 0:
-            context.memory_barrier(barrier)  # what is written now, the last frame's draws may read
+            context.memory_barrier(barrier)  # the last frame's draws may still read these buffers
             entries = max(views.count * views.objects, _MAX_PASSES * BANDS * self.ranges)
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
@@ -184,7 +182,8 @@ class ClusterCuller:
         elif self._depth is not None:
             columns, rows = self._cells
             fine, coarse = self._layered_hi_z or shaders.hi_z
-            fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 in one of the last
+            fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per cell of the last
+            level
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
@@ -194,7 +193,7 @@ class ClusterCuller:
         self._make_commands(0)
 
     def next_slice(self, pass_index: int, slice_index: int) -> None:
-        """Make the commands of another slice, when those of the one before are drawn."""
+        """Build the next slice's draw commands once the previous slice is drawn."""
         context = self._context
         self.bind(pass_index, slice_index)
         context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT | context.COMMAND_BARRIER_BIT)

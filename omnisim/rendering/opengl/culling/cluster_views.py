@@ -1,8 +1,8 @@
-"""Views of cameras: tiles of an atlas each, and objects in their frames; the input of culling.
+"""Views of cameras for culling: one per atlas tile, with the objects in their frames.
 
-Per frame the CPU writes the poses of the cameras and objects. From these the GPU makes a matrix for
-each object in each view. A view is one tile of one camera, counted camera by camera. Object 0 is
-the static geometry, counted from its anchor; the dynamic ones follow.
+Per frame the CPU writes the poses of cameras and objects; the GPU computes a matrix per object and
+view. A view is one tile of one camera, numbered camera by camera. Object 0 is the static geometry,
+relative to its anchor; the dynamic objects follow.
 """
 
 from __future__ import annotations
@@ -17,22 +17,21 @@ from omnisim.rendering.opengl.uniforms import columns_first
 
 
 class Views:
-    """Poses of cameras that share a plan of tiles, and of the objects, on the GPU.
+    """Poses on the GPU: cameras that share a tile plan, and the objects.
 
     Args:
-        context: where.
-        clips_from_rig: (tiles, 4, 4) of each camera's tiles, see `tile_views.clips_from_rig`.
-        rectangles_px: (tiles, 4) left, top, width and height of each in the atlas.
+        context: OpenGL context.
+        clips_from_rig: (tiles, 4, 4) per tile of a camera, see `tile_views.clips_from_rig`.
+        rectangles_px: (tiles, 4) left, top, width and height of each tile in the atlas.
         anchor_m: (3,) origin of the static geometry, world.
-        objects: number of objects, the static one included.
-        cameras: most that there can be.
+        objects: number of objects, static geometry included.
+        cameras: maximum number of cameras.
 
     Attributes:
-        cameras: number of the last poses.
-        tiles, objects: their numbers; tiles are of one camera.
+        cameras: number of cameras in the current poses.
+        tiles, objects: number of tiles per camera, and of objects.
         poses: buffer, float32 (cameras, 1 + objects, 3, 4): rows of rig_from_viewpoint, then of
-            viewpoint_from_object of each object.
-        clips_from_rig: buffer, (tiles, 4, 4), columns first.
+        clips_from_rig: buffer, (tiles, 4, 4), column-major.
         rectangles_px: buffer, (views, 4): left, top, width and height in the atlas.
     """
 
@@ -66,7 +65,7 @@ class Views:
         """Write the poses of one frame.
 
         Args:
-            worlds_from_rigs: (cameras, 4, 4), at most as many as there can be; or (4, 4) of one.
+            worlds_from_rigs: (cameras, 4, 4), or (4, 4) of one camera.
             worlds_from_objects: (cameras, dynamic objects, 4, 4), or (dynamic objects, 4, 4) for
                 all cameras.
         """
@@ -75,7 +74,7 @@ class Views:
         poses = self._poses[: self.cameras]
         viewpoints_m = rigs[:, :3, 3]
         poses[:, 0, :, :3] = rigs[:, :3, :3].transpose(0, 2, 1)
-        # in float64: far from the origin counts too
+        # in float64, which keeps precision far from the origin
         poses[:, 1, :, 3] = self._anchor_m - viewpoints_m
         if self.objects > 1:
             objects = np.asarray(worlds_from_objects)[..., :3, :]

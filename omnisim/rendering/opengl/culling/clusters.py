@@ -1,4 +1,4 @@
-"""Clusters of triangles, and a hierarchy of cluster groups: what culling tests, node by node."""
+"""Clusters of triangles and their groups: a two-level hierarchy for culling."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.culling.spatial_clustering import spatial_clusters
 
-# Triangles of a cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
-# has to be tested, and most of those of a large scene are not seen.
+# Triangles per cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
+# has to be tested, and in a large scene most are invisible.
 MAX_TRIANGLES, MIN_TRIANGLES, TRIANGLE_SPLIT_FACTOR = 64, 4, 8.0
 LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
-# Each instance has its own copy in clusters: one that would take more triangles than this is drawn
-# on its own, as are instances that are too far away.
+# Each instance has its own copy in clusters: an instance with more triangles than this is drawn
+# separately, as are instances that are too far away.
 MAX_SCENE_TRIANGLES = 8_000_000
-# Likewise, children of a cluster group: none is tested where the group is culled. Those that are
-# visible are the bits of a word.
+# Clusters per group. None is tested if its group is culled; the visible ones are the bits of a
+# word.
 MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0
 WIDTHS = 17  # classes of the widths of clusters
 
@@ -27,13 +27,11 @@ class Clusters(NamedTuple):
 
     Attributes:
         first: (n,) first triangle.
-        triangles: (n,) how many.
-        aabb_min, aabb_max: (n, 3) corners of their bounding boxes.
+        triangles: (n,) number of triangles.
+        aabb_min, aabb_max: (n, 3) corners of the bounding boxes.
         cone_axes: (n, 3) unit, mean normal.
-        cone_sines: (n,) sine of the largest angle between the axis and a normal; above 1 where that
-            is a right angle or more.
-        widths: (n,) side of a square as large as their mean triangle; less where they are many: a
-            wall of two occludes more than a bush of twenty.
+        cone_sines: (n,) sine of the largest angle between the axis and a normal; above 1 for angles
+        widths: (n,) side of a square as large as the mean triangle; smaller for many triangles: a
     """
 
     first: NDArray[np.int64]
@@ -50,8 +48,8 @@ class ClusterGroups(NamedTuple):
 
     Attributes:
         first: (n,) first cluster.
-        children: (n,) how many.
-        aabb_min, aabb_max: (n, 3) corners of their bounding boxes.
+        children: (n,) number of clusters.
+        aabb_min, aabb_max: (n, 3) corners of the bounding boxes.
     """
 
     first: NDArray[np.int64]
@@ -61,12 +59,12 @@ class ClusterGroups(NamedTuple):
 
 
 class ClusterHierarchy(NamedTuple):
-    """Clusters of triangles, and the groups above them.
+    """Clusters of triangles and their groups.
 
     Attributes:
-        order: (n,) of the triangles, by cluster.
-        clusters: by group.
-        groups: of clusters.
+        order: (n,) triangle indices sorted by cluster.
+        clusters: sorted by group.
+        groups: groups of consecutive clusters.
     """
 
     order: NDArray[np.intp]
@@ -80,10 +78,9 @@ def build_clusters(
     """Cluster triangles, and group the clusters.
 
     Args:
-        corners: (n, 3, 3), a triangle's three in a row.
-        keys: (n,) from 0, equal within a cluster.
-        group_keys: (n,) from 0, equal within a group and wherever `keys` are; groups are in their
-            order.
+        corners: (n, 3, 3), one triangle's three corners per row.
+        keys: (n,) from 0; a cluster's triangles have equal keys.
+        group_keys: (n,) from 0; a group's triangles have equal keys, and so have triangles with
     """
     min_triangles = MIN_TRIANGLES if len(corners) < LARGE_SCENE else MIN_TRIANGLES_IN_LARGE
     order, first = spatial_clusters(
@@ -91,7 +88,7 @@ def build_clusters(
     )
     clusters = bound_clusters(corners[order], first, min_triangles)
     bounds = np.concatenate((-clusters.aabb_min.T, clusters.aabb_max.T))
-    # clusters of about the same width are drawn in the same pass
+    # clusters of similar width are drawn in the same pass
     widths = np.clip(np.frexp(clusters.widths)[1] // 2 + 8, 0, WIDTHS - 1)
     children, first_child = spatial_clusters(
         bounds, group_keys[order[first]] * WIDTHS + widths,
@@ -116,7 +113,7 @@ def _firsts(count: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Ranges of `count` consecutive numbers from each of `first` on, concatenated."""
+    """Concatenated ranges of `count` consecutive numbers, each starting at `first`."""
     numbers = np.repeat(first - _firsts(count), count)
     numbers += np.arange(len(numbers))
     return numbers
@@ -128,9 +125,9 @@ def bound_clusters(
     """Clusters of consecutive triangles, with their bounding boxes and normal cones.
 
     Args:
-        corners: (n, 3, 3), a triangle's three in a row.
+        corners: (n, 3, 3), one triangle's three corners per row.
         first: (m,) first triangle of each cluster.
-        min_triangles: widths count from so many on as those of many.
+        min_triangles: number of triangles above which a cluster's width is reduced.
     """
     count = np.diff(first, append=len(corners))
     bounds = np.maximum.reduceat(_bounds(corners), first, axis=1)
@@ -140,7 +137,7 @@ def bound_clusters(
     axes = np.add.reduceat(normals, first)
     axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-30)
     cosines = np.einsum("nc,nc->n", normals, np.repeat(axes, count, axis=0))
-    cosines[lengths == 0.0] = 1.0  # a triangle without an area is not drawn
+    cosines[lengths == 0.0] = 1.0  # a degenerate triangle is not drawn
     cosines = np.minimum.reduceat(cosines, first)
     sines = np.where(cosines > 0.0, np.sqrt(np.maximum(1.0 - cosines**2, 0.0)), 2.0)
     widths = np.sqrt(np.add.reduceat(0.5 * lengths, first) / count)
@@ -152,7 +149,7 @@ def bound_clusters(
 
 
 def _bounds(corners: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Least corners of the boxes around triangles times −1, then the largest: (6, n)."""
+    """Bounds (6, n) of triangles: negated minimum corners, then maximum corners."""
     one, two, three = np.moveaxis(corners, 1, 0)
     bounds = np.empty((6, len(corners)), dtype=np.float32)
     np.negative(np.minimum(np.minimum(one, two), three).T, out=bounds[:3])

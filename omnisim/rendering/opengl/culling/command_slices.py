@@ -1,4 +1,4 @@
-"""Slices of the clusters whose draw commands fit into a buffer at once, each of few ranges."""
+"""Slices of the clusters: as many as have draw commands that fit a buffer, in few ranges."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-BANDS = 2  # of distance, in shaders/culling/views.glsl
+BANDS = 2  # distance bands, in shaders/culling/views.glsl
 RANGE = np.dtype(  # as in shaders/culling/commands.comp
     [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("most", "<u4")]
 )
 
 
 class CommandRange(NamedTuple):
-    """Draw commands of a batch in a slice, near ones and far ones.
+    """Draw commands of one batch in a slice, near band and far band.
 
     Attributes:
-        number: of the range, counted over all slices.
-        batch: of buckets that one draw call shows.
-        first: of the near ones in the buffer of commands; the far ones begin `most` later.
-        most: as many as there can be of either.
+        number: index over all slices.
+        batch: batch of buckets that one draw call draws.
+        first: offset of the near band in the command buffer; the far band is `most` later.
+        most: maximum number of commands per band.
     """
 
     number: int
@@ -30,12 +30,12 @@ class CommandRange(NamedTuple):
 
 
 class CommandSlices(NamedTuple):
-    """Slices, one after the other in the same buffer.
+    """Slices that use the same command buffer in turn.
 
     Attributes:
-        slices: ranges of each, batch by batch.
-        table: (ranges,) of `RANGE`.
-        most_commands: of a slice.
+        slices: ranges of each slice, batch by batch.
+        table: (ranges,) rows of type `RANGE`.
+        most_commands: maximum number per slice.
     """
 
     slices: tuple[tuple[CommandRange, ...], ...]
@@ -49,13 +49,13 @@ def command_slices(
     views: int,
     most_commands: int,
 ) -> CommandSlices:
-    """Cut the groups into slices, as few as there can be; each group stays whole.
+    """Split the groups into as few slices as possible; each group stays whole.
 
     Args:
-        clusters_of_group: (groups,) numbers of clusters, batch by batch.
-        groups_of_batch: (batches,).
-        views: each may show each cluster, in either band.
-        most_commands: of a slice, unless a single group may have more.
+        clusters_of_group: (groups,) number of clusters, batch by batch.
+        groups_of_batch: (batches,) number of groups.
+        views: number of views; each may show every cluster, in either band.
+        most_commands: maximum number per slice; a single group may exceed it.
     """
     clusters = np.concatenate(([0], np.cumsum(clusters_of_group)))
     of_batch = np.concatenate(([0], np.cumsum(groups_of_batch)))
@@ -78,7 +78,7 @@ def _ranges(
     views: int,
     rows: list[tuple[int, int, int, int]],
 ) -> list[CommandRange]:
-    """Ranges of the groups from one to before another; appends their rows of the table."""
+    """Ranges of the groups in the interval `groups`; appends their rows to the table."""
     ranges = []
     start, end = groups
     first = 0

@@ -1,8 +1,7 @@
-"""Spatial clustering: an order in which near boxes follow each other, split into compact runs.
+"""Spatial clustering: sorts boxes so that neighbors are adjacent, and splits the order into runs.
 
-Boxes are put along a Morton curve. Its cells, each half of a larger one, are visited from the
-smallest to the whole: halves stay together where one box around them is hardly larger than one
-around each.
+Boxes are sorted along a Morton curve. Its cells, each half of a larger one, are visited bottom up:
+two halves stay together if one box around both is hardly larger than a box around each.
 Source: cells of the curve as a tree, Lauterbach et al. 2009, "Fast BVH construction on GPUs"; the
 surface area heuristic, Goldsmith & Salmon 1987, "Automatic creation of object hierarchies".
 """
@@ -12,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-# Along each axis; as many as there are where more boxes share a cell than a cluster may have.
+# Bits per axis; all that a code has if more boxes share a cell than a cluster may hold.
 MORTON_BITS, MOST_MORTON_BITS = 12, 20
-# Steps that spread the bits of a number, so that two others fit between them: shift and mask.
+# Shifts and masks that spread a number's bits, so that the bits of two others fit in between.
 _SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
     (16, 0x1F0000FF0000FF),
@@ -31,24 +30,23 @@ def spatial_clusters(
     max_size: int,
     split_factor: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Order boxes so that near ones follow each other, key by key, and split the order.
+    """Order boxes so that neighbors are adjacent, key by key, and split the order into clusters.
 
     Args:
-        bounds: (6, n), the boxes' least corners times −1, then their largest: the maximum of
-            several is the box around them.
-        keys: (n,) from 0; those of one cluster are equal.
-        min_size: as few boxes of one small cell are not split.
-        max_size: boxes of a cluster.
-        split_factor: a cell is split where the best split makes surface area times content as many
-            times smaller. Fewer clusters cost less to test, more of them cull more tightly.
+        bounds: (6, n), negated minimum corners, then maximum corners: the maximum of several
+            columns
+        keys: (n,) from 0; a cluster's boxes have equal keys.
+        min_size: cells with at most this many boxes are not split.
+        max_size: maximum number of boxes per cluster.
+        split_factor: split a cell if the best split divides surface area times content by this
 
     Returns:
-        The order (n,), and the first of each cluster, counted in that order.
+        The order (n,), and the position of each cluster's first box in it.
     """
     total = bounds.shape[1]
     order, codes, bits = _order(bounds, keys, MORTON_BITS)
     if _longest_run(codes) > max_size:
-        keys = np.unique(keys, return_inverse=True)[1]  # leaves more bits
+        keys = np.unique(keys, return_inverse=True)[1]  # leaves more bits for the codes
         order, codes, bits = _order(bounds, keys, MOST_MORTON_BITS)
     levels, last_level = _levels(codes, bits, min_size, max_size)
     first, levels = _merge_small_cells(levels, last_level, min_size)
@@ -56,7 +54,7 @@ def spatial_clusters(
     starts, counts = _merge_cells(
         cell_bounds, first, levels, total, last_level, max_size, split_factor
     )
-    # merged boxes are not split after the first, whatever of them was merged before
+    # merged boxes are not split after their first, whatever was merged before
     merged = np.bincount(starts + 1, minlength=total + 1)
     merged -= np.bincount(starts + counts, minlength=total + 1)
     first = first[np.cumsum(merged)[first] == 0]
@@ -66,13 +64,13 @@ def spatial_clusters(
 def _levels(
     codes: NDArray[np.uint64], bits: int, min_size: int, max_size: int
 ) -> tuple[NDArray[np.intp], int]:
-    """Levels (n,) at which boxes begin, by their codes in order; and the last one.
+    """Level (n,) at which each box begins, by its sorted code; and the last level.
 
-    Each is of the smallest cell that a box shares with the one before. Of boxes in one cell of the
-    smallest, runs of `min_size` and then `max_size` count as cells of the lowest levels.
+    It is the level of the smallest cell that a box shares with its predecessor. Boxes in the same
+    smallest cell form runs of `min_size` and then `max_size`, which count as the lowest levels.
     """
     total, last_level = len(codes), 3 * bits + 1
-    # the first box shares no cell, nor do those of different keys
+    # the first box shares no cell, nor do boxes of different keys
     levels = np.full(total, last_level + 1)
     differing = (codes[1:] ^ codes[:-1]).astype(np.float64)
     differs = differing > 0.0
@@ -89,7 +87,7 @@ def _levels(
 def _merge_small_cells(
     levels: NDArray[np.intp], last_level: int, min_size: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First box of each of the largest cells of `min_size` or fewer, and the level it begins at."""
+    """First box of each maximal cell of at most `min_size` boxes, and the level it begins at."""
     first, total = np.arange(len(levels)), len(levels)
     for level in range(last_level + 1):
         heads = np.flatnonzero(levels > level)
@@ -113,9 +111,9 @@ def _merge_cells(
     max_size: int,
     split_factor: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and number of boxes of each cell, of any level, that is better not split.
+    """First box and size of each cell, of any level, that is better left whole.
 
-    `bounds` (6, n) are of the boxes from each of `first` (n,) on, which begin at `levels` (n,).
+    `bounds` (6, n) bound the boxes from each of `first` (n,) on, which begin at `levels` (n,).
     """
     counts = np.diff(first, append=total)
     costs = _half_areas(bounds) * counts
@@ -139,7 +137,7 @@ def _merge_cells(
 
 
 def _split_to_size(first: NDArray[np.intp], total: int, max_size: int) -> NDArray[np.intp]:
-    """First of each cluster, those of more than `max_size` split."""
+    """First box of each cluster, after splitting those larger than `max_size`."""
     parts = -(-np.diff(first, append=total) // max_size)
     number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     starts: NDArray[np.intp] = np.repeat(first, parts) + max_size * number
@@ -149,7 +147,7 @@ def _split_to_size(first: NDArray[np.intp], total: int, max_size: int) -> NDArra
 def _order(
     bounds: NDArray[np.float32], keys: NDArray[np.integer], most_bits: int
 ) -> tuple[NDArray[np.intp], NDArray[np.uint64], int]:
-    """Order of boxes (6, n) by key and Morton code, these codes in order, and bits of an axis."""
+    """Order of boxes (6, n) by key and Morton code, the sorted codes, and bits per axis."""
     bits = min(most_bits, (64 - int(keys.max()).bit_length()) // 3)
     codes = _morton_codes(0.5 * (bounds[3:] - bounds[:3]), bits)
     codes |= keys.astype(np.uint64) << np.uint64(3 * bits)
@@ -158,7 +156,7 @@ def _order(
 
 
 def _longest_run(values: NDArray[np.uint64]) -> int:
-    """Length of the longest run of equal values (n,), in order."""
+    """Length of the longest run of equal sorted values (n,)."""
     starts = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
     return int(np.diff(starts, append=len(values)).max())
 
@@ -171,7 +169,7 @@ def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _morton_codes(centres: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
-    """Morton codes of points (3, n), `bits` bits of each axis."""
+    """Morton codes of points (3, n) with `bits` bits per axis."""
     start = centres.min(axis=1, keepdims=True)
     extent = max(float((centres - start).max()), 1e-9)
     cells = ((centres - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)

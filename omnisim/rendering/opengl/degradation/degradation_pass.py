@@ -1,7 +1,7 @@
-"""Chain of full-screen passes between the linear picture and its encoding.
+"""Chain of full-screen passes between the linear image and its encoding.
 
-It knows no degradation by name: each one's code is `shaders/degradation/<stem>.frag`, and its
-numbers are in a `Step`. Everything is float32, because a photon in ten thousand counts.
+It knows no degradation by name: the code of each is `shaders/degradation/<stem>.frag`, its numbers
+are in a `Step`. All images are float32, because noise depends on one photon in ten thousand.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from omnisim.rendering.opengl.gl_functions import flush
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shader_files import build_program
 
-METER_BLOCK_PX = 16  # pixels to a side of the block that one fragment of the light meter adds up
+METER_BLOCK_PX = 16  # side of the block that one fragment of the light meter sums, pixels
 
 
 class DegradationPass:
-    """Degrades sub-frames of linear light to the linear picture of a real camera.
+    """Degrades linear sub-frames to the linear image of a real camera.
 
-    The order is: `add` each sub-frame, `mean_luminance` for auto-exposure, `finish`, and then
-    `read` and `encode`.
+    Call order: `add` per sub-frame, `mean_luminance` for auto-exposure, `finish`, then `read` and
+    `encode`.
 
     Args:
-        context: of OpenGL.
-        size: width and height of the picture.
-        optics: steps before the shutter, in the light's order.
-        sensor: steps after it.
-        encoding: from linear to the values of the file.
+        context: OpenGL context.
+        size: width and height of the image.
+        optics: steps before the shutter, in the order of the light.
+        sensor: steps after the shutter.
+        encoding: step from linear values to those of the file.
 
     Raises:
-        GraphicsError: a shader that does not compile, or a picture that does not fit.
+        GraphicsError: a shader that does not compile, or an image that does not fit.
     """
 
     def __init__(
@@ -56,11 +56,11 @@ class DegradationPass:
         self._is_first = True
 
     def add(self, linear: moderngl.Texture, row_weights: NDArray[np.float32] | None = None) -> None:
-        """Take a sub-frame.
+        """Add a sub-frame.
 
         Args:
-            linear: RGB and validity.
-            row_weights: (height,) share of each row's exposure; None: it is the whole frame.
+            linear: texture with RGB and validity.
+            row_weights: (height,) share of each row's exposure; None: the whole exposure.
         """
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._current = linear
@@ -71,24 +71,25 @@ class DegradationPass:
             self._is_first = False
 
     def mean_luminance(self) -> float:
-        """Mean luminance (Rec. 709) of the valid pixels of all sub-frames; 0 if there are none."""
+        """Mean luminance (Rec. 709) of the valid pixels of all sub-frames; 0 without valid
+        pixels."""
         return self._meter.mean_luminance(self._current)
 
     def finish(self, uniforms: Mapping[str, UniformValue]) -> None:
-        """Run the steps after the shutter, with the values of this frame's uniforms, by name."""
+        """Run the steps after the shutter; `uniforms` are this frame's values by name."""
         for step in self._sensor:
             self._run(step, uniforms)
         self._is_first = True
 
     def read(self) -> NDArray[np.float32]:
-        """Read the finished picture (height, width, 4), linear."""
+        """Read the finished linear image (height, width, 4)."""
         width, height = self._size
         data = self._current.read()
         dtype = {"f2": np.float16, "f4": np.float32}[self._current.dtype]
         return np.frombuffer(data, dtype=dtype).reshape(height, width, 4).astype(np.float32)
 
     def encode(self, target: moderngl.Framebuffer) -> None:
-        """Draw the finished picture as the values of the file."""
+        """Draw the finished image, encoded as in the file."""
         self._encoding.draw(target, self._current)
 
     @cached_property
@@ -109,7 +110,7 @@ class DegradationPass:
 
 
 class _Target:
-    """Float32 picture to write to and to read from."""
+    """Float32 image to draw to and to sample."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         with gpu_allocation(
@@ -120,7 +121,7 @@ class _Target:
 
 
 class _FullScreenPass:
-    """Program of a step, ready to be drawn into any target."""
+    """Program of a step that draws to any target."""
 
     def __init__(self, context: moderngl.Context, step: Step):
         self._program = build_program(
@@ -143,13 +144,13 @@ class _FullScreenPass:
         uniforms: Mapping[str, UniformValue] | None = None,
         textures: Mapping[str, moderngl.Texture] | None = None,
     ) -> None:
-        """Draw into a target.
+        """Draw to a target.
 
         Args:
-            target: of the picture's size.
-            picture: read as `u_picture`.
-            uniforms: values of this frame; those that the shader does not have are left out.
-            textures: more of them, by the names of their samplers.
+            target: has the image's size.
+            picture: input image, `u_picture`.
+            uniforms: values of this frame; names that the shader does not use are ignored.
+            textures: additional textures by sampler name.
         """
         for name, value in (uniforms or {}).items():
             if name in self._program:
@@ -175,8 +176,8 @@ class _Shutter:
     def add(
         self, picture: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
     ) -> moderngl.Texture:
-        """Add a sub-frame to those since the first one of its frame, and return the sum."""
-        flush()  # virgl uploads before the draws so far, unless they are submitted
+        """Add a sub-frame to the frame's sum (the first one starts it); return the sum."""
+        flush()  # virgl uploads before pending draws, unless they are submitted
         self._row_weights.write(np.ascontiguousarray(row_weights, dtype="<f4"))
         before, after = self._sums
         if is_first:
@@ -189,7 +190,7 @@ class _Shutter:
 
 
 class _LightMeter:
-    """Mean luminance of a picture, by sums over blocks."""
+    """Mean luminance of an image, from sums over blocks."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         width, height = size
@@ -197,7 +198,7 @@ class _LightMeter:
         self._blocks = _Target(context, (-(-width // METER_BLOCK_PX), -(-height // METER_BLOCK_PX)))
 
     def mean_luminance(self, picture: moderngl.Texture) -> float:
-        """Mean luminance (Rec. 709) of the valid pixels; 0 if there are none."""
+        """Mean luminance (Rec. 709) of the valid pixels; 0 without valid pixels."""
         self._sum_blocks.draw(self._blocks.framebuffer, picture)
         data = self._blocks.framebuffer.read(components=4, dtype="f4")
         total, count = np.frombuffer(data, dtype="<f4").reshape(-1, 4).sum(axis=0, dtype=float)[:2]

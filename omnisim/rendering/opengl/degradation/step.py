@@ -1,4 +1,4 @@
-"""Step of a picture's degradation, as data: to describe one opens no OpenGL."""
+"""Step of an image's degradation, as data: describing one opens no OpenGL."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ UniformValue = float | tuple[float, ...]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Degradation on the GPU: a shader and its parameters.
+    """Degradation on the GPU: shader and parameters.
 
     Attributes:
         shader: stem of the file in `shaders/degradation`.
-        uniforms: constant values, by name.
-        textures: constant (height, width, channels) float32, by the name of their sampler.
+        uniforms: constant values by name.
+        textures: constant (height, width, channels) float32 by sampler name.
     """
 
     shader: str
