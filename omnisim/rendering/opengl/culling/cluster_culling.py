@@ -60,6 +60,7 @@ class ClusterCuller:
         groups_of_batch: (batches,) number of groups per draw call, in order.
         views: views of all cameras.
         depth: atlas depth for occlusion tests between passes, one layer per camera if there may be
+            several; None: a single pass.
         passes: number of passes if depth can be read.
         atlas_px: width and height of the atlas.
         depths_m: distances of the near and the far plane.
@@ -70,6 +71,7 @@ class ClusterCuller:
         views: see the arguments.
         passes: number of passes.
         slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
+            before its depth is read.
         ranges: number of ranges in all slices.
         commands: buffer with one slice's commands; base instances index `instances`.
         counts: buffer with the number of commands per range, pass by pass, band by band.
@@ -182,8 +184,7 @@ class ClusterCuller:
         elif self._depth is not None:
             columns, rows = self._cells
             fine, coarse = self._layered_hi_z or shaders.hi_z
-            fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per cell of the last
-            level
+            fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per last-level cell
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)

@@ -31,6 +31,7 @@ class Views:
         cameras: number of cameras in the current poses.
         tiles, objects: number of tiles per camera, and of objects.
         poses: buffer, float32 (cameras, 1 + objects, 3, 4): rows of rig_from_viewpoint, then of
+            viewpoint_from_object per object.
         clips_from_rig: buffer, (tiles, 4, 4), column-major.
         rectangles_px: buffer, (views, 4): left, top, width and height in the atlas.
     """

@@ -31,7 +31,9 @@ class Clusters(NamedTuple):
         aabb_min, aabb_max: (n, 3) corners of the bounding boxes.
         cone_axes: (n, 3) unit, mean normal.
         cone_sines: (n,) sine of the largest angle between the axis and a normal; above 1 for angles
+            of 90° or more.
         widths: (n,) side of a square as large as the mean triangle; smaller for many triangles: a
+            wall of two occludes more than a bush of twenty.
     """
 
     first: NDArray[np.int64]
@@ -81,6 +83,7 @@ def build_clusters(
         corners: (n, 3, 3), one triangle's three corners per row.
         keys: (n,) from 0; a cluster's triangles have equal keys.
         group_keys: (n,) from 0; a group's triangles have equal keys, and so have triangles with
+            equal `keys`. Groups are sorted by key.
     """
     min_triangles = MIN_TRIANGLES if len(corners) < LARGE_SCENE else MIN_TRIANGLES_IN_LARGE
     order, first = spatial_clusters(

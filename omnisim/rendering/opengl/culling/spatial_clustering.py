@@ -34,11 +34,13 @@ def spatial_clusters(
 
     Args:
         bounds: (6, n), negated minimum corners, then maximum corners: the maximum of several
+            bounds all of their boxes.
             columns
         keys: (n,) from 0; a cluster's boxes have equal keys.
         min_size: cells with at most this many boxes are not split.
         max_size: maximum number of boxes per cluster.
         split_factor: split a cell if the best split divides surface area times content by this
+            factor. Fewer clusters cost less to test; more clusters cull more tightly.
 
     Returns:
         The order (n,), and the position of each cluster's first box in it.

@@ -1,1 +1,1 @@
-"""Drawing of the scene: buffers on the GPU, surface programs, the cube pass."""
+"""Drawing of the scene: surface programs, cluster and item drawers, the cube pass."""

@@ -1,4 +1,4 @@
-"""Mip levels of an atlas, drawn anew in each frame."""
+"""Mip levels of an atlas, rendered in each frame."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from omnisim.rendering.opengl.layer_targets import attach_layer, attach_texture
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
 
-_LAYERED = "GL_ARB_shader_viewport_layer_array"  # a vertex chooses its layer
+_LAYERED = "GL_ARB_shader_viewport_layer_array"  # lets a vertex shader choose the layer
 
 
 class AtlasLevels:
     """Mip levels of an atlas, or of a texture array of atlases.
 
-    Each level is a pass of ours, by any driver: the same means everywhere. The passes of llvmpipe's
-    own levels, one for each of each layer, do not keep their fences, see `fences.py`.
+    Each level is a pass of ours, so that all drivers compute the same means. Llvmpipe's own passes,
+    one per level and layer, do not keep their fences, see `fences.py`.
 
     Args:
-        texture: half floats, without levels so far; what it has is lost.
-        max_level: number of the last level; 0: there is none but the first.
+        texture: half-float texture with one level; its content is lost.
+        max_level: last level; 0: no further levels.
     """
 
     def __init__(self, texture: moderngl.Texture | moderngl.TextureArray, max_level: int):
@@ -55,7 +55,7 @@ class AtlasLevels:
         return target
 
     def draw(self, layers: int = 1) -> None:
-        """Draw all levels but the first, of so many layers."""
+        """Draw all levels but the first, for `layers` layers."""
         if not self._max_level:
             return
         self._texture.use(0)

@@ -1,6 +1,6 @@
-"""Draws blended items back to front, sorted by the GPU, in all views with one call.
+"""Draws blended items back to front, sorted on the GPU, in all views with one call.
 
-One program shows all of their materials, as the order is that of distance alone.
+One program has all of their materials, since distance alone sets the order.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.rendering.opengl.shader_files import build_compute_shader
 
-# What one program and a sort that compares each with each can do.
+# Limits of one program, and of a sort that compares all pairs.
 MAX_ARRAYS, MAX_TRIANGLES_OF_ITEM, MAX_ITEMS = 4, 1024, 1024
-# A material's kind in shaders/scene/material.glsl: number of its texture array, and flags.
+# Material kind in shaders/scene/material.glsl: number of the texture array, and flags.
 _NO_ARRAY, _UNLIT, _DOUBLE_SIDED = 7, 8, 16
 _COMMANDS_BINDING = 7
 _ITEM = np.dtype(  # as in shaders/culling/blended.comp
@@ -42,7 +42,7 @@ _ITEM = np.dtype(  # as in shaders/culling/blended.comp
 
 
 def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
-    """Texture arrays of items."""
+    """Texture arrays that the items use."""
     arrays = {id(item.texture_layer.array): item.texture_layer.array for item in items}
     return [array for array in arrays.values() if array is not None]
 
@@ -61,14 +61,14 @@ def fits(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> bool:
 
 
 class BlendedDrawer:
-    """Sorts and draws blended items of a scene.
+    """Sorts and draws a scene's blended items.
 
     Args:
-        context: where.
-        geometry: the scene's clusters: its objects are the items'.
-        culler: of the clusters; its matrices are the items'.
-        items: that `fits`.
-        program: of `CLUSTER_VERTEX`, for as many texture arrays as the items have.
+        context: OpenGL context.
+        geometry: clusters of the scene; their objects carry the items.
+        culler: culls the clusters; its matrices place the items.
+        items: items for which `fits` is true.
+        program: reads `CLUSTER_VERTEX` and as many texture arrays as the items have.
     """
 
     def __init__(
@@ -112,13 +112,13 @@ class BlendedDrawer:
 
     @property
     def memory_bytes(self) -> int:
-        """Memory of what is sorted, for all cameras."""
+        """Size of the sort buffers for all cameras, bytes."""
         return self._commands.size + self._indices.size
 
     def draw(self) -> None:
-        """Sort and draw, by the culler's last run, whose buffers are bound.
+        """Sort and draw with the buffers of the culler's last run bound.
 
-        Blending is set, and the state of `GlState.drawing`.
+        Needs blending enabled, and the state of `GlState.drawing`.
         """
         context, draws, views = self._context, self._draws, self._culler.views
         commands = views.count * self._items
@@ -142,7 +142,7 @@ class BlendedDrawer:
 
 
 def _packed(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray[np.void]:
-    """Items (n,) of the shader."""
+    """Items (n,) as the shader reads them."""
     packed = np.zeros(len(items), dtype=_ITEM)
     packed["triangles"] = [item.triangles for item in items]
     packed["first_triangle"] = np.cumsum(packed["triangles"]) - packed["triangles"]
@@ -150,6 +150,6 @@ def _packed(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray
         is_static = item.object_index is None
         one["centre"] = item.centre_m - (anchor_m if is_static else 0.0)
         one["object"] = 0 if item.object_index is None else 1 + item.object_index
-        # the matrices are floats
+        # matrices are floats
         one["radius"] = item.radius_m * (1.0 + 1e-5) + 1e-5 * np.abs(one["centre"]).sum()
     return packed

@@ -1,4 +1,4 @@
-"""Draws the visible clusters of all views: one call for each batch of buckets."""
+"""Draws the visible clusters of all views with one call per batch of buckets."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class BucketProgram(NamedTuple):
     """Program that draws a bucket.
 
     Attributes:
-        program: of `CLUSTER_VERTEX`.
-        sampler: of its textures; None: their own.
-        first_command: uniform that is told which command is the first; None: it does not matter.
+        program: reads `CLUSTER_VERTEX`.
+        sampler: sampler of its textures; None: the textures' own settings.
+        first_command: uniform for the index of the first command; None: not used.
     """
 
     program: moderngl.Program
@@ -38,9 +38,9 @@ class DrawState(NamedTuple):
     """State of a draw call.
 
     Attributes:
-        shader: program of all of its buckets.
-        shows_back: back faces are drawn, too.
-        textures: names of those that the program reads, by unit.
+        shader: program shared by all of its buckets.
+        shows_back: draw back faces, too.
+        textures: names of the textures that the program reads, by unit.
     """
 
     shader: BucketProgram
@@ -49,16 +49,16 @@ class DrawState(NamedTuple):
 
 
 class DrawBatches:
-    """Batches of a geometry's buckets: those that follow each other and have one state.
+    """Batches of a geometry's buckets: consecutive buckets with equal state.
 
     Args:
-        geometry: the clusters.
-        find_program: of a bucket.
+        geometry: clusters.
+        find_program: returns the program of a bucket.
         both_sides: draw back faces, too.
 
     Attributes:
-        states: of the batches.
-        groups: (batches,) their numbers of cluster groups.
+        states: state of each batch.
+        groups: (batches,) number of cluster groups.
     """
 
     def __init__(
@@ -90,16 +90,16 @@ def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool) -> DrawState
 
 
 class ClusterDrawer:
-    """Draws what a culler left, by the programs of one pass.
+    """Draws visible clusters with the programs of one pass.
 
     Args:
-        context: where.
-        geometry: the clusters.
-        culler: of their views, by these batches.
-        batches: their states.
+        context: OpenGL context.
+        geometry: clusters.
+        culler: culls their views, batch by batch.
+        batches: states of the batches.
 
     Attributes:
-        culler: as given.
+        culler: see the arguments.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class ClusterDrawer:
             culler.instances,
             geometry.light_coordinates,
         )
-        # the same in each frame
+        # equal in all frames
         self._calls: list[list[list[Callable[[], object]]]] = []
         set_state = _StateCalls()
         for pass_index in range(culler.passes):
@@ -130,7 +130,7 @@ class ClusterDrawer:
     def draw(self, pass_index: int) -> None:
         """Draw the commands of a pass, with the state of `GlState.drawing`.
 
-        Those before it were drawn in the same frame, and nothing else since then.
+        The previous passes were drawn in the same frame, and nothing else since.
         """
         if pass_index == 0:
             self._draws.bind(self.culler.commands.glo, self.culler.counts.glo, self._array.glo)
@@ -145,7 +145,7 @@ class ClusterDrawer:
     ) -> list[Callable[[], object]]:
         """Calls that draw a slice, band by band."""
         calls: list[Callable[[], object]] = []
-        set_state.forget_program()  # that of culling is in use
+        set_state.forget_program()  # the culling program is still bound
         for band, commands in product(range(BANDS), ranges):
             state, first = self._states[commands.batch], commands.first + band * commands.most
             calls += set_state.to(state)
@@ -157,7 +157,7 @@ class ClusterDrawer:
 
 
 class _StateCalls:
-    """Calls that set the state of one draw after the other, but for what stays."""
+    """Calls that change only the state that differs from the previous draw's."""
 
     def __init__(self) -> None:
         self._gl, self._draws = GlState(), IndirectDraws()
@@ -167,11 +167,11 @@ class _StateCalls:
         self._textures: dict[int, int] = {}
 
     def forget_program(self) -> None:
-        """Set the next program anew."""
+        """Bind the next program in any case."""
         self._program = None
 
     def to(self, state: DrawState) -> Iterator[Callable[[], object]]:
-        """Calls from the state before to another."""
+        """Calls that change the previous state to `state`."""
         shader = state.shader
         if shader.program is not self._program:
             self._program = shader.program

@@ -1,4 +1,4 @@
-"""Atlases of many cameras, drawn in one submission: each into a layer of a texture array."""
+"""Atlases of many cameras rendered in one submission, one texture array layer each."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ _POSITIONS = 15  # binding, as in `scene/lighting.glsl`
 
 
 class CubeLayers:
-    """Culls and draws the clusters of many cameras together, and the blended items.
+    """Culls and draws clusters and blended items for many cameras together.
 
-    Viewport and matrices of a layer are those of a single atlas, and so are its bytes.
+    A layer has the viewport and matrices of a single atlas, and therefore the same bytes.
 
     Args:
-        buffers: the scene and its dynamic objects.
-        programs: lit by the scene's lights.
-        plan: the tiles of each camera.
-        cameras: the virtual cameras.
-        blended: items that `blended_drawer.fits`, or none.
-        atlases: a layer for each camera.
+        buffers: scene and dynamic objects.
+        programs: surface programs for the scene's lights.
+        plan: tiles per camera.
+        cameras: virtual cameras.
+        blended: items for which `blended_drawer.fits` is true; may be empty.
+        atlases: one layer per camera.
 
     Attributes:
-        atlases: as given.
+        atlases: see the arguments.
     """
 
     def __init__(
@@ -84,9 +84,8 @@ class CubeLayers:
     def draw(
         self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
     ) -> None:
-        """Draw all from poses of the cameras' rigs and of the dynamic objects, which have the same
-        shadow maps.
-        """
+        """Draw from poses of the rigs and of the dynamic objects; all must share the shadow
+        maps."""
         rigs = np.array([rig for rig, _ in poses])
         objects = np.array([objects for _, objects in poses])
         positions_m = self._surface_programs.positions_m
@@ -96,7 +95,7 @@ class CubeLayers:
             positions[..., :3] = positions_m - rigs[:, None, :3, 3]
             self._positions.write(positions)
         if shadows is not None:
-            self._buffers.deform(poses[0][1])  # what the camera does not see casts shadows
+            self._buffers.deform(poses[0][1])  # objects outside of the view cast shadows, too
             shadows.prepare(poses[0][0][:3, 3], poses[0][1])
         self._tiles.begin(self._target, [(*self._background, 1.0)])
         self._surface_programs.bind_tables()
@@ -106,6 +105,7 @@ class CubeLayers:
             if self._sky is not None:
                 self._sky.draw(self._target, rigs)
             if self._blended is not None:
-                self._positions.bind_to_storage_buffer(_POSITIONS)  # which may be the sky's binding
+                self._positions.bind_to_storage_buffer(_POSITIONS)  # the sky may use the same
+                binding
                 with self._state.blending():
                     self._blended.draw()

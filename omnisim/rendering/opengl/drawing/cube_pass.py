@@ -1,4 +1,4 @@
-"""Cube pass: the colours that the virtual cameras at the effective viewpoint see."""
+"""Cube pass: colors that the virtual cameras at the effective viewpoint see."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.layer_targets import attach_layer, attach_texture
 from omnisim.rendering.opengl.memory import gpu_allocation
 
-_LAYER_TEXEL_BYTES = 12  # colours and depth
+_LAYER_TEXEL_BYTES = 12  # color and depth
 
 
 class CubePass:
-    """Draws the tiles into one atlas texture.
+    """Renders the tiles into one atlas texture.
 
     Args:
-        buffers: the scene and its dynamic objects; other passes may draw from them, too.
-        programs: lit by the scene's lights.
-        plan: the tiles.
-        cameras: the virtual cameras.
+        buffers: scene and dynamic objects; other passes may share them.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the atlas.
+        cameras: virtual cameras.
 
     Attributes:
-        plan: as given.
-        atlas: linear RGBA, half floats, first row of each face's picture first.
-        tiles: the draw loop.
+        plan: see the arguments.
+        atlas: linear RGBA half floats, top row of each face's image first.
+        tiles: renderer of the tiles.
 
     Raises:
         GraphicsError: the atlas is larger than the GPU allows.
@@ -83,7 +83,7 @@ class CubePass:
             color: moderngl.Texture | moderngl.Renderbuffer = self.atlas
             if samples > 1:
                 color = context.renderbuffer(size, 4, samples=samples, dtype="f2")
-            # several samples of depth cannot be read, and one may show what another occludes
+            # multisampled depth cannot be read, and one sample may show what another occludes
             self._depth = None if samples > 1 else depth_texture(context, size)
             depth = self._depth or float_depth(context, size, samples)
             self._target = context.framebuffer([color], depth)
@@ -98,7 +98,7 @@ class CubePass:
         self.refresh()
 
     def refresh(self) -> None:
-        """Draw what the buffers have now."""
+        """Update after the buffers changed."""
         buffers, cameras, programs = self._buffers, self._cameras, self._programs
         shown = buffers.shown_one_by_one(cameras.hidden)
         self._drawer = SceneDrawer(
@@ -125,7 +125,7 @@ class CubePass:
         self._blended_drawer = self._make_blended_drawer()
 
     def _make_blended_drawer(self) -> BlendedDrawer | None:
-        """Drawer of blended items by the GPU; None where there are none, or too many."""
+        """Drawer that sorts blended items on the GPU; None: no blended items, or too many."""
         geometry, culler = self._buffers.clustered_geometry, self.tiles.culler
         items = [self._buffers.draw_items[index] for index in self._blended.tolist()]
         if geometry is None or culler is None or not fits(items, geometry):
@@ -140,7 +140,8 @@ class CubePass:
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> moderngl.Texture:
-        """Draw all tiles from a pose (4, 4), dynamic objects at theirs, and return the atlas."""
+        """Render all tiles from a pose (4, 4) with the dynamic objects at theirs; return the
+        atlas."""
         self._draw(world_from_rig, world_from_objects)
         self._levels.draw()
         return self.atlas
@@ -151,9 +152,9 @@ class CubePass:
         atlases: moderngl.TextureArray,
         levels: AtlasLevels,
     ) -> None:
-        """Draw all tiles from poses, as for `render`, each into a layer of a texture array.
+        """Render all tiles from poses as `render` takes them, one texture array layer per pose.
 
-        The layers are as large as the atlas, which keeps what it has.
+        The layers have the size of the atlas, which stays unchanged.
         """
         layers = self._layers_of(poses, atlases)
         if layers is None:
@@ -164,7 +165,7 @@ class CubePass:
 
     @property
     def bytes_of_layer(self) -> int:
-        """Memory of a layer, and of what culls and sorts for it."""
+        """Size of a layer, and of its buffers for culling and sorting, bytes."""
         plan = self.plan
         texels = plan.width_px * plan.height_px * (2 if plan.max_level else 1)
         sorted_bytes = 0 if self._blended_drawer is None else self._blended_drawer.memory_bytes
@@ -175,7 +176,7 @@ class CubePass:
         poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
         atlases: moderngl.TextureArray,
     ) -> CubeLayers | None:
-        """Draws all layers together; None: here they are drawn one after the other."""
+        """Drawer of all layers together; None: this scene needs one layer after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
         if self._blended.size and self._blended_drawer is None:
             has_drawers = False
@@ -197,7 +198,7 @@ class CubePass:
         poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
         atlases: moderngl.TextureArray,
     ) -> None:
-        """Draw layers one after the other."""
+        """Draw the layers one after the other."""
         target = self._resolved if self._is_multisampled else self._target
         try:
             for layer, (world_from_rig, world_from_objects) in enumerate(poses):
@@ -230,10 +231,10 @@ class CubePass:
             context.copy_framebuffer(self._resolved, target)
 
     def read_depth(self) -> NDArray[np.float32]:
-        """Depth (height, width) of the atlas as last drawn, without blended surfaces.
+        """Depth (height, width) of the last rendered atlas, without blended surfaces.
 
         Raises:
-            GraphicsError: it has several samples a texel.
+            GraphicsError: the atlas is multisampled.
         """
         if self._is_multisampled:
             raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
@@ -242,9 +243,9 @@ class CubePass:
         return depth
 
     def read_face(self, tile: Tile) -> NDArray[np.float32]:
-        """Read the 90° of a face as last drawn: linear RGB (size, size, 3), first row at the top.
+        """Read the 90° of a face as last rendered: linear RGB (size, size, 3), top row first.
 
-        The tile must have the whole face.
+        The tile must cover the whole face.
         """
         size = tile.face_size_px
         pixels = np.empty((size, size, 3), dtype=np.float32)
@@ -271,7 +272,7 @@ class CubePass:
     def _back_to_front(
         self, views: Sequence[TileView], transforms: InstanceTransforms, time_s: float
     ) -> NDArray[np.intp]:
-        """Sort blended items that are seen, and their triangles, back to front."""
+        """Sort visible blended items, and their triangles, back to front."""
         seen = [self.tiles.cull_items(view, transforms, self._blended) for view in views]
         blended = self._blended[np.any(seen, axis=0)]
         distances = np.linalg.norm(transforms.centres_m[blended], axis=1)

@@ -1,4 +1,4 @@
-"""Uniforms of items that are drawn one by one, which programs of all passes have."""
+"""Uniforms of items drawn one by one, shared by the programs of all passes."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from omnisim.rendering.opengl.uniforms import find_uniform
 
 
 class ItemUniforms:
-    """Matrix and material of one item; those that a program does not use are left alone.
+    """Matrix and material of one item; uniforms that a program lacks are skipped.
 
     Args:
-        program: of single items, or of clusters, which has none of them.
+        program: program of single items; one of clusters has none of these uniforms.
     """
 
     def __init__(self, program: moderngl.Program):
@@ -27,7 +27,7 @@ class ItemUniforms:
         self._record = find_uniform(program, "u_record")
 
     def set_clip_from_mesh(self, clip_from_mesh: NDArray[np.float32]) -> None:
-        """Set the matrix (4, 4), columns first."""
+        """Set the matrix (4, 4), column-major."""
         if self._clip_from_mesh is not None:
             self._clip_from_mesh.write(clip_from_mesh)
 

@@ -1,4 +1,4 @@
-"""Texture units and defines of programs that read materials: their table, details and maps."""
+"""Texture units and defines of programs that read materials: table, vertex details, maps."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _DETAILS_UNIT, _MATERIALS_UNIT, _ITEM_DETAILS_UNIT = 10, 11, 12
 
 
 def map_units() -> list[tuple[int, str]]:
-    """Texture units and samplers of the maps, in the order of `Material.maps`."""
+    """Texture units and sampler names of the maps, in the order of `Material.maps`."""
     return [(unit, name) for name, unit in _MAP_UNITS.items()]
 
 
 def reflectance_defines(
     maps: Sequence[bool] | None, second_coordinates: bool = False
 ) -> tuple[str, ...]:
-    """Defines of a material that has some of the maps; None: it is matte."""
+    """Defines of a material with the given maps; None: a matte material."""
     if maps is None:
         return ()
     has_maps = [name for name, is_there in zip(MAPS, maps, strict=True) if is_there]
@@ -39,7 +39,7 @@ def reflectance_defines(
 
 
 def connect_material(program: moderngl.Program, clustered: bool) -> None:
-    """Set the texture units of a program's materials, of clusters or of single items."""
+    """Set the texture units of a program's material maps and tables."""
     details = _DETAILS_UNIT if clustered else _ITEM_DETAILS_UNIT
     units = {**_MAP_UNITS, "u_materials": _MATERIALS_UNIT, "u_vertex_details": details}
     for name, unit in units.items():
@@ -47,7 +47,7 @@ def connect_material(program: moderngl.Program, clustered: bool) -> None:
 
 
 def bind_materials(buffers: SceneBuffers, has_item_details: bool) -> None:
-    """Bind the tables of materials, and of vertices, also those of single items."""
+    """Bind the tables of materials and vertex details, on request also of single items."""
     clusters, materials = buffers.clustered_geometry, buffers.materials.texture
     if materials is None:
         return

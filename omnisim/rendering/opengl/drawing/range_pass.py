@@ -1,4 +1,4 @@
-"""Range pass: a laser scanner's ranges; every triangle is intersected with the scan plane."""
+"""Range pass: laser scanner ranges, from the intersections of all triangles with the scan plane."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from omnisim.rendering.opengl.uniforms import columns_first, uniform
 from omnisim.scene.model import AlphaMode
 
 _GROUP_SIZE = 64  # triangles; local_size_x in range.comp
-_MAX_GROUPS = 65535  # in one direction, which every GPU allows
+_MAX_GROUPS = 65535  # per dimension; every GPU allows as many
 _BEAMS, _RANGES = 2, 3  # bindings in range.comp
 _NO_HIT = np.float32(np.inf)
 
 
 class RangePass:
-    """Casts the beams of a scanner into a scene; everything on the GPU is made once.
+    """Casts a scanner's beams into a scene; GPU resources are created once.
 
-    Opaque surfaces reflect on both sides. Through the holes of masked materials, and where blended
-    ones hide less than half of what is behind, a beam goes on.
+    Opaque surfaces reflect on both sides. Beams pass through the holes of masked materials, and
+    through blended ones with alpha below one half.
 
     Args:
-        buffers: the scene and its dynamic objects; other passes may draw from them, too.
-        angles_rad: (n,) of the beams in the scanner's frame, counter-clockwise from its x axis,
-            equally spaced, from −π at the lowest to π at the most.
-        max_range_m: surfaces farther away need not be found; may be infinite.
-        hidden: parts of dynamic objects that beams go through.
+        buffers: scene and dynamic objects; other passes may share them.
+        angles_rad: (n,) beam angles in the scanner's frame, counter-clockwise from its x axis,
+            equally spaced, within [−π, π].
+        max_range_m: range beyond which surfaces may be missed; may be infinite.
+        hidden: parts of dynamic objects that beams pass through.
 
     Raises:
-        GraphicsError: a scene that is too large for the GPU's shaders to read.
+        GraphicsError: a scene too large for the GPU's shaders to read.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class RangePass:
         self._ranges = context.buffer(self._no_hits)
 
     def refresh(self) -> None:
-        """Hit what the buffers have now."""
+        """Update after the buffers changed."""
         self._shown = self._buffers.shown(self._hidden)
         buffers = self._buffers
         buffers.check_readable("to scan them")
@@ -82,7 +82,7 @@ class RangePass:
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
         buffers = self._buffers
         buffers.deform(world_from_objects)
         transforms = buffers.instance_transforms(world_from_scanner[:3, 3], world_from_objects)
@@ -103,7 +103,7 @@ class RangePass:
     def _may_hit(
         self, centres_m: NDArray[np.float64], radii_m: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Mask of spheres (n,) that beams may hit, by centres (n, 3) in the scanner's frame."""
+        """Mask of spheres (n,) that beams may hit; centers (n, 3) in the scanner's frame."""
         kept = np.abs(centres_m[:, 2]) <= radii_m
         kept &= np.linalg.norm(centres_m, axis=1) - radii_m <= self._max_range_m
         if self._is_front_only:

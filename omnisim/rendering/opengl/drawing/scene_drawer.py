@@ -1,4 +1,4 @@
-"""Draws items of a scene one by one, by the programs of one pass."""
+"""Draws a scene's items one by one with the programs of one pass."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DrawProgram(Protocol):
 
     @property
     def program(self) -> moderngl.Program:
-        """Program of OpenGL."""
+        """OpenGL program."""
 
     def set_matrices(
         self,
@@ -29,31 +29,31 @@ class DrawProgram(Protocol):
         viewpoint_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Set the matrices (4, 4) and (3, 3), columns first, of the next draw calls."""
+        """Set the matrices (4, 4) and (3, 3), column-major, for the next draw calls."""
 
     def bind_material(self, item: DrawItem) -> None:
-        """Bind the material of an item for the next draw calls."""
+        """Bind an item's material for the next draw calls."""
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw some of a vertex array's indices; the first triangle has this ID."""
+        """Draw `count` indices of a vertex array; the first triangle gets the ID `first_id`."""
 
 
 P = TypeVar("P", bound=DrawProgram)
 
 
 class SceneDrawer(Generic[P]):
-    """Draws items, each by the program of its material.
+    """Draws items, each with the program of its material.
 
     Args:
-        buffers: the scene and its dynamic objects.
+        buffers: scene and dynamic objects.
         indices: index buffer of the items.
-        items: (n,) that may be drawn.
-        find_program: of an item.
-        id_of_item: ID of the first triangle of an item.
+        items: (n,) drawable items.
+        find_program: returns the program of an item.
+        id_of_item: returns the ID of an item's first triangle.
         both_sides: draw back faces, too.
 
     Attributes:
-        programs: all of them.
+        programs: all programs in use.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class SceneDrawer(Generic[P]):
         )
 
     def draw_item(self, index: int, clip_from_mesh: NDArray[np.float32]) -> None:
-        """Draw an item by its matrix (4, 4), columns first."""
+        """Draw an item with its matrix (4, 4), column-major."""
         item, program = self._items[index], self._programs[index]
         viewpoint_from_mesh, normal_from_mesh = self._transforms
         if item.flips_winding:

@@ -1,4 +1,4 @@
-"""Source of shadows, as the passes that draw lit surfaces know it."""
+"""Interface of shadow maps for the passes that draw lit surfaces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ShadowSource(Protocol):
 
     @property
     def defines(self) -> tuple[str, ...]:
-        """Defines of the shaders."""
+        """Defines of programs that look up shadows."""
 
     @property
     def anchor_m(self) -> NDArray[np.float64]:
@@ -24,10 +24,10 @@ class ShadowSource(Protocol):
     def are_shared(
         self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
     ) -> bool:
-        """Tell whether poses of rigs and of the dynamic objects all have the same maps."""
+        """Tell whether poses of rigs and of the dynamic objects all share their maps."""
 
     def connect(self, program: moderngl.Program) -> None:
-        """Connect a program that looks shadows up."""
+        """Set the samplers and blocks of a program that looks up shadows."""
 
     def prepare(
         self,

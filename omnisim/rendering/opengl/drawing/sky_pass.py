@@ -1,4 +1,4 @@
-"""Draws an environment map behind all that the tiles of an atlas show."""
+"""Draws an environment map behind the geometry in the tiles of an atlas."""
 
 from __future__ import annotations
 
@@ -19,14 +19,13 @@ SKY_UNIT = 0
 
 
 class SkyPass:
-    """Draws the sky where nothing opaque is, before all that is blended.
+    """Draws the sky where nothing opaque is, before blended surfaces.
 
     Args:
-        context: where.
+        context: OpenGL context.
         sky: texture of the environment map.
-        plan: the tiles.
-        cameras: that are drawn together, each into a layer of the target; None: there is one, and
-            no layers.
+        plan: tiles of the atlas.
+        cameras: number of cameras drawn together, one layer each; None: one camera, no layers.
     """
 
     def __init__(
@@ -50,8 +49,8 @@ class SkyPass:
             self._directions = context.buffer(reserve=64 * cameras * len(plan.tiles))
 
     def draw(self, target: moderngl.Framebuffer, worlds_from_rigs: NDArray[np.float64]) -> None:
-        """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; depth stays as it
-        is."""  # fmt: skip
+        """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; leave depth as
+        is."""
         self._sky.use(SKY_UNIT)
         cameras = len(worlds_from_rigs)
         worlds_from_clips = np.einsum(
@@ -66,7 +65,7 @@ class SkyPass:
             self._directions.write(columns_first(padded))
             self._directions.bind_to_storage_buffer(_DIRECTIONS_BINDING)
             of_tiles = list(np.arange(0, len(padded), cameras, dtype=np.int32))
-        # as deep as the sky is, and the target where it is clear
+        # at the depth of the sky, which is the target's clear depth
         with self._state.where_clear(), self._state.within_rectangles(target) as aim:
             for tile, value in zip(self._tiles, of_tiles, strict=True):
                 aim(tile.left_px, tile.top_px, *tile.size_px)

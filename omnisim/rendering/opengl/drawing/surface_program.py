@@ -1,4 +1,4 @@
-"""Surface programs: shaders that draw surfaces, in the variants that materials ask for."""
+"""Surface programs: shaders that draw surfaces, in the variants that materials require."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.surface_reflectance import environment_table
 
-_ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone that has every direction in it: a point light's
-_NO_RANGE_M = 1e9  # the shader divides by it: large, and a float32
+_ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
+_NO_RANGE_M = 1e9  # large, finite and a float32, because the shader divides by it
 _ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
 
 
@@ -40,16 +40,16 @@ class SurfaceVariant(NamedTuple):
     """Compiled version of the surface shader.
 
     Attributes:
-        lit, alpha_mode, textured: of the material.
-        shading: of the triangles.
-        clustered: of clusters, not of single items.
-        layered: cameras have layers.
+        lit, alpha_mode, textured: properties of the material.
+        shading: how the triangles are lit.
+        clustered: draws clusters; else single items.
+        layered: each camera has a layer.
         blended_arrays: number of texture arrays of blended clusters.
-        maps: the material has such a map, in the order of `Material.maps`; None: it is matte.
-        second_coordinates: place some of the maps.
-        in_fog: it is seen through the scene's fog, if there is some.
-        light: on it, if it is lit.
-        both_sides: have light of their own in the lightmap.
+        maps: which maps the material has, in the order of `Material.maps`; None: a matte material.
+        second_coordinates: some maps use the second texture coordinates.
+        in_fog: drawn with the scene's fog, if it has one.
+        light: source of the light on lit surfaces.
+        both_sides: each side has its own light in the lightmap.
     """
 
     lit: bool
@@ -67,12 +67,12 @@ class SurfaceVariant(NamedTuple):
 
     @property
     def computes_light(self) -> bool:
-        """Light is computed for each fragment."""
+        """Light is computed per fragment."""
         in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
         return self.lit and self.shading is not Shading.BAKED and not in_lightmap
 
     def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
-        """Defines of the shaders."""
+        """Defines of the shaders in a scene with this lighting."""
         defines = []
         is_placed = in_fog = lighting.fog is not None and self.in_fog
         if self.computes_light:
@@ -120,7 +120,7 @@ class SurfaceVariant(NamedTuple):
 
 
 def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
-    """Variant that draws an item; `unlit`: plain base colours."""
+    """Variant that draws an item; `unlit`: plain base colors."""
     material, found = item.material, item.texture_layer.reflectance
     textured = material.texture is not None
     if unlit or material.unlit:
@@ -139,7 +139,7 @@ def _reflective(
 
 
 def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
-    """Variant that draws the clusters of a bucket; `unlit`: plain base colours."""
+    """Variant that draws the clusters of a bucket; `unlit`: plain base colors."""
     textured = bucket.array is not None
     if unlit or bucket.unlit:
         return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
@@ -158,7 +158,7 @@ def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
 
 
 def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> SurfaceVariant:
-    """Variant that draws all blended items, of so many texture arrays."""
+    """Variant that draws all blended items, which use `arrays` texture arrays."""
     sources = {item.light for item in items}
     light = sources.pop() if len(sources) == 1 else LightSource.LIGHTMAP_OR_PROBES
     return SurfaceVariant(
@@ -174,16 +174,16 @@ def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> S
 
 
 class SurfaceProgram:
-    """One compiled variant with its uniforms.
+    """Compiled variant with its uniforms.
 
     Args:
-        context: where.
-        variant: to compile.
-        lighting: of the scene.
-        shadows: of its lights; None: there are none.
+        context: OpenGL context.
+        variant: variant to compile.
+        lighting: lighting of the scene.
+        shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        program: as compiled.
+        program: compiled OpenGL program.
     """
 
     def __init__(
@@ -205,9 +205,9 @@ class SurfaceProgram:
         if shadows is not None:
             shadows.connect(program)
         self._is_textured = variant.textured
-        # those of single items
+        # uniforms of single items
         self._item = ItemUniforms(program)
-        # ambient light alone needs neither, and the compiler leaves them out
+        # the compiler removes both if ambient light alone is left
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
         self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
         self._light_positions = find_uniform(program, "u_punctual_position")
@@ -229,7 +229,7 @@ class SurfaceProgram:
                 _write_environment(program, lighting.environment)
 
     def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
-        """Count positions of lights and shadow maps from the effective viewpoint (3,), world."""
+        """Set the viewpoint (3,), world: positions of lights and shadow maps are relative to it."""
         if self._light_positions is not None:
             positions_m = self._light_positions_m - viewpoint_m
             self._light_positions.write(positions_m.astype(np.float32))
@@ -246,7 +246,7 @@ class SurfaceProgram:
         viewpoint_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Set the matrices (4, 4) and (3, 3), columns first, of the next draw call."""
+        """Set the matrices (4, 4) and (3, 3), column-major, for the next draw call."""
         self._item.set_clip_from_mesh(clip_from_mesh)
         if self._viewpoint_from_mesh is not None:
             self._viewpoint_from_mesh.write(viewpoint_from_mesh)
@@ -254,7 +254,7 @@ class SurfaceProgram:
             self._normal_from_mesh.write(normal_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
-        """Bind the material of an item for the next draw call."""
+        """Bind an item's material for the next draw call."""
         self._item.bind_material(item)
         if self._is_textured:
             item.texture.use(0)
@@ -263,26 +263,26 @@ class SurfaceProgram:
             self._light_rectangles.write(np.array(sides, dtype=np.float32))
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw some of a vertex array's indices; colours need no IDs."""
+        """Draw `count` indices of a vertex array; colors need no IDs."""
         array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
 
 class SurfacePrograms:
-    """Variants of the surface shader that were asked for, each compiled once.
+    """Variants of the surface shader, each compiled on first use.
 
-    All cameras that draw from the same buffers share them: per-camera uniforms are set in every
+    All cameras that draw from the same buffers share them, so per-camera uniforms are set in every
     frame.
 
     Args:
-        buffers: the scene and its dynamic objects.
-        lighting: of the scene.
-        shadows: of its lights; None: there are none.
+        buffers: scene and dynamic objects.
+        lighting: lighting of the scene.
+        shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        shadows: as given.
+        shadows: see the arguments.
 
     Raises:
-        GraphicsError: more lights than one would want in a shader.
+        GraphicsError: more lights than a shader should loop over.
     """
 
     def __init__(
@@ -298,8 +298,9 @@ class SurfacePrograms:
 
     @property
     def positions_m(self) -> NDArray[np.float64]:
-        """Positions (n, 3) that count from the viewpoint, world: those of the punctual lights, the
-        origin of their shadow maps, where they have some, and the first probe of baked light."""
+        """Positions (n, 3) relative to the viewpoint, world axes: the punctual lights, the origin
+        of
+        their shadow maps, if any, and the first probe of baked light."""
         positions_m = [light.position_m for light in self._lighting.by_kind()[1]]
         if self.shadows is not None:
             positions_m.append(self.shadows.anchor_m)
@@ -308,7 +309,7 @@ class SurfacePrograms:
         return np.array(positions_m, dtype=np.float64).reshape(-1, 3)
 
     def bind_tables(self) -> None:
-        """Bind baked light, and what materials that are not matte look up, if there are any."""
+        """Bind baked light, and the lookup tables of reflective materials, if there are any."""
         if self._baked_textures is not None:
             self._baked_textures.bind()
         if self._buffers.materials.texture is None:
@@ -320,7 +321,7 @@ class SurfacePrograms:
             self._filtered_sky.use(_ENVIRONMENT_UNITS["u_filtered_sky"])
 
     def sky_seen(self, unlit: bool) -> moderngl.Texture | None:
-        """Texture of the environment map; None: there is none, or fog hides it."""
+        """Texture of the visible environment map; None without one, or in fog."""
         return None if self._lighting.fog is not None and not unlit else self._sky
 
     @cached_property
@@ -348,7 +349,7 @@ class SurfacePrograms:
         return texture
 
     def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
-        # other shadow maps, of an edited scene, need other programs
+        # the shadow maps of an edited scene need new programs
         key = variant, () if self.shadows is None else self.shadows.defines
         if key not in self._programs:
             self._programs[key] = SurfaceProgram(
@@ -358,12 +359,12 @@ class SurfacePrograms:
 
 
 def _calls(count: int) -> str:
-    """Uses of a macro f for the numbers of lights."""
+    """Calls f(0) f(1) … of a macro, one per light."""
     return " ".join(f"f({number})" for number in range(count))
 
 
 def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
-    """Write the uniforms of all lights, but for positions, which count from the viewpoint."""
+    """Set the uniforms of all lights except positions, which are relative to the viewpoint."""
 
     def write(name: str, values: ArrayLike) -> None:
         found = find_uniform(program, name)  # none of what baked light takes the place of

@@ -1,4 +1,4 @@
-"""The draw loop over the tiles of an atlas, for colours and for triangle IDs."""
+"""Draw loop over the tiles of an atlas, for colors and for triangle IDs."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class VirtualCameras:
 
     Attributes:
         near_m, far_m: depth range; far_m may be infinite.
-        samples: of a texel of the picture.
+        samples: samples per texel.
         unlit: show plain base colours.
-        background: linear RGB where nothing is hit.
-        hidden: parts of dynamic objects that are not drawn.
-        both_sides: show all surfaces from behind, too.
+        background: linear RGB of rays that hit nothing.
+        hidden: parts of dynamic objects to leave out.
+        both_sides: draw back faces, too.
     """
 
     near_m: float
@@ -51,24 +51,25 @@ class VirtualCameras:
 
 
 class TileRenderer:
-    """Draws a scene into the tiles of an atlas, by any programs.
+    """Draws a scene into the tiles of an atlas with any set of programs.
 
-    Faces, depth, clipping and culling are the same for all passes; clearing, blending and programs
-    are their own.
+    Faces, depth, clipping and culling are shared by all passes; each has its own clearing, blending
+    and
+    programs.
 
     Args:
-        buffers: the scene and its dynamic objects.
-        plan: the tiles.
-        cameras: their depth range and sides count.
-        items: (n,) draw items to draw one by one, front to back.
-        find_program: of a bucket of clusters.
-        depth: of the atlas; None where shaders cannot read it.
-        samples: of a texel.
-        most_cameras: that are drawn together, each into a layer of the target and its depth.
+        buffers: scene and dynamic objects.
+        plan: tiles of the atlas.
+        cameras: virtual cameras; only depth range and sides matter here.
+        items: (n,) items to draw one by one, front to back.
+        find_program: returns the program of a bucket of clusters.
+        depth: depth of the atlas; None if shaders cannot read it.
+        samples: samples per texel.
+        most_cameras: maximum number of cameras drawn together, one target layer each.
 
     Attributes:
-        views: of the tiles.
-        culler: of the clusters; None where there are none.
+        views: views of the tiles.
+        culler: culls the clusters; None without clusters.
     """
 
     def __init__(
@@ -119,12 +120,12 @@ class TileRenderer:
 
     @property
     def culling_bytes(self) -> int:
-        """Memory of culling, draw commands included."""
+        """Size of the buffers for culling, draw commands included, bytes."""
         return 0 if self.culler is None else self.culler.memory_bytes
 
     @property
     def has_items(self) -> bool:
-        """There are items to draw one by one."""
+        """Some items are drawn one by one."""
         return bool(self._items.size)
 
     def begin(
@@ -132,9 +133,9 @@ class TileRenderer:
         target: moderngl.Framebuffer,
         colors: Sequence[tuple[float, float, float, float] | None],
     ) -> None:
-        """Use a target and clear its depth and colours, of which None are integers.
+        """Bind a target and clear depth and colors; None marks integer attachments.
 
-        All else is drawn with the state of `GlState.drawing`.
+        Everything else is drawn with the state of `GlState.drawing`.
         """
         self._state.use(target, has_depth=True)
         self._state.clear(colors, CLEAR_DEPTH)
@@ -146,13 +147,13 @@ class TileRenderer:
         world_from_objects: Sequence[NDArray[np.float64]],
         drawer: SceneDrawer[P],
     ) -> None:
-        """Draw the clusters of all tiles, and then the items.
+        """Draw the clusters of all tiles, then the items.
 
         Args:
             target: cleared by `begin`.
             world_from_rig: (4, 4).
-            world_from_objects: (4, 4) each, of the dynamic objects.
-            drawer: draws one item.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            drawer: draws the items.
         """
         self.draw_clusters(world_from_rig, world_from_objects)
         self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)
@@ -177,7 +178,7 @@ class TileRenderer:
         worlds_from_rigs: NDArray[np.float64],
         worlds_from_objects: NDArray[np.float64] | Sequence[NDArray[np.float64]],
     ) -> None:
-        """Draw the clusters of all tiles, of one camera or of several, see `Views.write`."""
+        """Draw the clusters of all tiles, for one camera or several, see `Views.write`."""
         if self.culler is not None:
             self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
             for pass_index in range(self.culler.passes):
@@ -192,7 +193,7 @@ class TileRenderer:
         order: NDArray[np.intp],
         drawer: SceneDrawer[P],
     ) -> None:
-        """Draw the items of `order` (n,), in that order, in the tiles that may show them."""
+        """Draw the items of `order` (n,), in this order, in the tiles that may show them."""
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
             for view in views:
                 aim(view.tile.left_px, view.tile.top_px, *view.tile.size_px)
