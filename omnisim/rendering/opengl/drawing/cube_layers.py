@@ -84,8 +84,7 @@ class CubeLayers:
     def draw(
         self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
     ) -> None:
-        """Draw from poses of the rigs and of the dynamic objects; all must share the shadow
-        maps."""
+        """Draw from poses of rigs and dynamic objects that all share the shadow maps."""
         rigs = np.array([rig for rig, _ in poses])
         objects = np.array([objects for _, objects in poses])
         positions_m = self._surface_programs.positions_m
@@ -105,7 +104,6 @@ class CubeLayers:
             if self._sky is not None:
                 self._sky.draw(self._target, rigs)
             if self._blended is not None:
-                self._positions.bind_to_storage_buffer(_POSITIONS)  # the sky may use the same
-                binding
+                self._positions.bind_to_storage_buffer(_POSITIONS)  # the sky shares the binding
                 with self._state.blending():
                     self._blended.draw()
