@@ -9,18 +9,18 @@ NO_NEIGHBOUR = np.uint32(0xFFFFFFFF)
 
 
 def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Triangles (m, 3) beyond the edges opposite to each triangle's first, second, third corner.
+    """Adjacent triangles (m, 3) beyond the edges opposite to each triangle's corners.
 
-    Corners at the same place are one, even where normals or texture coordinates differ. Where more
-    than two triangles meet at an edge, each has the next one; `NO_NEIGHBOUR`: there is none.
+    Corners at the same place count as one, even if normals or texture coordinates differ. If more
+    than two triangles share an edge, each gets the next one; `NO_NEIGHBOUR`: an open edge.
 
     Args:
-        positions: (n, 3).
-        triangles: (m, 3).
+        positions: (n, 3) of the vertices.
+        triangles: (m, 3) vertex indices.
     """
     if not len(triangles):
         return np.empty((0, 3), dtype=np.uint32)
-    points = np.ascontiguousarray(positions + np.float32(0.0))  # −0 is 0
+    points = np.ascontiguousarray(positions + np.float32(0.0))  # turns −0 into 0
     _, corners = np.unique(points.view("V12").ravel(), return_inverse=True)
     edges = corners[triangles][:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
     edges = np.sort(edges, axis=1).astype(np.int64)
@@ -29,7 +29,7 @@ def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) ->
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
     counts = np.diff(starts, append=len(keys))
     following = np.arange(1, len(keys) + 1)
-    following[starts + counts - 1] = starts  # around in a ring
+    following[starts + counts - 1] = starts  # the last one gets the first
     found = np.full(len(keys), NO_NEIGHBOUR)
     is_shared = np.repeat(counts > 1, counts)
     found[order[is_shared]] = order[following[is_shared]] // 3

@@ -1,7 +1,7 @@
-"""Clustered geometry: opaque and masked instances as clusters, each of one object and one bucket.
+"""Clustered geometry: opaque and masked instances as clusters of one object and one bucket.
 
-The scene's draw items have matrices, materials and calls of their own. Here each vertex has its
-material, so that one draw call shows all clusters of a bucket: of one program and texture array.
+Draw items have their own matrices, materials and calls. Here the vertices carry the material, so
+that one call draws all clusters of a bucket, which share program and texture array.
 """
 
 from __future__ import annotations
@@ -32,21 +32,22 @@ from omnisim.rendering.opengl.materials.material_table import vertex_details
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.scene.model import AlphaMode, Lighting
 
-# Of white: a third of a step of 255 in the dark, where these are finest, a hundredth at white.
+# Relative to white: a third of an 8-bit step in the dark, where steps are finest; a hundredth at
+# white.
 _SAME_LIGHT = 1e-4
 
 
 class Bucket(NamedTuple):
-    """Kind of clusters that one draw call shows.
+    """Kind of clusters that one call can draw.
 
     Attributes:
-        unlit, alpha_mode, double_sided: of their materials.
-        cutoff: alpha of visible surfaces has a limit.
-        shading: of their triangles.
-        array: of their textures; None: they have none.
-        maps: arrays of their maps, see `Reflectance`; None: they are matte.
-        second_coordinates: place some of their maps.
-        light: on them.
+        unlit, alpha_mode, double_sided: properties of their materials.
+        cutoff: their materials discard low alpha.
+        shading: shading of their triangles.
+        array: array of their textures; None: untextured.
+        maps: arrays of their maps, see `Reflectance`; None: matte.
+        second_coordinates: some maps use the second texture coordinates.
+        light: source of the light on them.
     """
 
     unlit: bool
@@ -65,20 +66,20 @@ class ClusteredGeometry:
     """Instances of opaque and masked materials, see `build_clustered_geometry`.
 
     Attributes:
-        buckets: of the clusters, in the order of the hierarchy.
-        anchor_m: (3,) float64, origin of the positions of object 0, which is static, world.
+        buckets: buckets in the order of the hierarchy.
+        anchor_m: (3,) float64 world position of the origin of object 0, the static geometry.
         objects: number of objects: the static one and the dynamic ones.
-        hierarchy: clusters of one bucket and one object each; its order is of the triangles of all
+        hierarchy: clusters of one bucket and one object each; it orders the triangles of all
             contained draw items.
-        contains: (items,), mask of the scene's draw items.
-        vertices: buffer of `CLUSTER_VERTEX`, each in the frame of its object.
-        bucket_of_cluster: (clusters,).
-        item_of_triangle: (m,) draw item of each, cluster by cluster.
-        triangles: (m, 3), likewise; those of hidden items have no area.
-        indices: buffer of the triangles.
-        buffers: of clusters and groups, for culling.
-        details: of the vertices, see `vertex_details`; None: all materials are matte.
-        light_coordinates: of the vertices in the lightmap; None: no light is baked.
+        contains: (items,), mask of the scene's draw items in here.
+        vertices: buffer of `CLUSTER_VERTEX`, in the frames of their objects.
+        bucket_of_cluster: (clusters,) bucket index.
+        item_of_triangle: (m,) draw item of each triangle, cluster by cluster.
+        triangles: (m, 3) vertex indices, same order; degenerate for hidden items.
+        indices: index buffer of the triangles.
+        buffers: buffers of clusters and groups, for culling.
+        details: vertex details, see `vertex_details`; None: all materials are matte.
+        light_coordinates: lightmap coordinates of the vertices; None: no baked light.
     """
 
     buckets: tuple[Bucket, ...]
@@ -96,7 +97,7 @@ class ClusteredGeometry:
     light_coordinates: moderngl.Buffer | None
 
     def show(self, shown: NDArray[np.bool_]) -> None:
-        """Show some of the draw items (items,), and no others."""
+        """Show the selected draw items (items,) only."""
         is_shown = shown[self.item_of_triangle]
         self.indices.write(np.where(is_shown[:, None], self.triangles, np.uint32(0)))
 
@@ -106,20 +107,20 @@ class ClusteredGeometry:
         return self.hierarchy.clusters
 
     def shown_clusters(self, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Mask (clusters,) of those of shown draw items (items,); static items are shown."""
+        """Mask (clusters,) of the clusters of shown draw items (items,); static items stay."""
         return shown[self.item_of_triangle[self.clusters.first]]
 
 
 def build_clustered_geometry(
     context: moderngl.Context, items: Sequence[DrawItem], lighting: Lighting, dynamic_objects: int
 ) -> ClusteredGeometry | None:
-    """Build the clustered geometry of a scene; None where there is none.
+    """Build the clustered geometry of a scene; None if no instance qualifies.
 
     Args:
-        context: where.
+        context: OpenGL context.
         items: all draw items.
-        lighting: of the scene.
-        dynamic_objects: how many there are.
+        lighting: lighting of the scene.
+        dynamic_objects: number of dynamic objects.
     """
     anchor_m = _anchor(items)
     contains = _contained(items, anchor_m)
@@ -132,13 +133,13 @@ def build_clustered_geometry(
     is_static = np.array([item.object_index is None for item in items])
     is_bakeable = is_static & (lighting.baked is None)
     shading, normals = shadings(vertices, triangles, lighting, is_bakeable[item_of_triangle])
-    # both sides are seen, or no light: what is known of a front is of no use
+    # double-sided or unlit: facts about the front face do not apply
     ignores = [item.material.double_sided or item.material.unlit for item in items]
     shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
-    # light that depends on the view cannot be baked
+    # view-dependent light cannot be baked
     reflective = np.array([item.texture_layer.reflectance is not None for item in items])
     shading[reflective[item_of_triangle] & (shading == Shading.BAKED.value)] = Shading.UNKNOWN.value
-    # the lightmap has all light of matte surfaces, whatever their normals are
+    # the lightmap holds all light of matte surfaces, for any normals
     in_lightmap = np.array([item.light is LightSource.LIGHTMAP for item in items])
     shading[(in_lightmap & ~reflective)[item_of_triangle]] = Shading.UNKNOWN.value
     baked = shading == Shading.BAKED.value
@@ -148,8 +149,8 @@ def build_clustered_geometry(
     object_of_item = (
         np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
     )
-    # parts of dynamic objects can be hidden one by one
-    # and what casts no shadow is not drawn into shadow maps
+    # parts of dynamic objects can be hidden individually,
+    # and items without shadows stay out of shadow maps
     casts = np.array([item.material.casts_shadow for item in items])
     part = np.where(is_static & casts, 0, 1 + np.arange(len(items)))
     objects = 1 + dynamic_objects
@@ -201,7 +202,7 @@ def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.T
 def _buckets(
     items: Sequence[DrawItem], kinds: NDArray[np.intp]
 ) -> tuple[tuple[Bucket, ...], NDArray[np.intp]]:
-    """Buckets of triangles (n,), by item times the number of shadings plus shading, and of each."""
+    """Buckets, and the bucket index of each triangle (n,); kinds: item × shadings + shading."""
     of_kind: dict[int, Bucket] = {}
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
         item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
@@ -219,7 +220,7 @@ def _buckets(
 
 
 def _state_order(bucket: Bucket) -> tuple[object, ...]:
-    """Order of few changes of state: by program, and then by texture."""
+    """Sort key that minimizes state changes: program first, then texture."""
     arrays = [0 if one is None else one.array.glo for one in (bucket.array, *(bucket.maps or ()))]
     return (
         bucket.alpha_mode.value != AlphaMode.OPAQUE.value, bucket.double_sided, bucket.unlit,
@@ -229,7 +230,7 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
 
 
 def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
-    """Middle (3,) of the static items, world."""
+    """Center (3,) of the static items, world."""
     static = [item.centre_m for item in items if item.object_index is None]
     if not static:
         return np.zeros(3)
@@ -253,9 +254,9 @@ def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDAr
 def object_triangles(
     items: Sequence[DrawItem], anchor_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Vertices (n,) of `CLUSTER_VERTEX` and triangles (m, 3) of items, all wound the same way.
+    """Vertices (n,) of `CLUSTER_VERTEX` and triangles (m, 3) of items, wound alike.
 
-    They are in the frames of the items' objects, the static one's at the anchor (3,).
+    They are in the frames of the items' objects; static ones are relative to the anchor (3,).
     """
     vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
     triangles = []
@@ -266,7 +267,7 @@ def object_triangles(
         fill_vertices(part, mesh)
         origin_m = anchor_m if item.object_index is None else np.zeros(3)
         part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - origin_m)
-        # vertex colours are half floats, as in the other buffer
+        # vertex colors are half floats, as in the scene's vertex buffer
         colors = part["in_color"].astype(np.float16).astype(np.float32)
         part["in_color"] = colors * np.array(item.material.base_color, dtype=np.float32)
         part["in_material"] = item.texture_layer.layer, item.material.hit_cutoff
@@ -281,7 +282,7 @@ def object_triangles(
 def item_light_coordinates(
     context: moderngl.Context, items: Sequence[DrawItem]
 ) -> moderngl.Buffer | None:
-    """Places of the vertices of `object_triangles` in the lightmap; None: no light is baked."""
+    """Lightmap coordinates of the vertices of `object_triangles`; None: no baked light."""
     if not any(item.light.is_baked for item in items):
         return None
     bases = np.cumsum([0, *(len(item.mesh.positions) for item in items)]).tolist()
@@ -297,17 +298,17 @@ def _bake(
     baked: NDArray[np.bool_],
     lights: NDArray[np.float32],
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Bake lights (k, 3) into the vertices of the triangles that `baked` (m,) marks.
+    """Bake lights (k, 3) into the vertices of the triangles that `baked` (m,) selects.
 
     Returns:
-        The vertices, and copies of those that have two lights, or light and a normal; and the
-        baked triangles (k, 3).
+        The vertices, with copies of those that need two lights, or light and a normal; and the
+            baked triangles (k, 3).
     """
     own = triangles[baked].ravel()
     lights = np.repeat(lights, 3, axis=0)
     light_at_vertex = np.zeros((len(vertices), 3), dtype=np.float32)
-    light_at_vertex[own] = lights  # one of all that share the vertex
-    light_at_vertex[triangles[~baked].ravel()] = np.inf  # it has to keep its normal
+    light_at_vertex[own] = lights  # of one of the triangles that share the vertex
+    light_at_vertex[triangles[~baked].ravel()] = np.inf  # these keep their normal
     fits = (np.abs(np.take(light_at_vertex, own, axis=0) - lights) < _SAME_LIGHT).all(axis=1)
     fitting = own[fits]
     vertices["in_normal"][fitting] = np.take(light_at_vertex, fitting, axis=0)

@@ -1,4 +1,4 @@
-"""Draw items: instances of meshes, ready to draw, and their transforms in one frame."""
+"""Draw items: instances of meshes ready to draw, and their transforms in one frame."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ MAX_DISTANCE_M = 1500.0
 
 
 class LightSource(Enum):
-    """Source of the light on a lit surface, with the defines of its programs.
+    """Source of the light on a lit surface; the values are the defines of its programs.
 
-    They are words: an empty tuple is no value of an `Enum` in Python 3.11.2.
+    They are strings, because Python 3.11.2 does not take an empty tuple as an `Enum` value.
     """
 
     COMPUTED = ""
     LIGHTMAP = "LIGHTMAP"
     PROBES = "PROBES"
-    LIGHTMAP_OR_PROBES = "LIGHTMAP PROBES"  # of vertices with and without light coordinates
+    LIGHTMAP_OR_PROBES = "LIGHTMAP PROBES"  # mixed vertices, with and without light coordinates
 
     @property
     def defines(self) -> list[str]:
@@ -36,33 +36,33 @@ class LightSource(Enum):
 
     @property
     def is_baked(self) -> bool:
-        """It is the scene's baked light."""
+        """True for the scene's baked light."""
         return self is not LightSource.COMPUTED
 
     @property
     def is_mapped(self) -> bool:
-        """It is the lightmap's, at least of some vertices."""
+        """True if at least some vertices have light from the lightmap."""
         return "LIGHTMAP" in self.defines
 
 
 @dataclass(frozen=True, eq=False)
 class DrawItem:
-    """One instance of one mesh, ready to draw.
+    """Instance of one mesh, ready to draw.
 
     Attributes:
-        name: of the instance.
-        object_index: of the dynamic object that it belongs to; None: it is static.
+        name: name of the instance.
+        object_index: index of its dynamic object; None: static.
         mesh: its mesh.
-        first, count: its indices in the index buffer.
+        first, count: range in the index buffer.
         base: first vertex of its mesh in the vertex buffer.
-        material: of the mesh.
-        texture_layer: of the material on the mesh.
-        object_from_mesh: (4, 4) float64, into the world or the dynamic object's frame.
-        normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
-        flips_winding: its triangles are wound the other way round in the world.
-        centre_m, radius_m: its bounding sphere in the world or the dynamic object's frame.
-        light: on it.
-        light_rectangles: of its front and back in the lightmap, if it has any.
+        material: material of the mesh.
+        texture_layer: textures of the material on this mesh.
+        object_from_mesh: (4, 4) float64, to the world or the dynamic object's frame.
+        normal_from_mesh: (3, 3) cofactors of its linear part, signed to keep normals outward.
+        flips_winding: its transform reverses the winding of triangles.
+        centre_m, radius_m: bounding sphere in the world or the dynamic object's frame.
+        light: source of the light on it.
+        light_rectangles: lightmap rectangles of front and back; empty without a lightmap.
     """
 
     name: str
@@ -87,9 +87,9 @@ class DrawItem:
         return self.count // 3
 
     def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
-        """Tell whether floats resolve a tenth of a millimetre of it.
+        """Tell whether float32 resolves 0.1 mm of it.
 
-        They count from the origin of its object, the anchor (3,) where it is static.
+        Positions are relative to its object's origin; for static items, to the anchor (3,).
         """
         origin_m = anchor_m if self.object_index is None else np.zeros(3)
         return bool(np.linalg.norm(self.centre_m - origin_m) + self.radius_m <= MAX_DISTANCE_M)
@@ -105,27 +105,27 @@ class DrawItem:
 
     @property
     def moves(self) -> bool:
-        """True where it is part of a dynamic object, or its mesh deforms."""
+        """True for parts of dynamic objects and for deforming meshes."""
         return self.object_index is not None or self.mesh.deformation is not None
 
     @property
     def texture(self) -> moderngl.Texture:
-        """Texture alone; white where the material has none."""
+        """Texture of the material alone; white for untextured materials."""
         return self.texture_layer.texture
 
     @property
     def is_blended(self) -> bool:
-        """Transparency: surfaces behind it shine through."""
+        """True for blended materials, through which the background is visible."""
         return self.material.is_blended
 
 
 class InstanceTransforms(NamedTuple):
-    """Transforms of all draw items in one frame, into the viewpoint frame.
+    """Transforms of all draw items to the viewpoint frame, in one frame.
 
     Attributes:
-        viewpoint_from_mesh: (n, 4, 4).
+        viewpoint_from_mesh: (n, 4, 4) matrices.
         normal_from_mesh: (n, 3, 3), see `DrawItem`.
-        centres_m, radii_m: (n, 3) and (n,) of the bounding spheres.
+        centres_m, radii_m: (n, 3) and (n,) bounding spheres.
     """
 
     viewpoint_from_mesh: NDArray[np.float64]

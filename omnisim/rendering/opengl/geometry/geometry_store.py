@@ -1,4 +1,4 @@
-"""Vertex and index buffers of the meshes of a scene, each mesh uploaded once."""
+"""Vertex and index buffers of a scene; each mesh is uploaded once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.model import Mesh, Scene
 
-# Vertices and indices that may be appended, as many as were there before aside.
+# Vertices and indices that edits may append beyond the initial number.
 MIN_SPARE = 1 << 18
 
 GeometryKey = tuple[int, ...]
@@ -28,10 +28,10 @@ class IndexRange(NamedTuple):
     """Indices of a mesh in the index buffer.
 
     Attributes:
-        mesh: whose triangles they are.
-        first: index.
+        mesh: mesh that owns the triangles.
+        first: first index.
         base: first vertex of the mesh.
-        is_blended: of one blended item, which sorts them anew in every frame.
+        is_blended: belongs to one blended item, which re-sorts it in every frame.
     """
 
     mesh: Mesh
@@ -41,24 +41,24 @@ class IndexRange(NamedTuple):
 
 
 def geometry_key(mesh: Mesh) -> GeometryKey:
-    """Identity of a mesh's arrays, which meshes of other materials may share."""
+    """Identity of a mesh's arrays, which meshes with other materials may share."""
     arrays = (mesh.positions, mesh.triangles, mesh.normals, mesh.texture_coordinates, mesh.colors)
     others = (mesh.second_texture_coordinates, mesh.deformation, mesh.light_coordinates)
     return tuple(map(id, (*arrays, *others)))
 
 
 class GeometryStore:
-    """Uploads the meshes of scenes, and more later.
+    """Uploads the meshes of scenes, and further ones later.
 
-    Instances share the indices of their mesh, but for blended ones, which are sorted apart.
+    Instances share the indices of their mesh, except blended ones, which are sorted individually.
 
     Args:
-        context: where.
-        parts: scenes.
+        context: OpenGL context.
+        parts: scenes to upload.
 
     Attributes:
         vertices, indices: the two buffers.
-        ranges: one after the other, of all indices.
+        ranges: consecutive ranges of all indices.
         offsets: first index and first vertex of each scene's instances.
     """
 
@@ -69,7 +69,7 @@ class GeometryStore:
         self.vertices, self.indices = _buffer(context, vertices), _buffer(context, indices)
         self._vertex_count, self._index_count = len(vertices), len(indices)
         self._limit = 2 * (len(vertices) + len(indices)) + MIN_SPARE
-        # ranges hold the meshes: no other array gets the id of one of theirs
+        # ranges keep the meshes alive, so that no other array gets the id of one of theirs
         self._base: dict[GeometryKey, int] = {}
         self._shared: dict[GeometryKey, int] = {}
         self._free: dict[GeometryKey, list[int]] = {}
@@ -78,7 +78,7 @@ class GeometryStore:
 
     @property
     def is_overgrown(self) -> bool:
-        """More was appended than there was, and than is worth keeping."""
+        """True if edits appended more than the initial size, and more than is worth keeping."""
         return self._vertex_count + self._index_count > self._limit
 
     def light_coordinates(self) -> moderngl.Buffer:
@@ -88,7 +88,7 @@ class GeometryStore:
         return _buffer(self._context, light_coordinates(parts, self._vertex_count))
 
     def place(self, mesh: Mesh, is_blended: bool) -> tuple[int, int]:
-        """First index and first vertex for one more instance of a mesh, appended if it is new."""
+        """First index and first vertex for another instance of a mesh; appends a new mesh."""
         key = geometry_key(mesh)
         if key not in self._base:
             vertices = np.zeros(len(mesh.positions), dtype=VERTEX)
@@ -109,7 +109,7 @@ class GeometryStore:
         return self._shared[key], self._base[key]
 
     def release(self, item: DrawItem) -> None:
-        """Take back the indices of a blended item that is not drawn any more."""
+        """Release the indices of a blended item that was removed."""
         if item.is_blended:
             self._free.setdefault(geometry_key(item.mesh), []).append(item.first)
 
@@ -122,7 +122,7 @@ class GeometryStore:
     def _append(
         self, buffer: moderngl.Buffer, used: int, values: NDArray[np.generic]
     ) -> moderngl.Buffer:
-        """Write values behind the used bytes of a buffer, or of a larger copy."""
+        """Write values behind the used bytes of a buffer, or of a larger copy of it."""
         end = used + values.nbytes
         if end > buffer.size:
             with gpu_allocation(f"{2 * end} bytes for the scene", "make the scene smaller"):
@@ -134,19 +134,19 @@ class GeometryStore:
 
 
 def _buffer(context: moderngl.Context, values: NDArray[np.generic]) -> moderngl.Buffer:
-    """Buffer of values, or of nothing yet."""
+    """Buffer of values; reserved for later if there are no values yet."""
     return context.buffer(values) if len(values) else context.buffer(reserve=VERTEX.itemsize)
 
 
 def _indices(one: IndexRange) -> NDArray[np.uint32]:
-    """Indices of a range, into the buffer of vertices."""
+    """Indices of a range, as indices into the vertex buffer."""
     return (one.mesh.triangles.ravel() + np.uint32(one.base)).astype("<u4")
 
 
 def _concatenate_meshes(
     parts: Sequence[Scene],
 ) -> tuple[NDArray[np.void], list[IndexRange], list[list[tuple[int, int]]]]:
-    """Concatenate all meshes; instances share their indices, but for blended ones, sorted apart.
+    """Concatenate all meshes; instances share indices, except blended ones.
 
     Returns:
         Vertices (n,), ranges, and first index and first vertex of each scene's instances.

@@ -1,7 +1,7 @@
-"""Light baking: directional light on flat triangles, computed once instead of for each texel.
+"""Light baking: directional light on flat triangles, computed once instead of per texel.
 
-On a flat triangle Lambert's cosine is the same all over, wherever the camera is: without punctual
-lights its light need not be computed anew for every texel of every frame.
+On a flat triangle Lambert's cosine is constant and does not depend on the camera: without punctual
+lights, its light need not be recomputed per texel and frame.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import Lighting, LightKind
 
-# Normals (unit) that differ by less are one: light differs by less than a tenth of a step of 255
-# then, even in the dark, where these are finest, for a light that makes a surface white.
+# Unit normals that differ by less count as equal: light then differs by less than a tenth of an
+# 8-bit step, even in the dark, where steps are finest, for a light that makes a surface white.
 _SAME_NORMAL = 2e-5
 
 
 class Shading(Enum):
-    """Shading of a triangle of which the front side alone is seen."""
+    """Shading of a single-sided triangle."""
 
     UNKNOWN = 0
-    NORMALS_AGREE = 1  # all three point to the front side
-    BAKED = 2  # flat and of one colour, no light is punctual, and those it faces cast no shadows
+    NORMALS_AGREE = 1  # all three normals point to the front side
+    BAKED = 2  # flat, one color, no punctual lights, and no shadows from the lights that it faces
 
 
 def shadings(
@@ -32,16 +32,16 @@ def shadings(
     lighting: Lighting,
     static: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
-    """Classify triangles by shading, and find their normals.
+    """Classify triangles by shading; compute the normals of those whose light can be baked.
 
     Args:
-        vertices: (n,) of `CLUSTER_VERTEX`, static ones in the world's axes.
-        triangles: (m, 3).
-        lighting: of the scene.
-        static: (m,), light on others changes with their pose.
+        vertices: (n,) of `CLUSTER_VERTEX`, static ones in world axes.
+        triangles: (m, 3) vertex indices.
+        lighting: lighting of the scene.
+        static: (m,) mask; light on dynamic triangles changes with their pose.
 
     Returns:
-        Values (m,) of `Shading`, and the normals (m, 3), unit, of those whose light can be baked.
+        Values (m,) of `Shading`, and unit normals (m, 3), valid for baked triangles.
     """
     positions = np.ascontiguousarray(vertices["in_position"])
     units = _units(np.ascontiguousarray(vertices["in_normal"]))
@@ -74,7 +74,7 @@ def shadings(
 
 
 def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> NDArray[np.float32]:
-    """Light on white surfaces, linear RGB (n, 3), with normals (n, 3), unit, world.
+    """Light on white surfaces, linear RGB (n, 3), for unit world normals (n, 3).
 
     Twin of shaders/scene/lighting.glsl without punctual lights.
     """
@@ -88,7 +88,7 @@ def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> 
 
 
 def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Dot products (n,) of vectors (n, 3) each."""
+    """Dot products (n,) of vectors (n, 3)."""
     products: NDArray[np.float32] = np.einsum("nc,nc->n", one, other)
     return products
 
@@ -98,6 +98,6 @@ def _squared(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _units(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Vectors (n, 3) of length 1; zero for those without a length."""
+    """Normalize vectors (n, 3); zero vectors stay zero."""
     lengths = np.sqrt(_squared(vectors))[:, None]
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)

@@ -1,4 +1,4 @@
-"""Estimate of the GPU memory that a scene takes, before it is drawn."""
+"""Estimate of the GPU memory that a scene takes, made before it is drawn."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _MIPMAPPED = 4.0 / 3.0
 def gpu_bytes(scene: Scene) -> int:
     """Bytes of a scene's vertices, triangles and textures on the GPU.
 
-    Each instance has a copy of its mesh for the clusters, up to `MAX_SCENE_TRIANGLES`. What cameras
-    take besides: their pictures, and draw commands of at most 128 MiB each.
+    Each instance has a copy of its mesh for the clusters, up to `MAX_SCENE_TRIANGLES`. Cameras add
+    their images, and at most 128 MiB of draw commands each.
     """
     vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
     triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)

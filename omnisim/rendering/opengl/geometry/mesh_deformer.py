@@ -1,4 +1,4 @@
-"""Deformation of meshes on the GPU: skins and morph targets, into the scene's own buffers."""
+"""Deforms meshes on the GPU: skins and morph targets, written to the scene's buffers."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from omnisim.rendering.opengl.shader_files import build_compute_shader
 from omnisim.scene.motion.deformation import Deformation
 
 _GROUP_SIZE = 64  # local_size_x of the shaders
-_MAX_GROUPS = 65535  # which every GPU allows
-_MAX_JOINTS = 8  # of a vertex
+_MAX_GROUPS = 65535  # every GPU allows as many
+_MAX_JOINTS = 8  # per vertex
 _BOUND = np.dtype(  # as in shaders/scene/deform.comp
     [
         ("position", "<f4", 3),
@@ -36,14 +36,14 @@ _OFFSET = np.dtype([("position", "<f4", 4), ("normal", "<f4", 4)])
 
 
 class MeshDeformer:
-    """Deforms meshes of the scene by the world's time; a frame uploads joints and weights alone.
+    """Deforms a scene's meshes by world time; a frame uploads only joints and weights.
 
     Args:
-        context: where.
-        ranges: of the scene's meshes.
+        context: OpenGL context.
+        ranges: index ranges of the scene's meshes.
 
     Raises:
-        GraphicsError: more than fits on the GPU.
+        GraphicsError: the data does not fit on the GPU.
     """
 
     def __init__(self, context: moderngl.Context, ranges: Sequence[IndexRange]):
@@ -72,9 +72,9 @@ class MeshDeformer:
         self._copied: tuple[TriangleTable, float] | None = None
 
     def run(self, time_s: float, vertices: moderngl.Buffer, table: TriangleTable | None) -> None:
-        """Write vertices as they are at a time, and their triangles into a table, if one is given.
+        """Write the vertices for a time and, if a table is given, their triangles.
 
-        What is there already is not written again.
+        Does nothing for a time that is already written.
         """
         context = self._context
         vertices.bind_to_storage_buffer(0)
@@ -84,25 +84,25 @@ class MeshDeformer:
             self._bound[3].write(weights)
             for binding, buffer in enumerate(self._bound, start=1):
                 buffer.bind_to_storage_buffer(binding)
-            # the draws before may still read the vertices
+            # previous draws may still read the vertices
             context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT)
             self._deform.run(-(-self._count // _GROUP_SIZE))
             context.memory_barrier(
                 context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
                 | context.SHADER_STORAGE_BARRIER_BIT
-                | context.BUFFER_UPDATE_BARRIER_BIT  # a larger buffer gets a copy
+                | context.BUFFER_UPDATE_BARRIER_BIT  # growing a buffer copies it
             )
             self._time_s = time_s
         if table is None or self._copied == (table, time_s):
             return
         self._corners.bind_to_storage_buffer(1)
         table.corners.bind_to_image(0, read=True, write=True)
-        context.memory_barrier(context.SHADER_IMAGE_ACCESS_BARRIER_BIT)  # likewise the table
+        context.memory_barrier(context.SHADER_IMAGE_ACCESS_BARRIER_BIT)  # and the table
         self._copy.run(-(-self._corner_count // _GROUP_SIZE))
         context.memory_barrier(
             context.TEXTURE_FETCH_BARRIER_BIT
             | context.SHADER_IMAGE_ACCESS_BARRIER_BIT
-            | context.TEXTURE_UPDATE_BARRIER_BIT  # an edit writes corners behind these
+            | context.TEXTURE_UPDATE_BARRIER_BIT  # edits append corners
         )
         self._copied = table, time_s
 

@@ -1,4 +1,4 @@
-"""The scene's triangles as textures: the quickest way for shaders to look up single ones."""
+"""Scene triangles in textures, the fastest way for shaders to look up single ones."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOUR, neighbours
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.memory import gpu_allocation
 
-ROW_BITS = 12  # of entries in a row of a texture, as in shaders/ground_truth/tables.glsl
-_ENTRIES_AT_ONCE = 1 << 18  # so that memory in between stays small
+ROW_BITS = 12  # log2 of the entries per row, as in shaders/ground_truth/tables.glsl
+_ENTRIES_AT_ONCE = 1 << 18  # keeps intermediate arrays small
 _CORNER = np.dtype([("position", "<f4", 3), ("neighbour", "<u4")])
 
 
@@ -21,16 +21,16 @@ class TriangleTable:
     """Corners of all triangles, in the order of the index buffer.
 
     Args:
-        context: where.
-        ranges: of the scene's meshes.
-        indices: the scene's index buffer.
+        context: OpenGL context.
+        ranges: index ranges of the scene's meshes.
+        indices: index buffer of the scene.
 
     Attributes:
-        corners: texture of four integers an entry: of each corner the position, in the frame of
-            its mesh, as bits of floats, and the triangle beyond the opposite edge, counted in its
-            mesh (`omnisim.rendering.opengl.geometry.adjacency`). Blended items have no neighbours.
-        indices: buffer of the vertices of the corners. The scene's own, unless blended items sort
-            that anew in every frame.
+        corners: texture with four integers per corner: its position in the mesh's frame as float
+            bits, and the triangle beyond the opposite edge, counted within the mesh
+            (`omnisim.rendering.opengl.geometry.adjacency`). Blended items have no adjacency.
+        indices: vertex index per corner: the scene's index buffer, or a copy if blended items
+            re-sort that in every frame.
 
     Raises:
         GraphicsError: more triangles than fit on the GPU.
@@ -47,7 +47,7 @@ class TriangleTable:
         self._write(ranges)
 
     def append(self, ranges: Sequence[IndexRange], indices: moderngl.Buffer) -> bool:
-        """Append the ranges that are new, if there is room; otherwise a new table is needed."""
+        """Append new ranges if there is room; False: the caller needs a new table."""
         more = ranges[self._written :]
         if not more:
             return True
@@ -59,7 +59,7 @@ class TriangleTable:
 
     def _write(self, ranges: Sequence[IndexRange]) -> None:
         neighbours_of_mesh: dict[int, NDArray[np.uint32]] = {}
-        # whole rows are written at once: the rest of the ranges before waits
+        # whole rows only: the rest of the previous ranges waits
         waiting, row = [self._rest], self._row
         for mesh, first, base, is_blended in ranges:
             if self._is_sorted:
@@ -81,10 +81,10 @@ class TriangleTable:
 
 
 def table_texture(context: moderngl.Context, entries: int, content: str) -> moderngl.Texture:
-    """Texture of so many entries of four integers, row by row.
+    """Texture for `entries` entries of four integers, row by row.
 
     Raises:
-        GraphicsError: it does not fit on the GPU; names its content.
+        GraphicsError: too large for the GPU; names the content.
     """
     rows = max(1, -(-entries >> ROW_BITS))
     size = (1 << ROW_BITS if rows > 1 else max(entries, 1), rows)
@@ -97,8 +97,7 @@ def table_texture(context: moderngl.Context, entries: int, content: str) -> mode
 def write_table(
     texture: moderngl.Texture, values: NDArray[np.void], first_row: int = 0
 ) -> tuple[int, NDArray[np.void]]:
-    """Write the entries of a table, from a row on; return the row that is not full, and those in
-    it."""  # fmt: skip
+    """Write a table's entries from a row on; return the incomplete last row and its entries."""
     row, rest = _write_rows(texture, values, first_row)
     if len(rest):
         entries = np.zeros((texture.width, 4), dtype="<u4")
@@ -110,7 +109,7 @@ def write_table(
 def _write_rows(
     texture: moderngl.Texture, values: NDArray[np.void], first_row: int
 ) -> tuple[int, NDArray[np.void]]:
-    """Write as many entries as fill rows; return the row that follows, and the rest."""
+    """Write as many entries as fill rows; return the next row and the remaining entries."""
     flat = np.ascontiguousarray(values).view(_CORNER).ravel()
     rows = len(flat) // texture.width
     if rows:

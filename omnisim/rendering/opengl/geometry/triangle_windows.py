@@ -1,4 +1,4 @@
-"""Vertex and index buffers that shaders read, in windows where they are larger than a binding.
+"""Vertex and index buffers for shaders, in windows if they exceed the size of a binding.
 
 The bindings are those of shaders/scene/vertex_words.glsl.
 """
@@ -19,7 +19,7 @@ def window_bytes(context: moderngl.Context) -> int:
 
 
 def window_defines(context: moderngl.Context, *buffers: moderngl.Buffer) -> tuple[str, ...]:
-    """Defines of shaders that read buffers; none where each fits into a binding."""
+    """Defines of shaders that read buffers; empty if each fits into one binding."""
     size = window_bytes(context)
     if all(one.size <= size for one in buffers):
         return ()
@@ -29,7 +29,7 @@ def window_defines(context: moderngl.Context, *buffers: moderngl.Buffer) -> tupl
 def bind_triangles(
     context: moderngl.Context, vertices: moderngl.Buffer, indices: moderngl.Buffer
 ) -> None:
-    """Bind vertices and indices, of at most `MOST_WINDOWS` windows each."""
+    """Bind vertices and indices, in at most `MOST_WINDOWS` windows each."""
     size = window_bytes(context)
     for buffer, first, more in zip(
         (vertices, indices), _FIRST_BINDINGS, _MORE_BINDINGS, strict=True
@@ -38,7 +38,7 @@ def bind_triangles(
             buffer.bind_to_storage_buffer(first)
             continue
         for number in range(MOST_WINDOWS):
-            # windows behind the end are not read, but are bound, as shaders name them
+            # windows past the end are never read, but must be bound, because shaders declare them
             start = number * size if number * size < buffer.size else 0
             binding = more + number - 1 if number else first
             buffer.bind_to_storage_buffer(binding, start, min(size, buffer.size - start))

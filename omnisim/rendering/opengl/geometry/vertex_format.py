@@ -1,4 +1,4 @@
-"""Vertex arrays that feed programs with the records of the scene's buffers."""
+"""Vertex arrays that map the records of the scene's buffers to program attributes."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, INSTANCE, VERTEX
 
-# Of attributes of clusters, as in shaders/scene/vertex.glsl.
+# Attribute locations of cluster programs, as in shaders/scene/vertex.glsl.
 _FIRST_LOCATION, _LIGHT_COORDINATE_LOCATION, _FIRST_INSTANCE_LOCATION = 0, 5, 6
 _ATTRIBUTE = "in_"
-# Attribute of baked triangles, stored in the place of another one.
+# Attribute of baked triangles, stored in another one's place.
 _LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
-# Attribute of a buffer of its own, which only scenes with baked light have.
+# Attribute in a separate buffer, for scenes with baked light only.
 _LIGHT_COORDINATE = "in_light_coordinate"
 
 
@@ -23,7 +23,7 @@ def vertex_array(
     indices: moderngl.Buffer,
     light_coordinates: moderngl.Buffer | None = None,
 ) -> moderngl.VertexArray:
-    """Vertex array that feeds a program; attributes it does not use are skipped."""
+    """Vertex array for a program; attributes that it does not use are skipped."""
     content = [(vertices, *_layout(program, VERTEX)), *_light(program, light_coordinates)]
     return context.vertex_array(program, content, indices, index_element_size=4)
 
@@ -36,10 +36,11 @@ def cluster_vertex_array(
     instances: moderngl.Buffer,
     light_coordinates: moderngl.Buffer | None = None,
 ) -> moderngl.VertexArray:
-    """Vertex array of `CLUSTER_VERTEX`, whose base instance is an entry of `INSTANCE`.
+    """Vertex array of `CLUSTER_VERTEX`; the base instance selects an entry of `INSTANCE`.
 
-    It feeds all programs of clusters, as their attributes have the same locations: a change of
-    program is none of vertex arrays. Moderngl asks for one of them.
+    All cluster programs use the same attribute locations, so that changing the program does not
+    change
+    the vertex array. Moderngl needs one of them to create it.
     """
     array = context.vertex_array(program, [], indices, index_element_size=4)
     _bind_attributes(array, vertices, CLUSTER_VERTEX, _FIRST_LOCATION)
@@ -56,7 +57,7 @@ def _bind_attributes(
     location: int,
     divisor: int = 0,
 ) -> None:
-    """Bind the fields of a record to locations that follow each other, one for each row."""
+    """Bind the fields of a record to consecutive locations, one per matrix row."""
     for name, (field, offset, *_) in (record.fields or {}).items():
         rows, columns = field.shape if len(field.shape) == 2 else (1, *field.shape)
         for row in range(rows if name.startswith(_ATTRIBUTE) else 0):
@@ -77,7 +78,7 @@ def _light(
 
 
 def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
-    """Format of a buffer, and the names of the attributes that a program uses."""
+    """Buffer format, and the names of the attributes that a program uses."""
     layout, names = [], []
     for name in vertex.names or ():
         field = vertex[name]
@@ -91,6 +92,6 @@ def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
 
 
 def _format(field: np.dtype[np.generic]) -> str:
-    """moderngl's format of an attribute."""
+    """Moderngl's format of an attribute."""
     count = int(np.prod(field.shape))
     return f"{count}f{field.base.itemsize}"

@@ -1,4 +1,4 @@
-"""Records of the scene's vertex buffers, in NumPy: to describe and fill them opens no OpenGL."""
+"""NumPy record types of the scene's vertex buffers; using them opens no OpenGL."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from omnisim.scene.parts import LightRectangle
 VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
         ("in_position", "<f4", 3),
-        ("in_normal", "<f4", 3),  # zero: flat, the triangle's own; or in_light, see below
+        ("in_normal", "<f4", 3),  # zero: flat, use the triangle's; or in_light, see below
         ("in_texture_coordinate", "<f4", 2),
         ("in_color", "<f2", 4),
     ]
 )
-CLUSTER_VERTEX = np.dtype(  # of clusters: with its material, whatever draw call it is in
+CLUSTER_VERTEX = np.dtype(  # carries its material, for any draw call
     [
         ("in_position", "<f4", 3),
         ("in_normal", "<f4", 3),
         ("in_texture_coordinate", "<f4", 2),
-        ("in_color", "<f4", 4),  # times the base colour
-        ("in_material", "<f4", 2),  # layer of the texture array, and cutoff of alpha
+        ("in_color", "<f4", 4),  # times the base color
+        ("in_material", "<f4", 2),  # layer of the texture array, and alpha cutoff
     ]
 )
-INSTANCE = np.dtype(  # of an object in a view, as in shaders/culling/views.glsl
+INSTANCE = np.dtype(  # one object in one view, as in shaders/culling/views.glsl
     [
         ("in_clip_from_object", "<f4", (4, 4)),
         ("in_placement", "<f4", 4),
         ("in_viewpoint_from_object", "<f4", (3, 4)),
-        ("viewpoint", "<f4", 4),  # of culling alone
+        ("viewpoint", "<f4", 4),  # for culling only
     ]
 )
 
 
 def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
-    """Write the vertices of a mesh into as many of `VERTEX` or `CLUSTER_VERTEX`."""
+    """Write a mesh's vertices to records of `VERTEX` or `CLUSTER_VERTEX`."""
     vertices["in_position"] = mesh.positions
     vertices["in_color"] = 1.0
     if mesh.normals is not None:
@@ -52,11 +52,11 @@ def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
 def light_coordinates(
     parts: Sequence[tuple[int, Mesh, Sequence[LightRectangle]]], count: int
 ) -> NDArray[np.float32]:
-    """Places (count, 4) of vertices in the lightmap, of both sides; negative: they have none.
+    """Lightmap coordinates (count, 4) of vertices, front and back; negative: none.
 
     Args:
-        parts: first vertex of a mesh, the mesh, and its rectangles of front and back, if any.
-        count: of all vertices.
+        parts: first vertex, mesh, and its lightmap rectangles of front and back, if any.
+        count: number of all vertices.
     """
     places = np.full((count, 4), -1.0, dtype=np.float32)
     for base, mesh, rectangles in parts:

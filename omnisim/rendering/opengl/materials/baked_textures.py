@@ -18,11 +18,11 @@ class BakedTextures:
     """Textures of a scene's baked light.
 
     Args:
-        context: where.
-        baked: the light.
+        context: OpenGL context.
+        baked: baked light of the scene.
 
     Raises:
-        GraphicsError: it is larger than the GPU allows.
+        GraphicsError: larger than the GPU allows.
     """
 
     def __init__(self, context: moderngl.Context, baked: BakedLight):
@@ -30,13 +30,13 @@ class BakedTextures:
         self._probes = _probes(context, baked.probes)
 
     def bind(self) -> None:
-        """Bind them for programs that were connected."""
+        """Bind the textures for connected programs."""
         self._lightmap.use(_LIGHTMAP_UNIT)
         self._probes.use(_PROBES_UNIT)
 
 
 def connect(program: moderngl.Program, baked: BakedLight) -> None:
-    """Connect a program that looks baked light up."""
+    """Set the samplers and uniforms of a program that looks up baked light."""
     set_sampler(program, "u_lightmap", _LIGHTMAP_UNIT)
     set_sampler(program, "u_probes", _PROBES_UNIT)
     scale = find_uniform(program, "u_probes_per_m")
@@ -47,7 +47,7 @@ def connect(program: moderngl.Program, baked: BakedLight) -> None:
 def _lightmap(context: moderngl.Context, baked: BakedLight) -> moderngl.Texture:
     height, width = baked.irradiance.shape[:2]
     _check_size(context, "GL_MAX_TEXTURE_SIZE", (width, height), "texels")
-    # four numbers a texel, which are looked up quicker than three
+    # four numbers per texel, which are fetched faster than three
     texels = np.ones((height, width, 4), dtype=np.float16)
     texels[..., :3] = baked.irradiance
     with gpu_allocation(f"baked light of {width} × {height} texels", "bake it coarser"):

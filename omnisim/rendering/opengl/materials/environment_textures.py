@@ -1,4 +1,4 @@
-"""Textures of environment maps: the sky itself, and what glossy surfaces reflect of it."""
+"""Textures of environment maps: the visible sky, and its filtered reflections."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.light.environment import Environment
 
-_LARGEST = 65504.0  # of half floats
+_LARGEST = 65504.0  # largest half float
 
 
 def sky_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
-    """Texture of the map as it is seen, with mip levels."""
+    """Texture of the visible sky, with mip levels."""
     return _map(context, environment.pyramid)
 
 
 def filtered_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
-    """Texture of the filtered map, each mip level for a roughness."""
+    """Texture of the filtered map, one mip level per roughness."""
     return _map(context, environment.filtered)
 
 

@@ -1,4 +1,4 @@
-"""Tables of reflectance for shaders: numbers of materials, and details of vertices."""
+"""Reflectance tables for shaders: records of materials, and details of vertices."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _ROW_VERTICES = 4096
 
 
 class Reflectance(NamedTuple):
-    """Reflectance of a material that is not matte, on a mesh.
+    """Reflectance of a glossy, metallic or mapped material on a mesh.
 
     Attributes:
-        record: number of its numbers in the table.
-        maps: arrays of its maps, in the order of `Material.maps`; None: it has no such map.
-        second_coordinates: one of its maps is placed by the second texture coordinates.
+        record: index of its record in the table.
+        maps: arrays of its maps, in the order of `Material.maps`; None for missing maps.
+        second_coordinates: some maps use the second texture coordinates.
     """
 
     record: int
@@ -34,10 +34,10 @@ class Reflectance(NamedTuple):
 
 
 class MaterialTable:
-    """Numbers of materials; grows as materials come.
+    """Records of materials; grows with new materials.
 
     Args:
-        context: where.
+        context: OpenGL context.
     """
 
     def __init__(self, context: moderngl.Context):
@@ -47,13 +47,13 @@ class MaterialTable:
         self._texture: moderngl.Texture | None = None
 
     def append(self, material: Material, layers: Sequence[int | None]) -> int:
-        """Append a material whose maps are layers of arrays; return the number of its record."""
+        """Append a material, given the array layers of its maps; return the index of its record."""
         self._records.append(_record(material, layers))
         return len(self._records) - 1
 
     @property
     def texture(self) -> moderngl.Texture | None:
-        """The table; None: it is empty."""
+        """Texture of the table; None while it is empty."""
         if self._uploaded != len(self._records):
             rows = -(-len(self._records) // _IN_ROW)
             values = np.zeros((rows * _IN_ROW, _TEXELS, 4), dtype=np.float32)
@@ -67,11 +67,11 @@ class MaterialTable:
 def vertex_details(
     context: moderngl.Context, meshes: Sequence[tuple[Mesh, int]]
 ) -> moderngl.Texture:
-    """Second texture coordinates and record of the material of each vertex, mesh after mesh.
+    """Second texture coordinates and material record of each vertex, mesh after mesh.
 
     Args:
-        context: where.
-        meshes: each with the record of its material.
+        context: OpenGL context.
+        meshes: meshes, each with its material's record.
     """
     bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()
     placed = [(mesh, record, base) for (mesh, record), base in zip(meshes, bases, strict=False)]
@@ -81,7 +81,7 @@ def vertex_details(
 def placed_details(
     context: moderngl.Context, meshes: Sequence[tuple[Mesh, int, int]]
 ) -> moderngl.Texture:
-    """Details as of `vertex_details`, each mesh also with its first vertex."""
+    """Details as from `vertex_details`, with the first vertex of each mesh."""
     count = max(base + len(mesh.positions) for mesh, _, base in meshes)
     rows = max(1, -(-count // _ROW_VERTICES))
     values = np.zeros((rows * _ROW_VERTICES, 4), dtype=np.float32)

@@ -1,6 +1,6 @@
-"""Textures of materials on the GPU, each uploaded once, with mip levels.
+"""Material textures on the GPU, with mip levels; each is uploaded once.
 
-Textures of one size and wrapping are layers of one array: a draw call shows many materials.
+Textures of equal size and wrapping are layers of one array, so that a call draws many materials.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.mipmaps import mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
 
-# Identity of a texture's pixels, the cutoff of its mip levels, and how it is stored and repeated.
+# Identity of a texture's pixels, alpha cutoff of its mip levels, storage and wrapping.
 _Key = tuple[int, float | None, bool, tuple[bool, bool]]
 
 
 class MaterialTexture(NamedTuple):
-    """Texture of a material: a layer of an array; and its reflectance.
+    """Texture of a material as a layer of an array, and its reflectance.
 
     Attributes:
-        array: shared with others of its size; None: the material has no texture.
-        layer: in the array.
-        texture: the layer alone; white where the material has no texture.
-        reflectance: on its mesh; None: it is matte.
+        array: array shared with textures of the same size; None: an untextured material.
+        layer: index in the array.
+        texture: the layer as a texture; white for untextured materials.
+        reflectance: reflectance on its mesh; None: matte.
     """
 
     array: TextureArray | None
@@ -40,19 +40,19 @@ class MaterialTexture(NamedTuple):
 
     @property
     def arrays(self) -> tuple[TextureArray | None, ...]:
-        """Array of the base colour, and those of the maps."""
+        """Array of the base color, then those of the maps."""
         return self.array, *(() if self.reflectance is None else self.reflectance.maps)
 
 
 class MaterialTextures:
-    """Textures of the materials that were asked for.
+    """Textures of all requested materials.
 
     Args:
-        context: where.
-        is_matte: all materials are.
+        context: OpenGL context.
+        is_matte: all materials are matte.
 
     Attributes:
-        table: numbers of the materials that are not matte.
+        table: records of the materials that are not matte.
     """
 
     def __init__(self, context: moderngl.Context, is_matte: bool = False):
@@ -60,7 +60,7 @@ class MaterialTextures:
         self.table = MaterialTable(context)
         self._reflectances: dict[tuple[object, ...], tuple[Material, Reflectance]] = {}
         self._layers: dict[_Key, MaterialTexture] = {}
-        self._sources: dict[_Key, Texture] = {}  # kept, so that no other gets the same identity
+        self._sources: dict[_Key, Texture] = {}  # kept alive, so that their identities stay unique
         pixels = np.full((1, 1, 4), 255, dtype=np.uint8)
         self._white_array = TextureArray(context, [[pixels]], (True, True))
         self._white = MaterialTexture(None, 0, self._white_array.layers[0])
@@ -69,7 +69,7 @@ class MaterialTextures:
         """Texture of a material on a mesh.
 
         Raises:
-            GraphicsError: it is larger than the GPU allows.
+            GraphicsError: larger than the GPU allows.
         """
         key = _key(material, mesh)
         if any(one not in self._layers for one in self._uses(material, mesh)):
@@ -78,7 +78,7 @@ class MaterialTextures:
         return found._replace(reflectance=self._reflectance(material, mesh))
 
     def keep(self, used: Collection[MaterialTexture]) -> None:
-        """Forget all textures but the used ones; an array goes with the last of its layers."""
+        """Drop all textures but the used ones; an array goes with its last layer."""
         if not used:
             self.table, self._reflectances = MaterialTable(self._context), {}
         arrays = {id(array) for one in used for array in one.arrays}
@@ -86,10 +86,10 @@ class MaterialTextures:
         self._sources = {key: self._sources[key] for key in self._layers}
 
     def share(self, used: Iterable[tuple[Material, Mesh]]) -> None:
-        """Upload new textures of materials on meshes, those of one size and wrapping as an array.
+        """Upload new textures, those of equal size and wrapping as one array.
 
         Raises:
-            GraphicsError: one is larger than the GPU allows.
+            GraphicsError: a texture larger than the GPU allows.
         """
         classes: dict[tuple[object, ...], dict[_Key, Texture]] = {}
         for material, mesh in used:
@@ -113,7 +113,7 @@ class MaterialTextures:
             self._layers[key] = MaterialTexture(array, layer, array.layers[layer])
 
     def _reflectance(self, material: Material, mesh: Mesh) -> Reflectance | None:
-        """Reflectance of a material on a mesh, whose maps are there."""
+        """Reflectance of a material on a mesh, whose maps are uploaded."""
         if self._is_matte or material.is_matte:
             return None
         keys = [None if one is None else _map_key(one, mesh) for one in material.maps]

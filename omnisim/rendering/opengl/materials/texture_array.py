@@ -1,4 +1,4 @@
-"""Texture arrays: textures of one size as layers, each of which is also a texture of its own."""
+"""Texture arrays: textures of one size as layers, each also usable as its own texture."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
 
 
 class TextureArray:
-    """Array of textures of one size, with mip levels, RGBA stored as sRGB or linear.
+    """Array of equally sized RGBA textures with mip levels, stored as sRGB or linear.
 
     Args:
-        context: where.
-        layers: levels (height, width, 4) of each, from the full size down to one texel.
-        repeats: right and down; otherwise the edge goes on.
-        is_linear: values, not colours.
+        context: OpenGL context.
+        layers: mip levels (height, width, 4) of each, from full size to one texel.
+        repeats: repeat to the right and down; otherwise clamp to the edge.
+        is_linear: linear values instead of sRGB colors.
 
     Attributes:
-        array: the whole.
-        layers: each as a texture, without a copy.
+        array: texture array.
+        layers: each layer as a texture view, without a copy.
     """
 
     def __init__(
@@ -59,14 +59,14 @@ class TextureArray:
         for texture in textures:
             texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             texture.repeat_x, texture.repeat_y = repeats
-        # the layers are not moderngl's to free, and hold the memory of the array
+        # moderngl does not free the layers, and they hold the array's memory
         names = [layer.glo for layer in self.layers]
         dropped = weakref.finalize(self, context.extra.dropped_textures.extend, names)
-        dropped.atexit = False  # the end of the process frees it
+        dropped.atexit = False  # the end of the process frees them
 
 
 def bind_maps(maps: Sequence[TextureArray | None]) -> None:
-    """Bind the arrays of a material's maps, behind that of its base colour."""
+    """Bind the arrays of a material's maps, after that of its base color."""
     for unit, one in zip(MAP_UNITS, maps, strict=True):
         if one is not None:
             gl_functions.bind_texture(unit, one.array.glo)
