@@ -107,7 +107,7 @@ class MeshDeformer:
         self._copied = table, time_s
 
     def _state(self, time_s: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Rows (joints, 3, 4) of all transforms, and weights (n,) of all targets."""
+        """Rows (joints, 3, 4) of all joint transforms, and weights (n,) of all morph targets."""
         matrices = [one.matrices_at(time_s)[:, :3] for one in self._deformations]
         weights = [np.zeros(1), *(one.weights_at(time_s) for one in self._deformations)]
         return (

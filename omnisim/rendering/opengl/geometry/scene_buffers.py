@@ -1,8 +1,7 @@
-"""Buffers of a scene and its dynamic objects on the GPU, and the items to draw from them.
+"""GPU buffers of a scene and its dynamic objects, and the items to draw from them.
 
-A dynamic object is a scene in a frame of its own, which has another pose in the world in each
-frame. Its geometry stays where it is; only matrices change. Meshes that deform are written anew,
-by the GPU.
+A dynamic object is a scene in its own frame, with a new world pose per frame. Its geometry is
+uploaded once; only matrices change. The GPU rewrites the vertices of deforming meshes.
 """
 
 from __future__ import annotations
@@ -31,30 +30,29 @@ from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
 
-# Extensions of OpenGL 4.5, parts of 4.6.
+# Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
 
 
 class SceneBuffers:
-    """Uploads a scene and its dynamic objects once; the passes of all sensors draw from it.
+    """Uploads a scene and its dynamic objects once, for the passes of all sensors.
 
     Args:
-        context: where.
-        scene: the static part of the world.
-        dynamic_objects: those in it; their lights, backgrounds and starts count for nothing.
-        uses_clusters: draw opaque and masked instances by clusters of their triangles. Without,
-            every instance is drawn whole, one after the other: slower, but little can go wrong, the
-            reference for what is faster.
+        context: OpenGL context.
+        scene: static part of the world.
+        dynamic_objects: moving scenes; their lights, backgrounds and starts are ignored.
+        uses_clusters: draw opaque and masked instances by clusters of triangles. False draws every
+            instance whole, one after the other: slower but simpler, the reference for clusters.
 
     Attributes:
-        context: as given.
+        context: see the arguments.
         vertices, indices: the two buffers.
-        draw_items: opaque and masked instances, then blended ones; within each by material.
-        radii_m: (n,) of their bounding spheres, at 0 s.
+        draw_items: opaque and masked instances, then blended ones; each part sorted by material.
+        radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
 
     Raises:
-        GraphicsError: a texture past the limits of the GPU.
+        GraphicsError: a texture beyond the limits of the GPU.
     """
 
     def __init__(
@@ -122,12 +120,12 @@ class SceneBuffers:
 
     @property
     def materials(self) -> MaterialTable:
-        """Numbers of the materials that are not matte."""
+        """Records of the materials that are not matte."""
         return self._textures.table
 
     @property
     def item_details(self) -> moderngl.Texture | None:
-        """Details of the vertices, see `placed_details`; None: no item has second coordinates."""
+        """Vertex details, see `placed_details`; None: no item has second texture coordinates."""
         ranges = self._store.ranges
         if self._item_details is None or self._item_details[0] != len(ranges):
             placed = [
@@ -141,7 +139,7 @@ class SceneBuffers:
 
     @property
     def light_coordinates(self) -> moderngl.Buffer | None:
-        """Light coordinates of the vertices; None: the scene has no baked light."""
+        """Lightmap coordinates of the vertices; None: no baked light."""
         if self._lighting.baked is None:
             return None
         if self._light_coordinates is None or self._light_coordinates[0] != len(self._store.ranges):
@@ -159,11 +157,13 @@ class SceneBuffers:
         return self._store.indices
 
     def update(self, scene: Scene) -> None:
-        """Draw another scene, of the same lights; passes have to `refresh` before the next frame.
+        """Draw another scene with the same lights; passes must `refresh` before the next frame.
 
-        Items of instances that stay keep their numbers, and their place in the clustered geometry.
-        Others are drawn one by one, in place of items that are not drawn any more. Where much was
-        appended everything is uploaded anew: so rarely that it costs no more than the appending.
+        Items of unchanged instances keep their index, and their place in the clustered geometry.
+        New
+        ones are drawn one by one, in the place of removed items. Once much has been appended,
+        everything
+        is uploaded again, so rarely that it costs no more than appending.
         """
         static = self._static_mask
         added, drawn = _changed(scene, self.draw_items, static)
@@ -176,7 +176,7 @@ class SceneBuffers:
             return
         is_baked = self._lighting.baked is not None
         new = make_draw_items(scene, added, None, offsets, self._textures, is_baked)
-        # from here on nothing fails
+        # no failure from here on
         free = np.flatnonzero(~drawn & ~static).tolist()
         for index in set(free) - self._free:
             self._store.release(self.draw_items[index])
@@ -200,7 +200,7 @@ class SceneBuffers:
         viewpoint_m: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> InstanceTransforms:
-        """Transforms of the items into the frame of a viewpoint (3,), world.
+        """Transforms of the items to the frame of a viewpoint (3,), world.
 
         Args:
             viewpoint_m: (3,), world.
@@ -217,17 +217,17 @@ class SceneBuffers:
             world_from_object = np.stack(world_from_objects)[self._object_of_item[dynamic]]
             rotation = world_from_object[:, :3, :3]
             world_from_mesh[dynamic] = world_from_object @ world_from_mesh[dynamic]
-            # a rotation is its own matrix of cofactors
+            # a rotation equals its matrix of cofactors
             normal_from_mesh[dynamic] = rotation @ normal_from_mesh[dynamic]
             centres_m[dynamic] = (rotation @ centres_m[dynamic, :, None])[..., 0]
             centres_m[dynamic] += world_from_object[:, :3, 3]
-        world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
+        world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: precise far from the origin
         return InstanceTransforms(
             world_from_mesh, normal_from_mesh, centres_m - viewpoint_m, radii_m
         )
 
     def _spheres_at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centres (n, 3) and radii (n,) of the items that deform, in their objects' frames."""
+        """Centers (n, 3) and radii (n,) of deforming items, in their objects' frames."""
         found = self._deformed_spheres
         if found is None or found[0] != time_s:
             spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
@@ -239,11 +239,11 @@ class SceneBuffers:
     def deform(
         self, world_from_objects: Sequence[NDArray[np.float64]], *, triangles: bool = False
     ) -> None:
-        """Write the meshes that deform as they are at the poses' time, before they are drawn.
+        """Write the vertices of deforming meshes for the time of the poses, before drawing.
 
         Args:
             world_from_objects: (4, 4) each, poses of the dynamic objects, with their time.
-            triangles: write the table of triangles, too.
+            triangles: write the triangle table, too.
         """
         if not self.deforming.size:
             return
@@ -255,22 +255,22 @@ class SceneBuffers:
     def front_to_back(
         self, items: NDArray[np.intp], transforms: InstanceTransforms
     ) -> NDArray[np.intp]:
-        """Sort items (n,), near ones first and those that surround them last: little overdraw."""
+        """Sort items (n,) front to back, those around the viewpoint last, to reduce overdraw."""
         far_m = np.linalg.norm(transforms.centres_m[items], axis=1) + transforms.radii_m[items]
         return items[np.argsort(far_m, kind="stable")]
 
     def shown(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
-        """Mask (n,) of the items without these parts of dynamic objects."""
+        """Mask (n,) of the items, without hidden parts of dynamic objects."""
         parts = [(item.object_index, item.name) for item in self.draw_items]
         return self._is_drawn & np.array([part not in hidden for part in parts], dtype=np.bool_)
 
     def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
-        """Mask (n,) of the shown items that are not part of the clustered geometry."""
+        """Mask (n,) of visible items outside of the clustered geometry."""
         return self.shown(hidden) & ~self._static_mask
 
     @property
     def _static_mask(self) -> NDArray[np.bool_]:
-        """Mask (n,) of the items with a place in the clustered geometry."""
+        """Mask (n,) of items inside the clustered geometry."""
         mask = np.zeros(len(self.draw_items), dtype=np.bool_)
         if self.clustered_geometry is not None:
             mask[: len(self.clustered_geometry.contains)] = self.clustered_geometry.contains
@@ -278,13 +278,12 @@ class SceneBuffers:
 
     @cached_property
     def triangles(self) -> TriangleTable:
-        """Corners of all triangles, for lookups of single ones."""
+        """Corners of all triangles, for lookups."""
         return TriangleTable(self.context, self._store.ranges, self.indices)
 
     @cached_property
     def clustered_geometry(self) -> ClusteredGeometry | None:
-        """Clusters of opaque and masked instances; None where there are none, or on an OpenGL
-        without the calls that draw them."""  # fmt: skip
+        """Clusters of opaque and masked instances; None without any, or without multi-draws."""
         if not self._uses_clusters or not self.context.extensions >= _CALLS_OF_CLUSTERS:
             return None
         return build_clustered_geometry(
@@ -292,10 +291,10 @@ class SceneBuffers:
         )
 
     def check_readable(self, purpose: str) -> None:
-        """Refuse a scene whose triangles shaders cannot read.
+        """Refuse a scene that is too large for shaders to read its triangles.
 
         Raises:
-            GraphicsError: naming the size, the limit, and the purpose.
+            GraphicsError: names the size, the limit, and the purpose.
         """
         limit = MOST_WINDOWS * window_bytes(self.context)
         largest = max(self.vertices.size, self.indices.size)
@@ -307,12 +306,12 @@ class SceneBuffers:
     def sort_triangles(
         self, item: DrawItem, viewpoint_from_mesh: NDArray[np.float64], time_s: float = 0.0
     ) -> None:
-        """Sort the triangles of a blended item in the index buffer, back to front.
+        """Sort the indices of a blended item's triangles back to front.
 
         Args:
-            item: which.
+            item: blended item.
             viewpoint_from_mesh: (4, 4).
-            time_s: at which a mesh that deforms is sorted.
+            time_s: time for which a deforming mesh is sorted.
         """
         mesh = item.mesh
         positions = mesh.deformation.positions_at(time_s) if mesh.deformation else mesh.positions
@@ -327,14 +326,14 @@ class SceneBuffers:
 def _changed(
     scene: Scene, items: Sequence[DrawItem], static: NDArray[np.bool_]
 ) -> tuple[list[Instance], NDArray[np.bool_]]:
-    """Instances of a scene that no item draws, and the mask (n,) of the items that draw others."""
+    """Instances without an item, and the mask (n,) of items without an instance."""
     unmatched: dict[tuple[object, ...], list[Instance]] = {}
     for instance in scene.instances:
         mesh = scene.meshes[instance.mesh]
         key = (instance.name, *geometry_key(mesh), id(scene.materials[mesh.material]))
         unmatched.setdefault((*key, id(instance.world_from_mesh)), []).append(instance)
     drawn = np.ones(len(items), dtype=np.bool_)
-    # in the clustered geometry first: nothing is quicker to draw
+    # clustered items first: they are fastest to draw
     for index in np.argsort(~static, kind="stable").tolist():
         item = items[index]
         if item.object_index is None:
@@ -354,10 +353,10 @@ def make_draw_items(
     textures: MaterialTextures,
     is_baked: bool = False,
 ) -> list[DrawItem]:
-    """Draw items of some of a scene's instances, whose meshes have offsets in the two buffers."""
+    """Draw items of some instances of a scene, given first index and vertex of each."""
     if not instances:
         return []
-    # all at once: one by one these take longer than the whole upload
+    # all at once: one by one would take longer than the whole upload
     linear = np.array([instance.world_from_mesh[:3, :3] for instance in instances])
     flips_winding = np.linalg.det(linear) < 0.0
     cofactors = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])

@@ -1,1 +1,1 @@
-"""Ground truth: triangle IDs, ray hits and occlusion between two frames."""
+"""Ground truth: triangle IDs, ray hits, and occlusion between two frames."""

@@ -1,4 +1,4 @@
-"""Textures that shaders with `ground_truth/intersect.glsl` read."""
+"""Textures for shaders with `ground_truth/intersect.glsl`."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _UNITS = {"u_triangle_ids": 0, "u_corners": 2, "u_draw_items": 3, "u_primitives"
 
 
 class HitTables:
-    """Textures of visible triangles, and of the draw items that they are of.
+    """Textures of visible triangles and their draw items.
 
     Args:
-        visibility: visible triangles.
+        visibility: pass that draws the triangle IDs.
     """
 
     def __init__(self, visibility: VisibilityPass):
@@ -40,7 +40,7 @@ class HitTables:
         self.refresh()
 
     def refresh(self) -> None:
-        """Take over what the buffers have now."""
+        """Update after the buffers changed."""
         visibility = self._visibility
         draws = visibility.buffers.draw_items
         self._draw_items = np.zeros(len(draws), dtype=_DRAW_ITEM)
@@ -62,7 +62,7 @@ class HitTables:
         uniform(program, "u_depth_limits_m").value = depth_limits_m
 
     def update(self, transforms: InstanceTransforms, second_matrices: NDArray[np.float64]) -> None:
-        """Write each draw item's transform and another matrix (n, 3, 3) or (n, 3, 4), and bind."""
+        """Write each draw item's transform and second matrix (n, 3, 3) or (n, 3, 4); bind."""
         self._draw_items["viewpoint_from_mesh"] = transforms.viewpoint_from_mesh[:, :3]
         self._draw_items["second_matrix"][..., : second_matrices.shape[-1]] = second_matrices
         write_table(self._texture, self._draw_items)
@@ -74,12 +74,12 @@ class HitTables:
         transforms: Sequence[InstanceTransforms],
         viewpoints_from_optical: NDArray[np.float64],
     ) -> None:
-        """Write each picture's draw items, normal matrices and camera (n, 3, 3), and bind.
+        """Write draw items, normal matrices and camera (n, 3, 3) of each image, and bind.
 
         Args:
-            ids: layers of triangle IDs.
-            transforms: of each picture.
-            viewpoints_from_optical: of each.
+            ids: texture array of triangle IDs.
+            transforms: transforms of the draw items, per image.
+            viewpoints_from_optical: camera rotation, per image.
         """
         count = len(self._draw_items)
         tables = np.zeros((len(transforms), count + 1), dtype=_DRAW_ITEM)
@@ -97,7 +97,7 @@ class HitTables:
 
     @property
     def picture_bytes(self) -> int:
-        """Memory of the draw items of a picture of a batch."""
+        """Size of one batch image's draw items, bytes."""
         return int(_DRAW_ITEM.itemsize * (len(self._draw_items) + 1))
 
     def _bind(

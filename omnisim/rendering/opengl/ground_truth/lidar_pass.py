@@ -1,4 +1,4 @@
-"""Hits of a spinning lidar's beams, slice by slice of its revolution."""
+"""Hits of a spinning lidar's beams, slice by slice of the revolution."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import columns_first, uniform
 
-# A triangle is found where a texel near the beam shows it, or an adjacent one: measured in mapping,
-# 0.06 % of the beams of five revolutions miss one at 1.5 texels, 0.03 % at 2, 0.02 % at 2.5; a
+# A triangle is hit if a texel near the beam shows it or an adjacent one. Measured in mapping: 0.06
+# %
+# of the beams of five revolutions miss one at 1.5 texels per beam, 0.03 % at 2, 0.02 % at 2.5; a
 # revolution takes a sixth longer at 2.5 than at 2.
 TEXELS_PER_BEAM = 2.5
-# A slice's virtual camera sees so much more than the slice, for what turns while it lasts.
+# Margin of a slice's virtual camera, for objects that turn during the slice.
 MARGIN_RAD = 0.05
 _RAYS_UNIT = 1
 
@@ -39,13 +40,13 @@ class LidarPass:
 
     Surfaces reflect on both sides.
 
-    What sees a slice of a certain width is made once.
+    The virtual cameras of a slice width are created once.
 
     Args:
-        buffers: the scene and its dynamic objects.
-        beams: of the lidar.
-        near_m: nothing nearer is hit.
-        hidden: parts of dynamic objects that beams go through.
+        buffers: scene and dynamic objects.
+        beams: beams of the lidar.
+        near_m: minimum range.
+        hidden: parts of dynamic objects that beams pass through.
 
     Raises:
         GraphicsError: more beams than fit on the GPU.
@@ -73,12 +74,12 @@ class LidarPass:
         self._sector = lru_cache(maxsize=4)(self._make_sector)
 
     def refresh(self) -> None:
-        """Hit what the buffers have now."""
+        """Update after the buffers changed."""
         self._sector.cache_clear()
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+        """Dynamic object and name of each instance, indexed by `BeamHits.draws_plus_one` − 1."""
         return [(item.object_index, item.name) for item in self._buffers.draw_items]
 
     def cast(self, revolution: Revolution) -> BeamHits:
@@ -97,7 +98,7 @@ class LidarPass:
         return BeamHits(hits[..., 1].view(np.float32), hits[..., 0])
 
     def _heading_rad(self, one: Slice) -> float:
-        """Azimuth of a slice's middle; 0 where it is a whole revolution."""
+        """Azimuth of a slice's middle; 0 for a whole revolution."""
         azimuths_rad = self._beams.azimuths_rad
         if one.last - one.first == len(azimuths_rad):
             return 0.0
@@ -108,12 +109,12 @@ class LidarPass:
 
 
 class _Sector:
-    """Virtual cameras of a slice, which look ahead in its middle.
+    """Virtual cameras of a slice, centered on its middle azimuth.
 
     Args:
         buffers, beams, cameras: see `LidarPass`.
-        firings: of the slice.
-        is_whole: it is a whole revolution.
+        firings: number of firings in the slice.
+        is_whole: the slice is a whole revolution.
     """
 
     def __init__(
@@ -169,7 +170,7 @@ class _Sector:
 
 
 def _plan_camera(beams: LidarBeams, firings: int, is_whole: bool) -> CylindricalCamera:
-    """Camera that sees what a slice's beams do, as densely as they are."""
+    """Camera with the field of view of a slice, as dense as its beams."""
     steps_rad = np.append(np.diff(beams.elevations_rad), 2.0 * math.pi / len(beams.azimuths_rad))
     focal_length_px = 1.0 / float(steps_rad.min())
     width_rad = 2.0 * math.pi

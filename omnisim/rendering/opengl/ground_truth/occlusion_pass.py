@@ -1,4 +1,4 @@
-"""Occlusion of a picture's points from the next viewpoint."""
+"""Occlusion of an image's points from the next viewpoint."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
 
 
 class OcclusionPass:
-    """Casts a ray from the next viewpoint to each hit point; everything is made once.
+    """Casts a ray from the next viewpoint to each hit point; GPU resources are created once.
 
     Args:
-        hits: of the current viewpoint; its visible triangles are drawn anew, from the next one.
+        hits: pass of the current viewpoint; its triangle IDs are redrawn from the next one.
 
     Raises:
-        GraphicsError: no memory for it.
+        GraphicsError: out of GPU memory.
     """
 
     def __init__(self, hits: RayHitPass):
@@ -40,7 +40,7 @@ class OcclusionPass:
         with gpu_allocation(f"flow of {width} × {height} px", "make the picture smaller"):
             occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
             self._target = context.framebuffer([occluded])
-        # once: nothing is ever drawn where there is no ray
+        # once: pixels without a ray are never drawn
         use_target(self._target)
         clear_integers(0)
 
@@ -50,13 +50,13 @@ class OcclusionPass:
         world_from_objects: Sequence[NDArray[np.float64]],
         next_from_current: NDArray[np.float64],
     ) -> None:
-        """Start to draw; `read` waits for it.
+        """Start drawing; `read` waits for it.
 
         Args:
             world_from_rig: (4, 4) next pose.
-            world_from_objects: (4, 4) each, the dynamic objects' next poses.
-            next_from_current: (n, 3, 4) of each draw item, from the current viewpoint frame to
-                the next one.
+            world_from_objects: (4, 4) each, next poses of the dynamic objects.
+            next_from_current: (n, 3, 4) per draw item, from the current to the next viewpoint
+                frame.
         """
         visibility = self._hits.visibility
         transforms = visibility.buffers.instance_transforms(
@@ -73,7 +73,7 @@ class OcclusionPass:
         flush()
 
     def read(self) -> NDArray[np.uint8]:
-        """Read the occlusion (height, width) of the points, as occlusion.frag has it."""
+        """Read the occlusion (height, width) of the points, encoded as in occlusion.frag."""
         width, height = self._hits.pixels.size_px
         occluded = np.empty((height, width), dtype=np.uint8)
         self._target.read_into(occluded, components=1, dtype="u1")

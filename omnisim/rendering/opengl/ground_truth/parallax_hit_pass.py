@@ -1,4 +1,4 @@
-"""Hits of rays with origins of their own, by the triangles that one viewpoint sees."""
+"""Hits of rays with their own origins, on the triangles that one viewpoint sees."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.uniforms import uniform
 
-UNKNOWN_HIT = np.uint32(1 << 31)  # of a draw item's bits, as in parallax_hits.frag
+UNKNOWN_HIT = np.uint32(1 << 31)  # bit of a draw item's number, as in parallax_hits.frag
 UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag
 _ORIGINS = 11  # texture unit
 
 
 class ParallaxHitPass(RayHitPass):
-    """Intersects rays with triangles that the viewpoint sees where they end.
+    """Intersects rays with the triangles that the viewpoint sees at their ends.
 
     Args:
-        visibility: visible triangles.
-        pixels: with the rays.
-        pyramid: of the depth of their atlas.
+        visibility: pass that draws the triangle IDs.
+        pixels: rays of the pixels.
+        pyramid: hierarchical depth of the atlas.
 
     Attributes:
         origins: texture (height, width) of the rays' origins, see `put_origins`.
@@ -42,16 +42,16 @@ class ParallaxHitPass(RayHitPass):
         self.origins.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
     def put_origins(self, origins_m: NDArray[np.floating]) -> None:
-        """Upload origins (height, width, 3) from the viewpoint.
+        """Upload origins (height, width, 3) relative to the viewpoint.
 
-        Of hits in the optical frame; of their occlusion in the viewpoint frame.
+        For hits in the optical frame; for occlusion in the viewpoint frame.
         """
         texels = np.zeros((*origins_m.shape[:2], 4), dtype=np.float32)
         texels[..., :3] = origins_m
         self.origins.write(texels)
 
     def bind(self) -> None:
-        """Bind rays, origins and depth, of the atlas as last drawn."""
+        """Bind rays, origins, and the depth of the last rendered atlas."""
         super().bind()
         self.origins.use(_ORIGINS)
         self._pyramid.update(self.visibility.read_depth())
@@ -63,6 +63,6 @@ class ParallaxHitPass(RayHitPass):
         uniform(program, "u_origins").value = _ORIGINS
 
     def put(self, hits: Hits) -> None:
-        """Replace the points and primitives of the last hits, which occlusion starts from."""
+        """Replace the points and primitives of the last hits, for occlusion."""
         self.put_points(hits)
         self.primitives.write(np.stack((hits.draws_plus_one, hits.triangles), axis=-1))

@@ -1,4 +1,4 @@
-"""Hits of a picture's rays: triangle, point, range and details of the surface; exact."""
+"""Exact hits of an image's rays: triangle, point, range and surface details."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from omnisim.rendering.opengl.uniforms import columns_first, uniform
 
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 _POINTS, _PRIMITIVES = range(2)  # attachments; details follow
-# Of each detail, its define of the shader, and the components of its attachments.
+# Define and attachment components of each detail.
 _DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
 _PARTS = {"normals": (3,), "albedos": (3,), "materials": (2, 3)}
 
 
 class _Variant(NamedTuple):
-    """Program for some of the channels, and where it draws them."""
+    """Program for a set of channels, and its target."""
 
     target: moderngl.Framebuffer
     viewpoint_from_optical: moderngl.Uniform
@@ -39,22 +39,22 @@ class _Variant(NamedTuple):
 
 
 class RayHitPass:
-    """Intersects the rays of a picture with the visible triangles; everything is made once.
+    """Intersects an image's rays with the visible triangles; GPU resources are created once.
 
     Args:
-        visibility: visible triangles.
-        pixels: with the rays.
+        visibility: pass that draws the triangle IDs.
+        pixels: rays of the pixels.
 
     Attributes:
-        visibility, pixels: as given.
+        visibility, pixels: see the arguments.
         points: texture of points and ranges, see `Hits`.
-        primitives: texture of 1 + draw item, and triangle in it.
-        tables: of the draw items.
-        shader: fragment shader of its hits.
-        occlusion_shader: that of their occlusion from another viewpoint.
+        primitives: texture of 1 + draw item, and triangle in the item.
+        tables: tables of the draw items.
+        shader: fragment shader of hits.
+        occlusion_shader: fragment shader of their occlusion from another viewpoint.
 
     Raises:
-        GraphicsError: a picture or a scene that does not fit on the GPU.
+        GraphicsError: an image or a scene that does not fit on the GPU.
     """
 
     shader: ClassVar[str] = "ground_truth/hits.frag"
@@ -80,7 +80,7 @@ class RayHitPass:
         return window_defines(buffers.context, buffers.vertices, buffers.indices)
 
     def refresh(self) -> None:
-        """Hit what the buffers have now."""
+        """Update after the buffers changed."""
         self.visibility.buffers.check_readable("to look up what its pixels show")
         if self._windows() != self._compiled_windows:
             self._compiled_windows = self._windows()
@@ -94,9 +94,9 @@ class RayHitPass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
         details: HitDetails = NO_DETAILS,
     ) -> Hits:
-        """Intersect all rays from a pose (4, 4), dynamic objects at theirs.
+        """Intersect all rays from a pose (4, 4), with the dynamic objects at theirs.
 
-        Details that textures change need a `visibility` with them.
+        Details that textures change need a `visibility` that draws them.
         """
         visibility, buffers = self.visibility, self.visibility.buffers
         transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
@@ -115,11 +115,11 @@ class RayHitPass:
         return read_hits(variant.target, self.pixels.size_px, 1, details)[0]
 
     def put_points(self, hits: Hits) -> None:
-        """Replace the points of the last hits, which occlusion starts from."""
+        """Replace the points of the last hits, for occlusion."""
         self.points.write(np.ascontiguousarray(hits.points_and_ranges_m))
 
     def bind_geometry(self) -> None:
-        """Bind vertices and indices, which normals need."""
+        """Bind vertices and indices, from which normals are interpolated."""
         buffers = self.visibility.buffers
         bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
 
@@ -143,7 +143,7 @@ class RayHitPass:
         return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
 
     def build_program(self, details: HitDetails, *defines: str) -> moderngl.Program:
-        """Program of the hits, its constant uniforms set."""
+        """Compile a program of hits, and set its constant uniforms."""
         program = build_program(
             self.pixels.context,
             "capture/picture.vert",
@@ -163,7 +163,7 @@ class RayHitPass:
 def bind_details(
     atlases: Mapping[str, moderngl.Texture | moderngl.TextureArray], details: HitDetails
 ) -> None:
-    """Bind the atlases that details are looked up in."""
+    """Bind the atlases of details."""
     for name in atlas_formats(details):
         atlases[name].use(_UNITS[name])
 
@@ -174,7 +174,7 @@ def hits_target(
     points_and_primitives: Sequence[moderngl.Texture | moderngl.Renderbuffer],
     details: HitDetails,
 ) -> moderngl.Framebuffer:
-    """Target of the hits, without any: nothing is ever drawn where there is no ray."""
+    """Target without hits: pixels without a ray are never drawn."""
     attachments = [context.renderbuffer(size, 4, dtype="f4")] if details.normals else []
     attachments += [context.renderbuffer(size, 4, dtype="f2") for _ in atlas_formats(details)]
     target = context.framebuffer([*points_and_primitives, *attachments])
@@ -187,7 +187,7 @@ def hits_target(
 def read_hits(
     target: moderngl.Framebuffer, size_px: tuple[int, int], count: int, details: HitDetails
 ) -> list[Hits]:
-    """Read the hits of some pictures, of width and height, that are below each other."""
+    """Read the hits of `count` images, which are stacked vertically."""
     width, height = size_px
     region = (0, 0, width, count * height)
     points = np.empty((count, height, width, 4), dtype=np.float32)

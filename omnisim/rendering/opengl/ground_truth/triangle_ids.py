@@ -1,8 +1,8 @@
-"""Triangle IDs (visibility buffer), and a table of the triangles that they stand for.
+"""Triangle IDs (visibility buffer), and the table that resolves them.
 
-A fragment knows only how many triangles of its draw call came before. So all triangles are counted
-one after the other, those of items that are drawn one by one and then those of clusters; the atlas
-holds these IDs, and a table has the draw item and the triangle of each.
+A fragment knows only its triangle's position within the draw call. All triangles are therefore
+numbered in drawing order, first those of single items, then those of clusters. The atlas holds
+these IDs; the table maps each to draw item and triangle.
 Source: Burns & Hunt, "The visibility buffer", 2013.
 """
 
@@ -24,16 +24,16 @@ _ENTRY = np.dtype([("item_plus_one", "<u4"), ("triangle", "<u4")])
 
 
 class TriangleIds:
-    """Table of triangle IDs: first of items drawn one by one, then of clusters.
+    """Table of triangle IDs: first single items, then clusters.
 
     Args:
-        buffers: the scene and its dynamic objects.
-        one_by_one: (n,) draw items.
+        buffers: scene and dynamic objects.
+        one_by_one: (n,) items that are drawn one by one.
 
     Attributes:
-        first_of_item: ID of the first triangle of each item that is drawn one by one.
+        first_of_item: ID of the first triangle of each such item.
         first_of_clusters: ID of the first triangle of the clusters.
-        texture: two integers an ID: 1 + number of the draw item, and number of its triangle.
+        texture: two integers per ID: 1 + draw item, and triangle in the item.
     """
 
     def __init__(self, buffers: SceneBuffers, one_by_one: NDArray[np.intp]):
@@ -41,7 +41,7 @@ class TriangleIds:
         self.refresh(one_by_one)
 
     def refresh(self, one_by_one: NDArray[np.intp]) -> None:
-        """Give IDs to what the buffers have now, of which these items are drawn one by one."""
+        """Renumber after the buffers changed; `one_by_one` are the items outside of clusters."""
         draw_items, geometry = self._buffers.draw_items, self._buffers.clustered_geometry
         items = one_by_one.tolist()
         counts = np.array([draw_items[item].triangles for item in items], dtype=np.int64)
@@ -59,14 +59,14 @@ class TriangleIds:
 def cluster_triangle_entries(
     geometry: ClusteredGeometry, draw_items: Sequence[DrawItem]
 ) -> NDArray[np.void]:
-    """Table entries (n,) of the clusters' triangles, in their order."""
+    """Table entries (n,) of the clusters' triangles, in drawing order."""
     entries = _entries(draw_items, np.flatnonzero(geometry.contains).tolist())
     ordered: NDArray[np.void] = entries[geometry.hierarchy.order]
     return ordered
 
 
 def _entries(draw_items: Sequence[DrawItem], items: list[int]) -> NDArray[np.void]:
-    """Table entries (n,) of the triangles of some items."""
+    """Table entries (n,) of the items' triangles."""
     counts = [draw_items[item].triangles for item in items]
     entries = np.empty(sum(counts), dtype=_ENTRY)
     entries["item_plus_one"] = np.repeat(np.array(items, dtype=np.intp) + 1, counts)

@@ -1,4 +1,4 @@
-"""Triangle IDs of many cameras, drawn in one submission: each into a layer of a texture array."""
+"""Triangle IDs of many cameras rendered in one submission, one texture array layer each."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 
 
 class VisibilityLayers:
-    """Culls and draws the clusters of many cameras together, then each one's items.
+    """Draws the clusters of many cameras together, then each camera's single items.
 
     Args:
-        visibility: of one camera.
-        count: most cameras.
-        details: also draw these of them that textures change.
+        visibility: pass of one camera.
+        count: maximum number of cameras.
+        details: details to draw as well, if textures change them.
 
     Attributes:
-        ids: layers of triangle IDs, see `VisibilityPass`.
-        details: layers of its atlases, by the names of their samplers.
+        ids: texture array of triangle IDs, see `VisibilityPass`.
+        details: texture arrays of its atlases by sampler name.
     """
 
     def __init__(self, visibility: VisibilityPass, count: int, details: HitDetails):
@@ -36,7 +36,7 @@ class VisibilityLayers:
         self._state = GlState()
         context, plan = visibility.buffers.context, visibility.plan
         size = (plan.width_px, plan.height_px, count)
-        visibility.drawers(self._wanted)  # of items: made before anything is drawn
+        visibility.drawers(self._wanted)  # creates the items' drawers before anything is drawn
         with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
             self.ids = context.texture_array(size, 1, dtype="u4")
             self.details = {
@@ -57,7 +57,7 @@ class VisibilityLayers:
         return self._visibility.bucket_program(self._wanted, bucket, layered=True)
 
     def draw(self, poses: Sequence[CameraPoses]) -> None:
-        """Draw all from poses of the cameras' rigs and of the dynamic objects."""
+        """Draw from poses of the rigs and of the dynamic objects."""
         self._visibility.bind_materials(self._wanted)
         self._tiles.begin(self._target, clear_colors(self._wanted))
         with self._state.drawing():

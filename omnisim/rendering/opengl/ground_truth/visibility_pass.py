@@ -1,4 +1,4 @@
-"""Visibility pass: triangle IDs in place of colours."""
+"""Visibility pass: triangle IDs instead of colors."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from omnisim.rendering.opengl.layer_targets import (
 )
 from omnisim.rendering.opengl.memory import gpu_allocation
 
-# Pose (4, 4) of a camera's rig, and those of the dynamic objects.
+# Pose (4, 4) of a camera's rig, and poses of the dynamic objects.
 CameraPoses = tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]
 
 
@@ -49,23 +49,23 @@ class Drawers(NamedTuple):
 
 
 class VisibilityPass:
-    """Draws the tiles into an atlas of integers; everything on the GPU is made once.
+    """Renders triangle IDs of all tiles into an atlas; GPU resources are created once.
 
-    Sides, frusta and holes are those of the picture (`CubePass`), as is the draw loop. A blended
-    surface counts where its alpha reaches `BLENDED_CUTOFF`.
+    It shares draw loop, sides, frusta and holes with the image (`CubePass`). A blended surface is
+    drawn where its alpha reaches `BLENDED_CUTOFF`.
 
     Args:
-        buffers: the scene and its dynamic objects; other passes may draw from them, too.
-        plan: the tiles.
-        cameras: their depth range and sides, and the hidden instances count.
-        details: also be able to draw these of them that textures change.
+        buffers: scene and dynamic objects; other passes may share them.
+        plan: tiles of the atlas.
+        cameras: virtual cameras; only depth range, sides and hidden instances matter here.
+        details: details that can be drawn as well, if textures change them.
 
     Attributes:
-        buffers, plan, cameras, near_m, far_m, both_sides: as given.
-        id_atlas: texture of integers: 1 + ID of the triangle; 0: nothing is seen.
+        buffers, plan, cameras, near_m, far_m, both_sides: see the arguments.
+        id_atlas: integer texture, 1 + ID of the triangle; 0: nothing visible.
         triangle_ids: table of the IDs.
-        detail_atlases: textures of base colours, the square root of linear RGB, and of materials,
-            by the names of their samplers.
+        detail_atlases: textures of base colors (square root of linear RGB) and of materials, by
+            sampler name.
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
@@ -101,7 +101,7 @@ class VisibilityPass:
         self._draw_by_ids()
 
     def refresh(self) -> None:
-        """Draw what the buffers have now."""
+        """Update after the buffers changed."""
         self.triangle_ids.refresh(self._one_by_one())
         self._draw_by_ids()
 
@@ -110,7 +110,7 @@ class VisibilityPass:
         self.drawers(NO_DETAILS)
 
     def drawers(self, details: HitDetails) -> Drawers:
-        """Drawers of IDs and details, made on first use."""
+        """Drawers of IDs and details, created on first use."""
         if details not in self._drawn:
             items = self._one_by_one()
             self._drawn[details] = Drawers(
@@ -119,7 +119,7 @@ class VisibilityPass:
         return self._drawn[details]
 
     def _target(self, details: HitDetails) -> moderngl.Framebuffer:
-        """Target of IDs and details, made on first use."""
+        """Target of IDs and details, created on first use."""
         if details not in self._targets:
             atlases = self._atlases(details)
             self._targets[details] = self.buffers.context.framebuffer(atlases, self._depth)
@@ -130,10 +130,10 @@ class VisibilityPass:
         return [self.id_atlas, *(self.detail_atlases[name] for name in atlas_formats(details))]
 
     def _one_by_one(self) -> NDArray[np.intp]:
-        """Draw items that are not drawn by clusters."""
+        """Draw items outside of clusters."""
         items, cameras = self.buffers.draw_items, self.cameras
         shown = self.buffers.shown_one_by_one(cameras.hidden)
-        # a material may be so clear that no texel can show it: textures only take away
+        # a material may be so transparent that no texel shows it: textures only reduce alpha
         alphas = np.array([one.material.base_color[3] for one in items])
         shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
         return np.flatnonzero(shown)
@@ -141,7 +141,7 @@ class VisibilityPass:
     def _make_drawer(
         self, details: HitDetails, items: NDArray[np.intp]
     ) -> SceneDrawer[VisibilityProgram]:
-        """Drawer of the IDs and details of items."""
+        """Drawer of the items' IDs and details."""
         return SceneDrawer(
             self.buffers,
             self.buffers.triangles.indices,
@@ -159,7 +159,7 @@ class VisibilityPass:
         return self._program(variant)
 
     def read_depth(self) -> NDArray[np.float32]:
-        """Depth (height, width) of the atlas as last drawn."""
+        """Depth (height, width) of the last rendered atlas."""
         depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
         self._target(NO_DETAILS).read_into(depth, components=1, attachment=-1, dtype="f4")
         return depth
@@ -175,9 +175,9 @@ class VisibilityPass:
         layers: Sequence[moderngl.TextureArray],
         details: HitDetails,
     ) -> None:
-        """Draw the items that are no clusters' into layers of IDs, details and depth.
+        """Draw the items outside of clusters into layers of IDs, details and depth.
 
-        With the state of `GlState.drawing`.
+        Needs the state of `GlState.drawing`.
         """
         details = details.of_texels
         target, (drawer, tiles) = self._target(details), self.drawers(details)
@@ -198,7 +198,7 @@ class VisibilityPass:
 
     @property
     def culling_bytes(self) -> int:
-        """Memory of culling, draw commands included."""
+        """Size of the buffers for culling, draw commands included, bytes."""
         return self.drawers(NO_DETAILS).tiles.culling_bytes
 
     def bucket_program(
@@ -212,12 +212,12 @@ class VisibilityPass:
         return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
 
     def bind_materials(self, details: HitDetails) -> None:
-        """Bind the tables of materials, where these are drawn."""
+        """Bind the material tables, if materials are drawn."""
         if details.materials:
             bind_materials(self.buffers, has_item_details=True)
 
     def end(self) -> None:
-        """Leave the state that later passes expect."""
+        """Restore the state that later passes expect."""
         for program in self._compiled.values():
             program.end()
 
@@ -232,7 +232,7 @@ class VisibilityPass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
         details: HitDetails = NO_DETAILS,
     ) -> None:
-        """Draw all tiles from a pose (4, 4), dynamic objects at theirs."""
+        """Render all tiles from a pose (4, 4), with the dynamic objects at theirs."""
         details = details.of_texels
         target, (drawer, tiles) = self._target(details), self.drawers(details)
         self.bind_materials(details)

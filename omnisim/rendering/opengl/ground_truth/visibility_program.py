@@ -1,4 +1,4 @@
-"""Visibility programs: shaders that draw triangle IDs, and colours and materials if asked for."""
+"""Visibility programs: shaders that draw triangle IDs and, on request, colors and materials."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class VisibilityVariant(NamedTuple):
     """Compiled version of the shader.
 
     Attributes:
-        holes: rays pass where alpha is below a cutoff.
-        details: base colours and materials may be drawn, too.
-        textured: there may be a texture.
-        clustered: of clusters, not of single items.
-        layered: of several cameras, each into a layer of the target.
-        maps: the material has such a map, in the order of `Material.maps`; None: it is matte, or
+        holes: discard fragments with alpha below a cutoff.
+        details: details to draw as well.
+        textured: materials may have a texture.
+        clustered: draws clusters; else single items.
+        layered: several cameras, one target layer each.
+        maps: which maps the material has, in the order of `Material.maps`; None: matte, or
             materials are not drawn.
-        second_coordinates: place some of the maps.
+        second_coordinates: some maps use the second texture coordinates.
     """
 
     holes: bool
@@ -43,7 +43,7 @@ class VisibilityVariant(NamedTuple):
     def with_maps(
         self, maps: Sequence[TextureArray | None] | None, second_coordinates: bool
     ) -> VisibilityVariant:
-        """Variant for a material with these maps, see `Reflectance`; None: it is matte."""
+        """Variant for a material with these maps, see `Reflectance`; None: matte."""
         if maps is None or not self.details.materials:
             return self
         found = tuple(one is not None for one in maps)
@@ -67,7 +67,7 @@ class VisibilityVariant(NamedTuple):
 
 
 def atlas_formats(details: HitDetails) -> dict[str, tuple[int, str]]:
-    """Components and type of the atlases that details are drawn into, by their samplers' names."""
+    """Components and type of each detail's atlas, by sampler name."""
     formats = {"u_albedos": (4, "f1")} if details.albedos else {}
     if details.materials:
         formats |= {"u_gloss": (2, "f2"), "u_emission": (4, "f2")}
@@ -75,17 +75,17 @@ def atlas_formats(details: HitDetails) -> dict[str, tuple[int, str]]:
 
 
 def clear_colors(details: HitDetails) -> list[tuple[float, float, float, float] | None]:
-    """Colours of all atlases where nothing is seen; None: those of integers, the IDs."""
+    """Clear color of each atlas; None: the integer atlas of IDs."""
     return [None, *[(0.0, 0.0, 0.0, 0.0)] * len(atlas_formats(details))]
 
 
 class VisibilityProgram:
-    """One compiled variant with its uniforms.
+    """Compiled variant with its uniforms.
 
     Attributes:
-        program: as compiled.
+        program: compiled OpenGL program.
         first_plus_one: uniform, 1 + ID of the first triangle.
-        first_command: uniform of clusters, number of the first command.
+        first_command: uniform for clusters, index of the first command.
     """
 
     def __init__(self, context: moderngl.Context, variant: VisibilityVariant):
@@ -100,8 +100,9 @@ class VisibilityProgram:
         self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
         if "TEXTURED" in variant.defines:
             program["u_textures" if variant.clustered else "u_texture"] = 0
-            # Holes are those of the picture, and are filtered as there. Plain colours need no blend
-            # between two levels, which costs a quarter of the pass.
+            # Holes are filtered as in the image. Plain colors need no blend between two levels,
+            # which would
+            # cost a quarter of the pass.
             minify = moderngl.LINEAR_MIPMAP_NEAREST
             if variant.holes:
                 minify = moderngl.LINEAR_MIPMAP_LINEAR
@@ -122,11 +123,11 @@ class VisibilityProgram:
         viewpoint_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Set the matrix (4, 4), columns first, of the next draw calls; IDs need no others."""
+        """Set the matrix (4, 4), column-major, for the next draw calls; IDs need no others."""
         self._item.set_clip_from_mesh(clip_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
-        """Bind the material of an item for the next draw call."""
+        """Bind an item's material for the next draw call."""
         self._item.bind_material(item)
         if self._samplers:
             texture = item.texture
@@ -134,11 +135,11 @@ class VisibilityProgram:
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw some of a vertex array's indices; the first triangle has this ID."""
+        """Draw `count` indices of a vertex array; the first triangle gets the ID `first_id`."""
         self.first_plus_one.value = first_id + 1
         array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
     def end(self) -> None:
-        """Leave the textures to their own filters."""
+        """Restore the textures' own filters."""
         for sampler in self._samplers.values():
             sampler.clear(0)

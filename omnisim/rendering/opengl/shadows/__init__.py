@@ -1,1 +1,1 @@
-"""Shadow maps: depth as the lamps see it."""
+"""Shadow maps: depth as seen from the lamps."""

@@ -1,7 +1,7 @@
-"""Cascades of directional lights: square parts of the scene, smaller ones around the viewpoint.
+"""Cascades of directional lights: square regions of the scene, smaller ones near the viewpoint.
 
-The largest has all that is static. Those around the viewpoint move in whole steps of the texels,
-so that edges of shadows do not crawl, and so seldom that most frames find them drawn.
+The largest region contains all static geometry. The others follow the viewpoint in whole texels,
+so that shadow edges do not crawl, and so rarely that most frames reuse them.
 Source: Engel, "Cascaded Shadow Maps", ShaderX5, 2006.
 """
 
@@ -12,12 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Half the width of a single map, metres: its texels are 12 mm then.
+# Half the width of a single map, meters: its texels are 12 mm.
 _LARGEST_SINGLE_M = 24.0
-_RATIO = 4.0  # of widths
+_RATIO = 4.0  # between the widths of two cascades
 MAX_CASCADES = 4
-STEPS = 4  # of the viewpoint in half the width
-_BEYOND = 4.0  # half widths beyond the scene, for what flies above it
+STEPS = 4  # of the viewpoint per half width
+_BEYOND = 4.0  # half widths beyond the scene, for flying objects
 
 
 class Cascades:
@@ -25,13 +25,13 @@ class Cascades:
 
     Args:
         axes: (3, 3) of the light, rows x, y and forward.
-        boxes_m: (n, 2, 3), smallest and largest corners of what is static, from the anchor.
-        count: cascades, at most `MAX_CASCADES`.
+        boxes_m: (n, 2, 3), minimum and maximum corners of the static geometry, from the anchor.
+        count: number of cascades, at most `MAX_CASCADES`.
 
     Attributes:
-        axes: as given.
-        halves_m: half their widths, small to large.
-        depths_m: nearest and farthest z along the axes.
+        axes: see the arguments.
+        halves_m: half widths, ascending.
+        depths_m: minimum and maximum z along the axes.
         depth_scale: half the largest width as a share of the depth.
     """
 
@@ -42,13 +42,13 @@ class Cascades:
         half_m = _half_m(low_m, high_m)
         self.halves_m = tuple(half_m / _RATIO**level for level in reversed(range(count)))
         depth_m = 2.0 * _BEYOND * half_m + 3.0 * float(high_m[2] - low_m[2])
-        # a power of two, as shaders are compiled with it
+        # a power of two, as a constant of the shaders
         self.depth_scale = 2.0 ** -math.ceil(math.log2(depth_m / half_m))
         near_m = 0.5 * float(low_m[2] + high_m[2] - half_m / self.depth_scale)
         self.depths_m = near_m, near_m + half_m / self.depth_scale
 
     def middles_m(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Middles (cascades, 2) along the axes, for a viewpoint (3,) from the anchor."""
+        """Centers (cascades, 2) along the axes, for a viewpoint (3,) relative to the anchor."""
         steps_m = np.array(self.halves_m)[:-1, None] / STEPS
         at_m = self.axes[:2] @ viewpoint_m
         near: NDArray[np.float64] = np.round(at_m / steps_m) * steps_m
@@ -67,7 +67,7 @@ def cascade_count(axes: NDArray[np.float64], boxes_m: NDArray[np.float64]) -> in
 def _extent_m(
     axes: NDArray[np.float64], boxes_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and largest coordinates (3,) of boxes (n, 2, 3) along axes."""
+    """Minimum and maximum coordinates (3,) of boxes (n, 2, 3) along axes."""
     if not len(boxes_m):
         return np.zeros(3), np.zeros(3)
     centres = boxes_m.mean(axis=1) @ axes.T

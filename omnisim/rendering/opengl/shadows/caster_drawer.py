@@ -1,4 +1,4 @@
-"""Draws the depth of what casts shadows into maps, static and dynamic parts apart."""
+"""Draws the depth of shadow casters into maps, static and dynamic ones separately."""
 
 from __future__ import annotations
 
@@ -26,25 +26,26 @@ from omnisim.rendering.opengl.shadows.caster_program import CasterProgram, Caste
 from omnisim.rendering.opengl.uniforms import columns_first
 from omnisim.scene.model import LAMP_NEAR_M
 
-# Of a map that is left alone: all is nearer than the near plane.
+# For maps that are not drawn: every point is nearer than the near plane.
 _NOWHERE = np.zeros((4, 4))
 _NOWHERE[3, 3] = -1.0
 
 
 class CasterDrawer:
-    """Draws casters into maps, by clusters where the scene has them.
+    """Draws shadow casters into maps, by clusters if the scene has them.
 
-    Both sides of a surface cast shadows. Masked surfaces have holes; a blended one casts a shadow
-    where its alpha reaches `BLENDED_CUTOFF`, as rays hit it.
+    Both sides of a surface cast shadows. Masked surfaces have holes; a blended surface casts a
+    shadow
+    where its alpha reaches `BLENDED_CUTOFF`, where rays hit it, too.
 
     Args:
-        buffers: the scene and its dynamic objects.
-        rectangles_px: (maps, 4) left, top, width and height of each in the texture.
-        size_px: of the texture.
+        buffers: scene and dynamic objects.
+        rectangles_px: (maps, 4) left, top, width and height of each map in the texture.
+        size_px: size of the texture.
 
     Attributes:
-        anchor_m: (3,) origin of the maps' matrices, world.
-        has_dynamic: something that moves casts shadows.
+        anchor_m: (3,) world position that the maps' matrices are relative to.
+        has_dynamic: a moving object casts shadows.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class CasterDrawer:
         self.refresh()
 
     def refresh(self) -> None:
-        """Draw what the buffers have now."""
+        """Update after the buffers changed."""
         buffers, items = self._buffers, self._buffers.draw_items
         alphas = np.array([one.material.base_color[3] for one in items])
         single = buffers.shown_one_by_one()
@@ -100,14 +101,14 @@ class CasterDrawer:
         world_from_objects: Sequence[NDArray[np.float64]],
         dynamic: bool,
     ) -> None:
-        """Draw the static casters, or the dynamic ones, on top of what the target has.
+        """Draw the static casters, or the dynamic ones on top.
 
         Args:
-            target: depth.
-            clips: (maps, 4, 4) clip_from_anchor.
-            active: (maps,) those to draw into.
-            world_from_objects: (4, 4) each, of the dynamic objects.
-            dynamic: draw what moves.
+            target: depth target.
+            clips: (maps, 4, 4) clip_from_anchor matrices.
+            active: (maps,) mask of the maps to draw.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            dynamic: draw the dynamic casters.
         """
         self._state.use(target, has_depth=True)
         with self._state.drawing():
@@ -133,7 +134,7 @@ class CasterDrawer:
         """Draw items one by one."""
         transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
         self._drawer.begin(transforms)
-        sides = frustum_planes(clips)[:, :4]  # no depth is too small or too large
+        sides = frustum_planes(clips)[:, :4]  # casters at any depth count
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
             for number in np.flatnonzero(active).tolist():
                 seen = items[self._in_frustum(sides[number], transforms, items)]

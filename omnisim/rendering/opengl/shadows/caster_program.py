@@ -1,4 +1,4 @@
-"""Caster programs: shaders that draw the depth of what casts shadows."""
+"""Caster programs: shaders that draw the depth of shadow casters."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class CasterVariant(NamedTuple):
     """Compiled version of the shader.
 
     Attributes:
-        holes: light passes where alpha is below a cutoff.
-        textured: alpha is a texture's.
-        clustered: of clusters, not of single items.
+        holes: discard fragments with alpha below a cutoff.
+        textured: alpha comes from a texture.
+        clustered: draws clusters; else single items.
     """
 
     holes: bool
@@ -38,10 +38,10 @@ class CasterVariant(NamedTuple):
 
 
 class CasterProgram:
-    """One compiled variant with its uniforms.
+    """Compiled variant with its uniforms.
 
     Attributes:
-        program: as compiled.
+        program: compiled OpenGL program.
     """
 
     def __init__(self, context: moderngl.Context, variant: CasterVariant):
@@ -58,15 +58,15 @@ class CasterProgram:
         viewpoint_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Set the matrix (4, 4), columns first, of the next draw calls; depth needs no others."""
+        """Set the matrix (4, 4), column-major, for the next draw calls; depth needs no others."""
         self._item.set_clip_from_mesh(clip_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
-        """Bind the material of an item for the next draw calls."""
+        """Bind an item's material for the next draw calls."""
         self._item.bind_material(item)
         if self._is_textured:
             item.texture.use(0)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw some of a vertex array's indices; depth needs no IDs."""
+        """Draw `count` indices of a vertex array; depth needs no IDs."""
         array.render(moderngl.TRIANGLES, vertices=count, first=first)

@@ -1,8 +1,8 @@
-"""Depth of all shadow maps in one texture, with coarser levels for surfaces that are far away.
+"""Depth of all shadow maps in one texture, with coarser levels for distant surfaces.
 
-Where a texel of the picture has many texels of a map on it, the finest level would be looked up in
-places far apart: slowly, and with shadows that flicker. A texel of a coarser level is one of the
-finest that it covers, not their mean, so that it is depth that a lamp sees there.
+Where one image texel covers many texels of a map, lookups in the finest level would be scattered:
+slow, with flickering shadows. A texel of a coarser level is one of the finest texels that it
+covers, not their mean, so that it holds a depth that the lamp sees.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ LEVELS = 4  # as in shaders/scene/shadow.glsl
 
 
 class DepthLevels:
-    """Texture of depth with its levels.
+    """Depth texture with its levels.
 
     Args:
-        context: where.
-        size_px: of the finest level, multiples of the coarsest's texels.
+        context: OpenGL context.
+        size_px: size of the finest level, multiples of the coarsest level's texels.
 
     Attributes:
-        texture: for samplers that compare.
-        target: the finest level, to draw into.
+        texture: texture for samplers that compare.
+        target: the finest level as a render target.
     """
 
     def __init__(self, context: moderngl.Context, size_px: tuple[int, int]):
@@ -72,7 +72,7 @@ class DepthLevels:
 
 
 def _halved(rectangle_px: Sequence[int], level: int) -> tuple[int, int, int, int]:
-    """Rectangle of a level's texels that has all of one of the finest."""
+    """Rectangle of a level's texels that covers one of the finest level."""
     left, top, width, height = rectangle_px
     first = left >> level, top >> level
     last = -(-(left + width) >> level), -(-(top + height) >> level)

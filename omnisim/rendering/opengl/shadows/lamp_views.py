@@ -1,8 +1,8 @@
-"""Views of lamps: the axes and matrices of their shadow maps.
+"""Views of lamps: axes and matrices of their shadow maps.
 
-Positions are relative to an anchor, in the world's axes. Depth is reversed, as that of the virtual
-cameras: 1 is near the lamp. x and y of a map run along two axes of its view, whatever their
-handedness, as both sides of all surfaces cast shadows.
+Positions are relative to an anchor, in world axes. Depth is reversed, as for the virtual cameras:
+1 is near the lamp. A map's x and y are two axes of its view, in either handedness, because both
+sides of all surfaces cast shadows.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import LAMP_NEAR_M, Light, LightKind
 
-# Axes of a cube's faces as rows of x, y and forward: of +z, +x, +y, then of the opposite ones.
+# Axes of cube faces as rows of x, y and forward: +z, +x, +y, then the opposite faces.
 _CUBE_AXES = np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1]] * 2]
 _CUBE_AXES[3:, 2] *= -1.0
-_WIDEST_SPOT_RAD = math.radians(62.0)  # beyond, a cube resolves it better
+_WIDEST_SPOT_RAD = math.radians(62.0)  # a cube resolves wider spots better
 _SPOT_MARGIN = 1.02
-_GUTTER_PX = 3.0  # beyond the 90° of a face, where surfaces are looked up beside themselves
+_GUTTER_PX = 3.0  # beyond the 90° of a face, because lookups are offset from the surface
 
 
 class PunctualView(NamedTuple):
@@ -28,7 +28,7 @@ class PunctualView(NamedTuple):
 
     Attributes:
         axes: (faces, 3, 3), rows x, y and forward; one face, or the six of a cube.
-        tangent: of half the field of view of each.
+        tangent: tangent of half of each face's field of view.
     """
 
     axes: NDArray[np.float64]
@@ -36,13 +36,13 @@ class PunctualView(NamedTuple):
 
 
 def is_cube(light: Light) -> bool:
-    """Tell whether a light needs a whole cube: point lights and wide spots do."""
+    """Tell whether a light needs a whole cube, as point lights and wide spots do."""
     is_wide = math.acos(light.cone_cosines[1]) > _WIDEST_SPOT_RAD
     return light.kind is LightKind.POINT or (light.kind is LightKind.SPOT and is_wide)
 
 
 def punctual_view(light: Light, size_px: int) -> PunctualView:
-    """Views of a point or spot light, each on a map of so many texels to a side."""
+    """Views of a point or spot light, for maps of `size_px` × `size_px` texels."""
     if is_cube(light):
         return PunctualView(_CUBE_AXES, size_px / (size_px - 2.0 * _GUTTER_PX))
     tangent = math.tan(math.acos(light.cone_cosines[1]))
@@ -79,9 +79,9 @@ def orthographic_clip(
 
     Args:
         axes: (3, 3), rows x, y and forward.
-        middle_m: (2,) x and y of the map's middle, along the axes.
+        middle_m: (2,) center of the map along x and y.
         half_m: half the map's width.
-        depths_m: nearest and farthest z along the axes.
+        depths_m: minimum and maximum z along the axes.
     """
     near_m, far_m = depths_m
     clip = np.eye(4)

@@ -15,14 +15,14 @@ def covered_px(
     radii_m: NDArray[np.float64],
     starts: NDArray[np.intp],
 ) -> NDArray[np.intp]:
-    """Rectangles (n, 4), left, top, width and height, that bound objects in maps; not empty.
+    """Non-empty rectangles (n, 4), left, top, width and height, that bound objects in maps.
 
     Args:
-        clips: (maps, 4, 4) clip_from_anchor.
-        rectangles_px: (maps, 4) of the maps in the texture.
-        centres_m: (items, 3) of bounding spheres, from the anchor, object by object.
-        radii_m: (items,).
-        starts: (objects,) first item of each.
+        clips: (maps, 4, 4) clip_from_anchor matrices.
+        rectangles_px: (maps, 4) rectangles of the maps in the texture.
+        centres_m: (items, 3) centers of bounding spheres, relative to the anchor, by object.
+        radii_m: (items,) their radii.
+        starts: (objects,) first item of each object.
     """
     rows = clips[:, (0, 1, 3)]  # x, y, w
     middle = np.einsum("mkc,ic->mik", rows[..., :3], centres_m) + rows[:, None, :, 3]
@@ -32,7 +32,7 @@ def covered_px(
     depths = np.stack((np.where(crosses, 1.0, nearest), np.where(crosses, 1.0, farthest)))
     low = np.min((middle - reach)[None, ..., :2] / depths[..., None], axis=0)
     high = np.max((middle + reach)[None, ..., :2] / depths[..., None], axis=0)
-    low[crosses], high[crosses] = -1.0, 1.0  # all of the map
+    low[crosses], high[crosses] = -1.0, 1.0  # the whole map
     behind = farthest <= 0.0
     low[behind], high[behind] = np.inf, -np.inf
     low = np.minimum.reduceat(low, starts, axis=1)

@@ -1,7 +1,7 @@
 """Shadow maps of a scene's lamps, in one texture.
 
-What is static is drawn once; a frame draws what moves on a copy, in the few texels that it
-covers. Cascades are drawn again when the viewpoint leaves the middle of theirs.
+Static geometry is drawn once; each frame draws dynamic objects on a copy, in the few texels that
+they cover. Cascades are redrawn when the viewpoint leaves their middle.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ class ShadowMaps:
     """Shadow maps of the lamps that cast shadows.
 
     Args:
-        buffers: the scene and its dynamic objects.
-        lighting: in which some light casts shadows.
+        buffers: scene and dynamic objects.
+        lighting: lighting with at least one light that casts shadows.
 
     Attributes:
-        anchor_m: (3,) origin of the maps' matrices, world.
+        anchor_m: (3,) world position that the maps' matrices are relative to.
 
     Raises:
-        GraphicsError: they do not fit on the GPU.
+        GraphicsError: the maps do not fit on the GPU.
     """
 
     def __init__(self, buffers: SceneBuffers, lighting: Lighting):
@@ -48,7 +48,7 @@ class ShadowMaps:
         self.refresh()
 
     def refresh(self) -> None:
-        """Draw what the buffers have now, when it is needed."""
+        """Redraw what the changed buffers require, when it is next needed."""
         buffers, context = self._buffers, self._buffers.context
         boxes_m = _static_boxes_m(buffers)
         self.anchor_m = _anchor_m(buffers, boxes_m)
@@ -62,10 +62,10 @@ class ShadowMaps:
         while len(self._maps) < 1 + self._drawer.has_dynamic:
             self._maps.append(_allocate(context, size_px))
         at_anchor = self._clips(self.anchor_m)
-        # of cubes alone it has nothing
+        # empty if all casters have cubes
         self._block = context.buffer(reserve=max(16, plan.block_data(at_anchor).nbytes))
-        self._drawn: NDArray[np.float64] | None = None  # matrices of the static maps
-        self._posed: tuple[float, NDArray[np.float64]] | None = None  # time and poses of what moves
+        self._drawn: NDArray[np.float64] | None = None  # matrices of the drawn static maps
+        self._posed: tuple[float, NDArray[np.float64]] | None = None  # when, and where
         self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)
         objects = np.array(
             [-1 if one.object_index is None else one.object_index for one in buffers.draw_items]
@@ -77,13 +77,13 @@ class ShadowMaps:
 
     @property
     def defines(self) -> tuple[str, ...]:
-        """Defines of the shaders."""
+        """Defines of programs that look up shadows."""
         return (*self._plan.defines, f"LAMP_NEAR_M {LAMP_NEAR_M}")
 
     def are_shared(
         self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
     ) -> bool:
-        """Tell whether poses of rigs and of the dynamic objects all have the same maps."""
+        """Tell whether poses of rigs and of the dynamic objects all share their maps."""
         if self._drawer.has_dynamic and not _at_rest([objects for _, objects in poses]):
             return False
         if not self._plan.follows_viewpoint:
@@ -92,7 +92,7 @@ class ShadowMaps:
         return all(np.array_equal(one, first) for one in others)
 
     def connect(self, program: moderngl.Program) -> None:
-        """Connect a program that looks shadows up."""
+        """Set the samplers and blocks of a program that looks up shadows."""
         if "u_shadow_maps" in program:
             program["u_shadow_maps"] = _UNIT
 
@@ -139,7 +139,7 @@ class ShadowMaps:
         stale: NDArray[np.bool_],
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
-        """Draw what moves where it is now, and what is static where it was."""
+        """Draw the dynamic casters, and restore the static map where they were before."""
         poses, time_s = np.array(world_from_objects), 0.0
         if self._buffers.deforming.size:
             time_s = time_of(world_from_objects)
@@ -169,7 +169,7 @@ class ShadowMaps:
 
 
 def _at_rest(worlds: Sequence[Sequence[NDArray[np.float64]]]) -> bool:
-    """Tell whether dynamic objects are at the same time where they are in the first world."""
+    """Tell whether all worlds have the time and object poses of the first."""
     first = worlds[0]
     return all(
         world is first or (time_of(world) == time_of(first) and np.array_equal(world, first))
@@ -185,7 +185,7 @@ def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> DepthLevel
 
 
 def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Origin (3,) of the maps, world: that of the clusters, or the middle of what is static."""
+    """Origin (3,) of the maps, world: the clusters' anchor, or the static geometry's center."""
     if buffers.clustered_geometry is not None:
         return buffers.clustered_geometry.anchor_m
     if not len(boxes_m):
@@ -195,7 +195,7 @@ def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np
 
 
 def _static_boxes_m(buffers: SceneBuffers) -> NDArray[np.float64]:
-    """Smallest and largest corners (n, 2, 3) of what is static, world."""
+    """Minimum and maximum corners (n, 2, 3) of the static geometry, world."""
     boxes_m = []
     for item in buffers.draw_items:
         if item.object_index is None:

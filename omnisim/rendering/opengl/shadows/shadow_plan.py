@@ -1,4 +1,4 @@
-"""Shadow plan: maps of all lamps in one texture, their matrices, and what shaders look up by."""
+"""Shadow plan: placement of all lamps' maps in one texture, their matrices and lookup constants."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from omnisim.rendering.opengl.shadows.lamp_views import (
 )
 from omnisim.scene.model import Light, Lighting, LightKind
 
-# Texels to a side of a map, where they fit: of a parallel one alone and of several, of a spot's and
-# of a face of a cube.
+# Texels per map side, if they fit: of a single parallel map and of several, of a spot's map and of
+# a cube face's.
 _SINGLE_PX, _CASCADE_PX, _SPOT_PX, _FACE_PX = 4096, 2048, 2048, 1024
 _MAX_TEXELS = 1 << 25
 _MIN_PX = 64
-_CUBE_COLUMNS = 3  # beside each other; opposite faces are below
-_MAX_VERTEX_PLACES = 8  # vectors that vertices pass on: as many as all GPUs take
+_CUBE_COLUMNS = 3  # three faces in a row; the opposite faces below
+_MAX_VERTEX_PLACES = 8  # varyings for map positions: every GPU has as many
 
 
 class Block(NamedTuple):
-    """Maps of one lamp, beside and below each other.
+    """Maps of one lamp, in a grid.
 
     Attributes:
-        left_px, top_px: place in the texture.
-        size_px: texels to a side of each map.
-        columns, rows: of maps.
+        left_px, top_px: position in the texture.
+        size_px: texels per side of each map.
+        columns, rows: size of the grid.
     """
 
     left_px: int
@@ -57,11 +57,11 @@ class ShadowPlan:
     """Shadow maps of the lamps that cast shadows.
 
     Attributes:
-        directional, punctual: lights of the scene, each kind in order.
-        cascades: of each directional light; None: it casts no shadow.
-        cascade_count: of every directional light.
-        blocks: of all casters, directional ones first.
-        width_px, height_px: of the texture.
+        directional, punctual: lights of each kind, in the order of the scene.
+        cascades: cascades of each directional light; None: it casts no shadow.
+        cascade_count: number of cascades per directional light.
+        blocks: maps of each caster, directional ones first.
+        width_px, height_px: size of the texture.
     """
 
     directional: tuple[Light, ...]
@@ -74,7 +74,7 @@ class ShadowPlan:
 
     @property
     def follows_viewpoint(self) -> bool:
-        """Some maps are around the viewpoint."""
+        """Some maps follow the viewpoint."""
         return self.cascade_count > 1
 
     @property
@@ -88,13 +88,13 @@ class ShadowPlan:
         return tuple(light for light in self.punctual if light.casts_shadow)
 
     def middles_m(self, viewpoint_m: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Middles (cascades, 2) of the cascades of each directional caster."""
+        """Centers (cascades, 2) of the cascades of each directional caster."""
         return [one.middles_m(viewpoint_m) for one in self.cascades if one is not None]
 
     def clips(
         self, middles_m: Sequence[NDArray[np.float64]], anchor_m: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Matrices (maps, 4, 4) clip_from_anchor, with cascades at their middles."""
+        """Matrices (maps, 4, 4) clip_from_anchor, given the cascades' centers."""
         casting = [one for one in self.cascades if one is not None]
         clips = [
             orthographic_clip(one.axes, middle_m, half_m, one.depths_m)
@@ -115,7 +115,7 @@ class ShadowPlan:
 
     @property
     def defines(self) -> tuple[str, ...]:
-        """Defines of shaders that look shadows up."""
+        """Defines of shaders that look up shadows."""
         size_px = np.array([self.width_px, self.height_px], dtype=np.float64)
         regions = _regions(np.array([block.rectangles_px[0] for block in self.blocks]), size_px)
         vectors = [f"vec4({', '.join(map(str, region))})" for region in regions.tolist()]
@@ -137,7 +137,7 @@ class ShadowPlan:
         )
 
     def _scales(self) -> list[float]:
-        """Scales of the casters, see shaders/scene/shadow.glsl."""
+        """Scale of each caster, see shaders/scene/shadow.glsl."""
         scales = [one.depth_scale for one in self.cascades if one is not None]
         blocks = self.blocks[len(scales) :]
         for light, block in zip(self.punctual_casters, blocks, strict=True):
@@ -148,7 +148,7 @@ class ShadowPlan:
         """Values (n, 4) of the uniform block of shaders/scene/shadow_places.glsl.
 
         Args:
-            clips: (maps, 4, 4) clip_from_anchor.
+            clips: (maps, 4, 4) clip_from_anchor matrices.
         """
         places = [np.zeros((0, 4))]
         cascades = [np.zeros((0, 4))]
@@ -178,12 +178,12 @@ def make_shadow_plan(
 ) -> ShadowPlan:
     """Plan the maps of all lamps that cast shadows, at least one.
 
-    Where the maps of many lamps do not fit into memory that is bounded, all are smaller.
+    If the maps of many lamps exceed the memory limit, all become smaller.
 
     Args:
-        lighting: of the scene.
-        boxes_m: (n, 2, 3), smallest and largest corners of what is static, from the anchor.
-        max_size_px: of a texture.
+        lighting: lighting of the scene.
+        boxes_m: (n, 2, 3), minimum and maximum corners of the static geometry, from the anchor.
+        max_size_px: maximum size of a texture.
     """
     directional, punctual = lighting.by_kind()
     axes = [light_axes(light.direction) if light.casts_shadow else None for light in directional]
@@ -204,7 +204,7 @@ def make_shadow_plan(
 def _packed(
     shapes: Sequence[tuple[int, int, int]], max_size_px: int
 ) -> tuple[tuple[Block, ...], tuple[int, int]]:
-    """Blocks of maps of so many texels, columns and rows; and the size of a texture for all."""
+    """Place blocks given as (texels, columns, rows); return them and the size of the texture."""
     divisor = 1
     while True:
         smaller = [(max(size // divisor, _MIN_PX), *rest) for size, *rest in shapes]
@@ -218,7 +218,7 @@ def _packed(
 def _on_shelves(
     shapes: Sequence[tuple[int, ...]], width_px: int
 ) -> tuple[tuple[Block, ...], tuple[int, int]]:
-    """Place blocks beside each other on shelves, high ones first; and the size that they take."""
+    """Place blocks on shelves, tallest first; return them and the size of the texture."""
     placed: dict[int, Block] = {}
     left = top = shelf = right = 0
     for index in sorted(range(len(shapes)), key=lambda one: -shapes[one][0] * shapes[one][2]):
@@ -234,7 +234,7 @@ def _on_shelves(
 def _regions(
     rectangles_px: NDArray[np.float64], texture_px: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Middles and half sizes (n, 4) of rectangles in texture coordinates."""
+    """Centers and half sizes (n, 4) of rectangles in texture coordinates."""
     half = 0.5 * rectangles_px[:, 2:] / texture_px
     return np.concatenate((rectangles_px[:, :2] / texture_px + half, half), axis=1)
 
