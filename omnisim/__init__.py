@@ -7,7 +7,7 @@ with omnisim.Renderer("courtyard") as renderer:
 Scenes and poses: `load_scene`, `Scene`, `pose`.
 Cameras: `OmniCamera`, `Degradation`; models are in `omnisim.cameras`.
 Calibration files: `load_calibration`, `save_calibration`, `calibration_of`, `Calibration`.
-Pictures and ground truth: `Renderer`, `Frame`, `Stage`; channels are in
+Images and ground truth: `Renderer`, `Frame`, `Stage`; channels are in
 `omnisim.ground_truth.CHANNELS`.
 Time and motion: `WorldState`, `Motion`, `Twist`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
@@ -17,7 +17,7 @@ Cameras inside a MuJoCo simulation: `omnisim.runs.mujoco_loop.Camera`.
 The camera in a browser, or in a notebook's cell: `live`.
 Errors: `OmnisimError`; notices about files are warnings, `NoticeWarning`.
 
-Units are metres and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`
+Units are meters and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`
 documents a name, `omnisim --help` the command line. Tutorials, guides, reference and explanation
 are in `docs/` of the source code.
 """

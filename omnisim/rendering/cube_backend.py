@@ -1,4 +1,4 @@
-"""Back end of virtual cameras: OpenGL draws the faces of a cube, and samples pictures from them."""
+"""Back end of virtual cameras: OpenGL draws the faces of a cube, and samples images from them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from omnisim.rendering.backend import (
     SceneBackend,
     seen_background,
 )
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -33,7 +33,7 @@ from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.near_plane import near_plane_m, scene_size_m
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
-from omnisim.rendering.opengl.capture.picture_pass import RemapPass
+from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.context import (
     check_process,
@@ -55,7 +55,7 @@ from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.hit_batches import HitBatches
-from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline, check_picture_size
+from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.readback import Readback, ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
@@ -179,7 +179,7 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
 
 
 def _advice(sensor: OmniCamera, largest_px: int) -> str:
-    """Quality to choose for a picture that is too large at a finer one; empty: none helps."""
+    """Quality to choose for an image that is too large at a finer one; empty: none helps."""
     fast = QUALITIES["fast"]
     side_px = max(sensor.model.width_px, sensor.model.height_px)
     is_finer = (sensor.supersampling, sensor.texels_per_pixel) > fast
@@ -210,7 +210,7 @@ class CubeCamera(CameraBackend):
         self._hit_source: CubeHits | None = None
         camera, is_ideal = sensor.supersampled_model, sensor.degradation.is_ideal
         try:
-            check_picture_size(world.context, camera.width_px, camera.height_px)
+            check_image_size(world.context, camera.width_px, camera.height_px)
             density = sensor.texels_per_pixel / sensor.supersampling
             plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
             self.cube = self._cube_pass(plan)
@@ -237,16 +237,16 @@ class CubeCamera(CameraBackend):
         self._refresh_ground_truth()
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return the metadata of its degradation."""
+        """Take an image; also return the metadata of its degradation."""
         if self._degraded is not None:
-            picture, metadata = self._degraded.take(request)
-            return picture, {"degradation": metadata}
+            image, metadata = self._degraded.take(request)
+            return image, {"degradation": metadata}
         return self._pipeline.render(request.poses, request.linear), {}
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
     ) -> Callable[[], None] | None:
-        """Start to take pictures, those of an ideal camera together."""
+        """Start to take images, those of an ideal camera together."""
         if self.batches is None:
             return super().begin_batch(poses, out, frame_number)
         self.batches.begin(poses, out)
@@ -254,12 +254,12 @@ class CubeCamera(CameraBackend):
 
     @cached_property
     def batches(self) -> BatchPipeline | None:
-        """Pipeline of many pictures; None: they are degraded, or too large for it."""
-        picture_pass = self._pipeline.picture_pass
-        if self._degraded is not None or not isinstance(picture_pass, RemapPass):
+        """Pipeline of many images; None: they are degraded, or too large for it."""
+        image_pass = self._pipeline.image_pass
+        if self._degraded is not None or not isinstance(image_pass, RemapPass):
             return None
         pipeline = self._pipeline
-        return BatchPipeline(pipeline.context, self.cube, picture_pass, pipeline.size_px)
+        return BatchPipeline(pipeline.context, self.cube, image_pass, pipeline.size_px)
 
     def hit_source(self, details: HitDetails) -> CubeHits:
         """Source of its ground truth, able to give these details."""
@@ -271,7 +271,7 @@ class CubeCamera(CameraBackend):
         return held
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Pictures (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
+        """Images (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
         cube = self.whole_cube
         cube.render(*poses)
         return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
@@ -283,7 +283,7 @@ class CubeCamera(CameraBackend):
 
     def _degraded_camera(self, seed: int | str) -> DegradedCamera:
         sensor, ideal = self._sensor, self._pipeline
-        degradation, geometry = sensor.degradation, PictureGeometry.of_camera(sensor.model)
+        degradation, geometry = sensor.degradation, ImageGeometry.of_camera(sensor.model)
         passes = DegradationPass(
             ideal.context,
             (geometry.width_px, geometry.height_px),
@@ -352,7 +352,7 @@ class CubeHits(HitSource):
     def batch_hits(
         self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Iterator[Hits]:
-        """Intersect the rays of many pictures, drawn together."""
+        """Intersect the rays of many images, drawn together."""
         return self._batches.hits(poses, details)
 
     @cached_property

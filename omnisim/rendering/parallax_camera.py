@@ -19,7 +19,7 @@ from omnisim.rendering.backend import (
     SceneBackend,
     seen_background,
 )
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -60,7 +60,7 @@ class ParallaxCamera(CameraBackend):
 
     The virtual cameras stand at the point nearest to all rays; each sample looks up range until it
     has met its own surface. Samples in doubt are cast as rays, where those are installed, or keep
-    what they found last; the picture's metadata counts them.
+    what they found last; the image's metadata counts them.
 
     Raises:
         GraphicsError: several samples a texel, or past the GPU's limits.
@@ -76,7 +76,7 @@ class ParallaxCamera(CameraBackend):
         self._sensor, self._drawn, context = sensor, drawn, drawn.buffers.context
         self._rays: RayScene | None = None
         colors = _rays_by_color(sensor)
-        directions, origins_m = colors[len(colors) // 2].centres()
+        directions, origins_m = colors[len(colors) // 2].centers()
         every = slice(None, None, max(1, len(directions) // 10_000))
         viewpoint_m = common_point(origins_m[every], directions[every])
         colors = [rays.seen_from(viewpoint_m) for rays in colors]
@@ -127,15 +127,15 @@ class ParallaxCamera(CameraBackend):
         self._refresh_ground_truth()
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return the metadata of its degradation and undecided samples."""
+        """Take an image; also return the metadata of its degradation and undecided samples."""
         self._pipeline.undecided_samples = 0
         if self._degraded is not None:
-            picture, metadata = self._degraded.take(request)
+            image, metadata = self._degraded.take(request)
             found: dict[str, Any] = {"degradation": metadata}
         else:
-            picture, found = self._pipeline.render(request.poses, request.linear), {}
+            image, found = self._pipeline.render(request.poses, request.linear), {}
         undecided = {"samples": self._pipeline.undecided_samples, "cast": self._casts}
-        return picture, {**found, "undecided": undecided}
+        return image, {**found, "undecided": undecided}
 
     def hit_source(self, details: HitDetails) -> ParallaxHits:
         """Source of its ground truth, able to give these details."""
@@ -200,7 +200,7 @@ class ParallaxCamera(CameraBackend):
 
     def _degraded_camera(self) -> DegradedCamera:
         sensor, seed = self._sensor, self.setup.seed
-        degradation, geometry = sensor.degradation, PictureGeometry.of_camera(sensor.model)
+        degradation, geometry = sensor.degradation, ImageGeometry.of_camera(sensor.model)
         passes = DegradationPass(
             self._pipeline.context,
             (geometry.width_px, geometry.height_px),
@@ -222,5 +222,5 @@ def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:
     cameras = sensor.model.by_color()
     rays = [sample_rays(one, sensor.supersampling, sensor.mesh_polygons) for one in cameras]
     if not all(one.shown.any() for one in rays):
-        raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
+        raise GraphicsError("camera: no pixel of the image sees anything of the scene")
     return rays

@@ -1,4 +1,4 @@
-"""Back end of rays: Embree casts one for each sample of a picture; no OpenGL is opened."""
+"""Back end of rays: Embree casts one for each sample of an image; no OpenGL is opened."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from omnisim.rendering.camera.degradations.development import (
     mean_luminance,
 )
 from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.rays.beams import Beams
 from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.image import RayImage
 from omnisim.rendering.rays.lidar_caster import LidarCaster
-from omnisim.rendering.rays.picture import RayPicture
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
@@ -125,27 +125,27 @@ class RayCamera(CameraBackend):
         self._ray_world, self._sensor = world, sensor
         self._limits = DepthLimits(sensor.near_m, sensor.far_m)
         self._hit_source: RayHitSource | None = None
-        self._pictures = self._ray_pictures()
+        self._images = self._ray_images()
         self._degraded = None
         if not sensor.degradation.is_ideal:
             boxes = MovingBoxes(world.scene, world.objects.values())
             pipeline = _Development(
                 self._linear,
                 sensor.degradation,
-                PictureGeometry.of_camera(sensor.model),
+                ImageGeometry.of_camera(sensor.model),
                 key_of("noise", setup.seed),
             )
             self._degraded = DegradedCamera(sensor, setup.seed, pipeline, boxes)
 
     def refresh(self) -> None:
         """Cast rays at what the scene has now."""
-        self._pictures, self._hit_source = self._ray_pictures(), None
+        self._images, self._hit_source = self._ray_images(), None
 
-    def _ray_pictures(self) -> list[RayPicture]:
-        """Picture, or those of R, G and B."""
+    def _ray_images(self) -> list[RayImage]:
+        """Image, or those of R, G and B."""
         sensor, samples = self._sensor, self._sensor.supersampled_model
         return [
-            RayPicture(
+            RayImage(
                 self._ray_world.rays,
                 camera,
                 sensor.mesh_polygons,
@@ -159,10 +159,10 @@ class RayCamera(CameraBackend):
         ]
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return the metadata of its degradation."""
+        """Take an image; also return the metadata of its degradation."""
         if self._degraded is not None:
-            picture, metadata = self._degraded.take(request)
-            return picture, {"degradation": metadata}
+            image, metadata = self._degraded.take(request)
+            return image, {"degradation": metadata}
         linear = self._linear(request.poses)
         return _readback(linear, None, request.linear), {}
 
@@ -180,9 +180,9 @@ class RayCamera(CameraBackend):
         """
         raise GraphicsError("faces: back end 'rays' has none: expected 'cube'")
 
-    def _linear(self, poses: ScenePoses) -> LinearPicture:
+    def _linear(self, poses: ScenePoses) -> LinearImage:
         objects = ObjectState(poses.world_from_objects, self.setup.hidden)
-        found = [one.render(poses.world_from_rig, objects) for one in self._pictures]
+        found = [one.render(poses.world_from_rig, objects) for one in self._images]
         if len(found) == 1:
             return found[0]
         red, green, blue = found
@@ -216,7 +216,7 @@ class RayRangeFinder:
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
         return self._beams.cast(self._world.rays, world_from_scanner, world_from_objects)
 
 
@@ -249,17 +249,17 @@ class _Development:
     """Pipeline of a degraded camera, by the references of its effects in NumPy.
 
     Args:
-        render_ideal: ideal picture of a sub-frame, linear.
+        render_ideal: ideal image of a sub-frame, linear.
         degradation: of the camera.
-        geometry: of the picture.
+        geometry: of the image.
         noise_key: of the camera's random numbers.
     """
 
     def __init__(
         self,
-        render_ideal: Callable[[ScenePoses], LinearPicture],
+        render_ideal: Callable[[ScenePoses], LinearImage],
         degradation: Degradation,
-        geometry: PictureGeometry,
+        geometry: ImageGeometry,
         noise_key: int,
     ):
         self._render_ideal, self._degradation = render_ideal, degradation
@@ -272,15 +272,15 @@ class _Development:
         metered: bool,
         linear: bool,
     ) -> Readback:
-        """Render a picture from sub-frames, see `SubFramePipeline`."""
+        """Render an image from sub-frames, see `SubFramePipeline`."""
         degradation, geometry = self._degradation, self._geometry
         ideal = ((self._render_ideal(part.poses), part.row_weights) for part in sub_frames)
         light = exposed(ideal, degradation, geometry)
         exposure = expose(mean_luminance(light) if metered else None)
-        picture = developed(
+        image = developed(
             light, degradation, geometry, exposure.factors, self._noise_key, exposure.frame_number
         )
-        return _readback(picture, degradation.encoding, linear)
+        return _readback(image, degradation.encoding, linear)
 
 
 class RayHitSource(HitSource):
@@ -331,6 +331,6 @@ class RayHitSource(HitSource):
         return self._occluded
 
 
-def _readback(picture: LinearPicture, encoding: Encoding | None, linear: bool) -> Readback:
-    floats = np.ascontiguousarray(picture[..., :3]) if linear else None
-    return Readback(eight_bits(picture, encoding), floats)
+def _readback(image: LinearImage, encoding: Encoding | None, linear: bool) -> Readback:
+    floats = np.ascontiguousarray(image[..., :3]) if linear else None
+    return Readback(eight_bits(image, encoding), floats)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Renderer(BatchRenderer):
-    """Renders a sensor's pictures of a scene; loads and compiles everything once.
+    """Renders a sensor's images of a scene; loads and compiles everything once.
 
     Use it as a context manager, or `close` it: it holds memory of the GPU.
 
@@ -44,7 +44,7 @@ class Renderer(BatchRenderer):
             or of a calibration file with one camera; by default the paper's.
         body: of the vehicle, in its base frame; a stage brings its own.
         hidden: names of the body's instances that are not drawn.
-        unlit: show plain base colours, without lights.
+        unlit: show plain base colors, without lights.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
             stage has chosen already.
         seed: of the camera's noise.
@@ -118,7 +118,7 @@ class Renderer(BatchRenderer):
             motion: of the world around the state's time, for motion blur and rolling shutter; None:
                 at rest.
             frame_number: noise differs from frame to frame.
-            exposure_ev: of auto-exposure; None: metered in this picture, as if it had settled.
+            exposure_ev: of auto-exposure; None: metered in this image, as if it had settled.
             boxes_3d: also the oriented boxes of the visible instances.
 
         Raises:
@@ -138,7 +138,7 @@ class Renderer(BatchRenderer):
         with self._current() as passes:
             poses = self._poses_in(now)
             around = None if motion is None else partial(self._poses_at, motion, now)
-            picture, degradation = passes.take(
+            image, degradation = passes.take(
                 FrameRequest(poses, around, linear, frame_number, exposure_ev)
             )
             if names or boxes_3d:
@@ -156,7 +156,7 @@ class Renderer(BatchRenderer):
         for other in needed:
             world_from_base = others[other].world_from_object[self.vehicle]
             metadata[f"{other}_world_from_base"] = world_from_base.tolist()
-        return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray, boxes)
+        return Frame(image.rgba, image.linear, metadata, channels, labels, has_ray, boxes)
 
     def _state_or_optical(
         self, state: WorldState | ArrayLike | None, optical: ArrayLike | None
@@ -170,9 +170,9 @@ class Renderer(BatchRenderer):
         return check_pose(optical) @ inverse(self.camera.base_from_optical)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
-        """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
+        """Images (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
-        They are drawn for this: a frame draws of each face only the tiles that its picture samples.
+        They are drawn for this: a frame draws of each face only the tiles that its image samples.
 
         Raises:
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.

@@ -94,7 +94,7 @@ class Stage(Closing, EditableScene):
         dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
             ignored, too.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
-        backend: makes pictures and hits.
+        backend: makes images and hits.
 
     Attributes:
         edits: number of times that the scene became another one.

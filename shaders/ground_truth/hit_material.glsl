@@ -5,7 +5,7 @@
 
 #ifdef BATCH
 #define ATLAS sampler2DArray
-#define value_at(atlas, texel) texelFetch(atlas, ivec3(texel, v_picture), 0)
+#define value_at(atlas, texel) texelFetch(atlas, ivec3(texel, v_image), 0)
 #else
 #define ATLAS sampler2D
 #define value_at(atlas, texel) texelFetch(atlas, texel, 0)

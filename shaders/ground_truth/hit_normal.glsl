@@ -14,7 +14,7 @@ void write_no_normal() {
 void write_normal(Hit hit) {
     uint item = hit.primitive.x - 1u;
     uint first = draw_item_at(item).x + 3u * hit.primitive.y;
-    // of any length: the weights need not be normalised
+    // of any length: the weights need not be normalized
     vec3 mesh = hit.weights.x * normal_at(vertex_at(first)) +
                 hit.weights.y * normal_at(vertex_at(first + 1u)) +
                 hit.weights.z * normal_at(vertex_at(first + 2u));

@@ -2,7 +2,7 @@
 #version 450 core
 
 #ifdef BATCH
-flat in int v_picture;
+flat in int v_image;
 #endif
 const vec3 ray_origin = vec3(0.0);
 #include "ground_truth/texel.glsl"

@@ -12,7 +12,7 @@ mat3 viewpoint_from_optical() {
 }
 
 ivec2 pixel() {
-    return ivec2(gl_FragCoord.xy) - ivec2(0, v_picture * textureSize(u_rays, 0).y);
+    return ivec2(gl_FragCoord.xy) - ivec2(0, v_image * textureSize(u_rays, 0).y);
 }
 #else
 uniform mat3 u_viewpoint_from_optical;

@@ -1,5 +1,5 @@
 // Position and normal of a fragment, in axes of the world about the effective viewpoint.
-// vec3 surface_position(): metres, with POSITION; else 0, as nobody needs it.
+// vec3 surface_position(): meters, with POSITION; else 0, as nobody needs it.
 // vec3 normal_of_triangle(): of any length and either side. Call it before any discard: derivatives
 // need the whole 2 x 2 block.
 // vec3 seen_normal(vec3 triangle_normal): unit, of the side that is seen, which is the side that is

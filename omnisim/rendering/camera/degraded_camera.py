@@ -1,4 +1,4 @@
-"""Degraded camera: plans the sub-frames, exposure and noise of its pictures."""
+"""Degraded camera: plans the sub-frames, exposure and noise of its images."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnisim.rendering.twist import moved_px
 
 
 class SubFramePipeline(Protocol):
-    """Renders a degraded picture from ideal ones of its sub-frames."""
+    """Renders a degraded image from ideal ones of its sub-frames."""
 
     def render(
         self,
@@ -22,18 +22,18 @@ class SubFramePipeline(Protocol):
         metered: bool,
         linear: bool,
     ) -> Readback:
-        """Render a picture.
+        """Render an image.
 
         Args:
             sub_frames: at least one.
             expose: from the mean luminance to the exposure.
             metered: whether `expose` is given the luminance.
-            linear: whether linear colours are asked for.
+            linear: whether linear colors are asked for.
         """
 
 
 class DegradedCamera:
-    """Takes the pictures of a camera that is not ideal.
+    """Takes the images of a camera that is not ideal.
 
     Args:
         sensor: the camera.
@@ -53,7 +53,7 @@ class DegradedCamera:
         self._pipeline = pipeline
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return its metadata."""
+        """Take an image; also return its metadata."""
         exposure_ev = request.exposure_ev
         sub_frames = self._sub_frames(request)
         degradation = self._sensor.degradation
@@ -70,12 +70,12 @@ class DegradedCamera:
                 metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
             return Exposed(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
-        picture = self._pipeline.render(sub_frames, expose, degradation.is_metered, request.linear)
+        image = self._pipeline.render(sub_frames, expose, degradation.is_metered, request.linear)
         if degradation.noise is not None:
             metadata["noise"] = {"seed": self._seed, "frame_number": request.frame_number}
         if degradation.jpeg is not None:
-            picture = picture._replace(rgba=degradation.jpeg.compressed(picture.rgba))
-        return picture, metadata
+            image = image._replace(rgba=degradation.jpeg.compressed(image.rgba))
+        return image, metadata
 
     def _sub_frames(self, request: FrameRequest) -> list[SubFrame]:
         """Plan the poses at which the shutter is open."""

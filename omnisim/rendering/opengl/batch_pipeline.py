@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.capture.picture_pass import RemapPass
+from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.fences import clear_target
@@ -26,7 +26,7 @@ class BatchPipeline:
     Args:
         context: OpenGL context.
         cube: virtual cameras.
-        picture_pass: samples an atlas into an image.
+        image_pass: samples an atlas into an image.
         size_px: width and height of an image.
 
     Attributes:
@@ -37,11 +37,11 @@ class BatchPipeline:
         self,
         context: moderngl.Context,
         cube: CubePass,
-        picture_pass: RemapPass,
+        image_pass: RemapPass,
         size_px: tuple[int, int],
     ):
         self.context = context
-        self._cube, self._picture_pass, self.size_px = cube, picture_pass, size_px
+        self._cube, self._image_pass, self.size_px = cube, image_pass, size_px
         self._ring = ReadbackRing(context)
         self._atlases: moderngl.TextureArray | None = None
         self.refresh()
@@ -89,7 +89,7 @@ class BatchPipeline:
             some = slice(first, min(first + length, len(poses)))
             atlases, target = self._reserve(length)
             self._cube.render_layers(poses[some], atlases, self._levels)
-            self._picture_pass.draw_batch(atlases, target, some.stop - some.start)
+            self._image_pass.draw_batch(atlases, target, some.stop - some.start)
             yield some, target
 
     def end(self) -> None:
@@ -100,12 +100,12 @@ class BatchPipeline:
         """Atlases and a target for `count` to 2 `count` images."""
         if self._atlases is None or not count <= self._atlases.layers <= 2 * count:
             plan, (width, height) = self._cube.plan, self.size_px
-            with gpu_allocation(f"a batch of {count} pictures", "render fewer at once"):
+            with gpu_allocation(f"a batch of {count} images", "render fewer at once"):
                 size = (plan.width_px, plan.height_px, count)
                 self._atlases = self.context.texture_array(size, 4, dtype="f2")
                 self._levels = AtlasLevels(self._atlases, plan.max_level)
-                pictures = self.context.renderbuffer((width, count * height), 4)
-                self._target = self.context.framebuffer([pictures])
+                images = self.context.renderbuffer((width, count * height), 4)
+                self._target = self.context.framebuffer([images])
             self._atlases.repeat_x = self._atlases.repeat_y = False
             self._atlases.filter = self._cube.atlas.filter
             # once: pixels without a ray are never drawn

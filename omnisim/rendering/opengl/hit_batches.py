@@ -38,8 +38,8 @@ class _Variant:
         self.layers = VisibilityLayers(passes.visibility, count, details)
         self.program = passes.build_program(details, "BATCH")
         self.array = valid_pixels_array(context, self.program, passes.pixels.valid)
-        uniform(self.program, "u_pictures").value = self.count = count
-        with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
+        uniform(self.program, "u_images").value = self.count = count
+        with gpu_allocation(f"ground truth of {count} images", "render fewer at once"):
             size = (width, count * height)
             held = [
                 context.renderbuffer(size, 4, dtype="f4"), context.renderbuffer(size, 2, dtype="u4")
@@ -72,16 +72,16 @@ class HitBatches:
             return 1
         limits, (width, height) = context.info, passes.pixels.size_px
         texels = visibility.plan.width_px * visibility.plan.height_px
-        picture_bytes = _TEXEL_BYTES * texels + _PIXEL_BYTES * width * height
+        image_bytes = _TEXEL_BYTES * texels + _PIXEL_BYTES * width * height
         if details.materials:
-            picture_bytes += _MATERIAL_TEXEL_BYTES * texels
-            picture_bytes += _MATERIAL_PIXEL_BYTES * width * height
-        picture_bytes += visibility.culling_bytes + passes.tables.picture_bytes
+            image_bytes += _MATERIAL_TEXEL_BYTES * texels
+            image_bytes += _MATERIAL_PIXEL_BYTES * width * height
+        image_bytes += visibility.culling_bytes + passes.tables.image_bytes
         most_bytes = int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         return max(
             1,
             min(
-                MAX_SLICE_BYTES // picture_bytes,
+                MAX_SLICE_BYTES // image_bytes,
                 most_bytes // max(1, visibility.culling_bytes),
                 int(limits["GL_MAX_TEXTURE_SIZE"]) // height,
                 int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.capture.picture_pass import picture_pass
+from omnisim.rendering.opengl.capture.image_pass import image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
@@ -32,7 +32,7 @@ class Pipeline:
     Attributes:
         context: OpenGL context.
         size_px: width and height of the image.
-        picture_pass: samples the atlas into the image.
+        image_pass: samples the atlas into the image.
         linear: texture of the linear image: RGB and validity; None until one is requested.
         encoded_target: framebuffer with the encoded image alone.
 
@@ -48,13 +48,13 @@ class Pipeline:
         linear_type: Literal["f2", "f4"] = "f2",
     ):
         context, (width, height) = samples.context, samples.size_px
-        check_picture_size(context, width, height)
+        check_image_size(context, width, height)
         self.context, self._cube, self._state = context, cube, GlState()
         self.size_px = (width // supersampling, height // supersampling)
         self._make_pass(samples, supersampling)
         with gpu_allocation(
             f"a capture of {width} × {height} px",
-            "make the picture or camera.supersampling smaller",
+            "make the image or camera.supersampling smaller",
         ):
             self.linear = context.texture(self.size_px, 4, dtype=linear_type)
             encoded = context.renderbuffer(self.size_px, 4)
@@ -65,12 +65,12 @@ class Pipeline:
         clear_target(self._both_targets)
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
-        self.picture_pass = picture_pass(samples, self._cube.plan, supersampling)
+        self.image_pass = image_pass(samples, self._cube.plan, supersampling)
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
         """Draw the encoded image and, on request, the linear one."""
         atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
-        self.picture_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
+        self.image_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
 
     def render(self, poses: ScenePoses, linear: bool = False) -> Readback:
         """Render an image, with linear colors on request."""
@@ -129,7 +129,7 @@ class DegradedPipeline:
         return Readback(rgba, floats)
 
 
-def check_picture_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
+def check_image_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
     """Refuse an image larger than the GPU allows.
 
     Raises:
@@ -139,5 +139,5 @@ def check_picture_size(context: moderngl.Context, width_px: int, height_px: int)
     if max(width_px, height_px) > limit:
         raise GraphicsError(
             f"a capture of {width_px} × {height_px} px: this GPU takes at most {limit}; "
-            "make the picture or camera.supersampling smaller"
+            "make the image or camera.supersampling smaller"
         )

@@ -71,5 +71,5 @@ class ReadbackRing:
             return self._free.pop()
         if self._free:
             self._free.pop()  # too small
-        with gpu_allocation(f"a readback of {size >> 20} MiB", "render fewer pictures at once"):
+        with gpu_allocation(f"a readback of {size >> 20} MiB", "render fewer images at once"):
             return self._context.buffer(reserve=size, dynamic=True)

@@ -58,7 +58,7 @@ class _Views:
 
 
 class DepthRenderer(SensorRenderer[_Views]):
-    """Takes a depth camera's pictures of a scene; loads and compiles everything once.
+    """Takes a depth camera's images of a scene; loads and compiles everything once.
 
     Use it as a context manager, or `close` it: it holds memory of the GPU.
 
@@ -114,7 +114,7 @@ class DepthRenderer(SensorRenderer[_Views]):
         return f"{self.camera.width_px} × {self.camera.height_px} px"
 
     def measure(self, state: WorldState | ArrayLike, frame_number: int = 0) -> NDArray[np.float32]:
-        """Depths (height, width) along the optical axis in metres, 0 in holes.
+        """Depths (height, width) along the optical axis in meters, 0 in holes.
 
         Args:
             state: of the world; or, where nothing else moves, the (4, 4) pose of the vehicle.

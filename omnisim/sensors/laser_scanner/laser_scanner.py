@@ -176,7 +176,7 @@ class LaserScanner(Parameters, name="scanner"):
         return float(np.random.default_rng((self.seed, _DEVICE)).uniform(-bound, bound))
 
     def measure(self, true_ranges_m: NDArray[np.float64], scan_number: int) -> NDArray[np.float64]:
-        """Measured ranges (beams,) in metres.
+        """Measured ranges (beams,) in meters.
 
         Errors are added, the sum is rounded, and what then lies outside of the limits is −inf or
         +inf. The noise depends on the seed, the number of the scan and the beam alone, so
@@ -203,8 +203,8 @@ class LaserScanner(Parameters, name="scanner"):
         ranges = ranges + self.device_error_m
         if self.step_m:
             # divided, not multiplied: 8190 steps are then 8.19, to the last bit
-            steps_a_metre = 1.0 / self.step_m
-            ranges = np.rint(ranges * steps_a_metre) / steps_a_metre
+            steps_a_meter = 1.0 / self.step_m
+            ranges = np.rint(ranges * steps_a_meter) / steps_a_meter
         measured = np.full(len(true_ranges_m), np.inf)
         measured[hit] = np.where(ranges > self.range_max_m, np.inf, ranges)
         measured[measured < self.range_min_m] = -np.inf

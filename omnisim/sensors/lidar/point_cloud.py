@@ -36,9 +36,9 @@ class PointCloud:
     """Points of one revolution, in the order in which they are measured.
 
     Attributes:
-        points: (n,) of `POINT`: metres in the lidar's frame at each point's own time, number of the
+        points: (n,) of `POINT`: meters in the lidar's frame at each point's own time, number of the
             ring, seconds since the revolution's start, azimuth in radians counter-clockwise, range
-            in metres, and ID of the instance as ground truth has it.
+            in meters, and ID of the instance as ground truth has it.
         lidar: that took it.
         world_from_lidar_at_start, world_from_lidar: (4, 4) its poses at the revolution's start and
             end.

@@ -4,7 +4,7 @@ Frame of the lidar: x forward, y left, z up (REP 103); all lasers start at its o
 looks down the most, as the drivers of ROS count. The head turns clockwise seen from above, as
 Velodyne's do, and a revolution begins straight behind. All rings of a firing shoot at once, in one
 direction; a laser has one return. The devices' lasers shoot within 46 µs, their lenses lie some
-centimetres apart, and a beam that two surfaces share has two returns: all this is left out.
+centimeters apart, and a beam that two surfaces share has two returns: all this is left out.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class SpinningLidar(Parameters, name="lidar"):
         return LidarBeams(np.radians(self.elevations_deg), self.azimuths_rad, self.reach_m)
 
     def measure(self, true_ranges_m: NDArray[np.floating], revolution: int) -> NDArray[np.float64]:
-        """Measured ranges (rings, firings) in metres; +inf: no return.
+        """Measured ranges (rings, firings) in meters; +inf: no return.
 
         The noise depends on the seed, the number of the revolution, ring and firing alone, so that
         any revolution of a drive can be made again by itself.
@@ -161,7 +161,7 @@ class SpinningLidar(Parameters, name="lidar"):
             random = np.random.default_rng((self.seed, revolution))
             ranges_m += self.sigma_m * random.standard_normal(ranges_m.shape)
         if self.step_m:
-            steps_a_metre = 1.0 / self.step_m
-            ranges_m = np.rint(ranges_m * steps_a_metre) / steps_a_metre
+            steps_a_meter = 1.0 / self.step_m
+            ranges_m = np.rint(ranges_m * steps_a_meter) / steps_a_meter
         ranges_m[(ranges_m < self.range_min_m) | (ranges_m > self.range_max_m)] = np.inf
         return ranges_m

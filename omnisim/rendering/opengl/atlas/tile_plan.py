@@ -128,7 +128,7 @@ def plan_tiles(
     Raises:
         GraphicsError: the camera sees nothing.
     """
-    seen = _picture_rays(camera)
+    seen = _image_rays(camera)
     if also_seen is not None:
         seen = np.concatenate((seen, also_seen))
     directions_rig = seen @ rig_from_optical.T
@@ -166,7 +166,7 @@ def plan_densities(
     """
     whole = [(face, one) for face, density in enumerate(densities) for one in density.whole()]
     if not whole:
-        raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
+        raise GraphicsError("camera: no pixel of the image sees anything of the scene")
     plan = _plan(whole, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px)
     if subdivide and face_size_px is None:
         texels = sum(_texels(region, texels_per_pixel) for _, region in whole)
@@ -268,7 +268,7 @@ def _pack(tiles: list[Tile], level: int, level_bias: float) -> TilePlan:
     return TilePlan(tuple(packed), level, level_bias, used_px, top_px + row_px)
 
 
-def _picture_rays(camera: CentralCamera) -> NDArray[np.float64]:
+def _image_rays(camera: CentralCamera) -> NDArray[np.float64]:
     """Directions (n, 3), optical frame, that the image sees, edges and corners included.
 
     A small image from a long lens falls between the samples of a face's grid.

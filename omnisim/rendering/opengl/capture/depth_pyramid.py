@@ -39,7 +39,7 @@ class DepthPyramid:
     ):
         size = plan.width_px, plan.height_px
         blocks = -(-plan.width_px // _BLOCK), -(-plan.height_px // _BLOCK)
-        with gpu_allocation(f"depth of {size[0]} × {size[1]} px", "make the picture smaller"):
+        with gpu_allocation(f"depth of {size[0]} × {size[1]} px", "make the image smaller"):
             self._depth = context.texture(size, 1, dtype="f4")
             self._blocks = context.texture(blocks, 2, dtype="f4")
             cells = _cell_tiles(plan)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.image_pass import image_array
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
-from omnisim.rendering.opengl.capture.picture_pass import picture_array
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.fences import clear_target, use_target
 from omnisim.rendering.opengl.gl_functions import clear_integers
@@ -77,7 +77,7 @@ class ParallaxPass:
         self._size = width, height = rays.smooth.shape[1], rays.smooth.shape[0]
         self._what = f"a capture of {width} × {height} px"
         self.undecided_samples = 0
-        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+        with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
             self._rays = ray_textures(context, rays)
             self._surfaces = context.texture(self._size, 4, dtype="f4")
             self._colors = context.texture(self._size, 4, dtype="f4")
@@ -99,13 +99,13 @@ class ParallaxPass:
         uniform(program, "u_width_px").value = width
         self._samples_array = context.vertex_array(program, [])
         self._samples_array.vertices = 3
-        self._picture_array = picture_array(
+        self._image_array = image_array(
             context, rays.shown if shown is None else rays.shown & shown, 1
         )
 
     def _covering(self, fragment: str) -> moderngl.VertexArray:
         """Vertex array that draws all pixels with samples."""
-        program = self._program("capture/picture.vert", fragment)
+        program = self._program("capture/image.vert", fragment)
         return valid_pixels_array(self._context, program, self._sample_rays.shown)
 
     def _program(self, vertex: str, fragment: str) -> moderngl.Program:
@@ -167,7 +167,7 @@ class ParallaxPass:
         self._add_samples_left(cast)
         self._colors.use(_ATLAS)
         use_target(target)
-        self._picture_array.render()
+        self._image_array.render()
 
     def _add_samples_left(self, cast: CastSamples | None) -> None:
         """Add the samples that the neighboring pixels did not decide, one by one."""
@@ -225,7 +225,7 @@ class ParallaxPass:
 
     def _allocate_samples(self, rows: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         size = _SAMPLE_ROW, rows
-        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+        with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
             samples = self._context.texture(size, 1, dtype="u4")
             samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
             found = self._context.renderbuffer(size, 4, dtype="f4")

@@ -98,7 +98,7 @@ class ParallaxRays:
             longest = max(longest, float(lengths_m.max(initial=0.0)))
         return longest
 
-    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def centers(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Directions and origins (n, 3) of the valid pixel centers, row by row."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return (

@@ -146,7 +146,7 @@ class PixelMap:
             "capture/mirror_mesh.frag",
             includes={"EMIT": emit},
         )
-        program["u_picture_size_px"] = self.size_px
+        program["u_image_size_px"] = self.size_px
         program["u_focal_length_px"] = camera.focal_length_px
         program["u_principal_point_px"] = camera.principal_point_px
         mesh = tessellate(camera.mirror, polygons)

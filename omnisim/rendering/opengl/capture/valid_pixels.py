@@ -34,10 +34,10 @@ def covering_triangles(valid: NDArray[np.bool_]) -> NDArray[np.float32]:
 def valid_pixels_array(
     context: moderngl.Context, program: moderngl.Program, valid: NDArray[np.bool_]
 ) -> moderngl.VertexArray:
-    """Vertex array over the valid pixels (height, width) for `capture/picture.vert`."""
+    """Vertex array over the valid pixels (height, width) for `capture/image.vert`."""
     corners = covering_triangles(valid)
     if not corners.size:
         corners = np.zeros((3, 2), dtype=np.float32)  # OpenGL has no empty buffer
     height, width = valid.shape
-    uniform(program, "u_picture_size_px").value = (width, height)
+    uniform(program, "u_image_size_px").value = (width, height)
     return context.vertex_array(program, [(context.buffer(corners), "2f4", "in_corner_px")])

@@ -114,7 +114,7 @@ class _Target:
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         with gpu_allocation(
-            f"a degraded picture of {size[0]} × {size[1]} px", "make the picture smaller"
+            f"a degraded image of {size[0]} × {size[1]} px", "make the image smaller"
         ):
             self.texture = context.texture(size, 4, dtype="f4")
             self.framebuffer = context.framebuffer([self.texture])
@@ -140,7 +140,7 @@ class _FullScreenPass:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        picture: moderngl.Texture,
+        image: moderngl.Texture,
         uniforms: Mapping[str, UniformValue] | None = None,
         textures: Mapping[str, moderngl.Texture] | None = None,
     ) -> None:
@@ -148,7 +148,7 @@ class _FullScreenPass:
 
         Args:
             target: has the image's size.
-            picture: input image, `u_picture`.
+            image: input image, `u_image`.
             uniforms: values of this frame; names that the shader does not use are ignored.
             textures: additional textures by sampler name.
         """
@@ -156,7 +156,7 @@ class _FullScreenPass:
             if name in self._program:
                 self._program[name] = value
         use_target(target)
-        picture.use(0)
+        image.use(0)
         for unit, texture in enumerate(self._textures, start=1):
             texture.use(unit)
         for unit, (name, texture) in enumerate((textures or {}).items(), 1 + len(self._textures)):
@@ -174,7 +174,7 @@ class _Shutter:
         self._accumulate = _FullScreenPass(context, Step("accumulate"))
 
     def add(
-        self, picture: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
+        self, image: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
     ) -> moderngl.Texture:
         """Add a sub-frame to the frame's sum (the first one starts it); return the sum."""
         flush()  # virgl uploads before pending draws, unless they are submitted
@@ -184,7 +184,7 @@ class _Shutter:
             use_target(before.framebuffer)
             before.framebuffer.clear()
         textures = {"u_sum": before.texture, "u_row_weights": self._row_weights}
-        self._accumulate.draw(after.framebuffer, picture, textures=textures)
+        self._accumulate.draw(after.framebuffer, image, textures=textures)
         self._sums.reverse()
         return after.texture
 
@@ -197,9 +197,9 @@ class _LightMeter:
         self._sum_blocks = _FullScreenPass(context, Step("meter", {"u_block_px": METER_BLOCK_PX}))
         self._blocks = _Target(context, (-(-width // METER_BLOCK_PX), -(-height // METER_BLOCK_PX)))
 
-    def mean_luminance(self, picture: moderngl.Texture) -> float:
+    def mean_luminance(self, image: moderngl.Texture) -> float:
         """Mean luminance (Rec. 709) of the valid pixels; 0 without valid pixels."""
-        self._sum_blocks.draw(self._blocks.framebuffer, picture)
+        self._sum_blocks.draw(self._blocks.framebuffer, image)
         data = self._blocks.framebuffer.read(components=4, dtype="f4")
         total, count = np.frombuffer(data, dtype="<f4").reshape(-1, 4).sum(axis=0, dtype=float)[:2]
         return float(total / count) if count > 0.0 else 0.0

@@ -35,7 +35,7 @@ class VirtualCameras:
     Attributes:
         near_m, far_m: depth range; far_m may be infinite.
         samples: samples per texel.
-        unlit: show plain base colours.
+        unlit: show plain base colors.
         background: linear RGB of rays that hit nothing.
         hidden: parts of dynamic objects to leave out.
         both_sides: draw back faces, too.
@@ -217,7 +217,7 @@ class TileRenderer:
     ) -> NDArray[np.bool_]:
         """Mask of items (n,) whose bounding spheres are not outside of a tile's frustum."""
         inside_m = (
-            transforms.centres_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
+            transforms.centers_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
         )
         kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
         return kept

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-NO_NEIGHBOUR = np.uint32(0xFFFFFFFF)
+NO_NEIGHBOR = np.uint32(0xFFFFFFFF)
 
 
-def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.uint32]:
+def neighbors(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """Adjacent triangles (m, 3) beyond the edges opposite to each triangle's corners.
 
     Corners at the same place count as one, even if normals or texture coordinates differ. If more
-    than two triangles share an edge, each gets the next one; `NO_NEIGHBOUR`: an open edge.
+    than two triangles share an edge, each gets the next one; `NO_NEIGHBOR`: an open edge.
 
     Args:
         positions: (n, 3) of the vertices.
@@ -30,7 +30,7 @@ def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) ->
     counts = np.diff(starts, append=len(keys))
     following = np.arange(1, len(keys) + 1)
     following[starts + counts - 1] = starts  # the last one gets the first
-    found = np.full(len(keys), NO_NEIGHBOUR)
+    found = np.full(len(keys), NO_NEIGHBOR)
     is_shared = np.repeat(counts > 1, counts)
     found[order[is_shared]] = order[following[is_shared]] // 3
     return found.reshape(-1, 3)

@@ -231,7 +231,7 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
 
 def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
     """Center (3,) of the static items, world."""
-    static = [item.centre_m for item in items if item.object_index is None]
+    static = [item.center_m for item in items if item.object_index is None]
     if not static:
         return np.zeros(3)
     middle: NDArray[np.float64] = 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))

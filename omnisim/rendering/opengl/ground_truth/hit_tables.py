@@ -96,7 +96,7 @@ class HitTables:
         self._bind(ids, self._batch)
 
     @property
-    def picture_bytes(self) -> int:
+    def image_bytes(self) -> int:
         """Size of one batch image's draw items, bytes."""
         return int(_DRAW_ITEM.itemsize * (len(self._draw_items) + 1))
 

@@ -30,14 +30,14 @@ class OcclusionPass:
 
     def __init__(self, hits: RayHitPass):
         self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
-        program = build_program(context, "capture/picture.vert", hits.occlusion_shader)
+        program = build_program(context, "capture/image.vert", hits.occlusion_shader)
         hits.prepare(program, np.eye(3))
         uniform(program, "u_points").value = _POINTS_UNIT
         uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
         self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
         self._vertex_array = valid_pixels_array(context, program, pixels.valid)
         width, height = pixels.size_px
-        with gpu_allocation(f"flow of {width} × {height} px", "make the picture smaller"):
+        with gpu_allocation(f"flow of {width} × {height} px", "make the image smaller"):
             occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
             self._target = context.framebuffer([occluded])
         # once: pixels without a ray are never drawn

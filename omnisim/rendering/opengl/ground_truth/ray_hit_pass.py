@@ -65,7 +65,7 @@ class RayHitPass:
         visibility.buffers.check_readable("to look up what its pixels show")
         width, height = pixels.size_px
         self._what = f"ground truth of {width} × {height} px"
-        with gpu_allocation(self._what, "make the picture smaller"):
+        with gpu_allocation(self._what, "make the image smaller"):
             self._rays = pixels.rays
             self.points = pixels.context.texture(pixels.size_px, 4, dtype="f4")
             self.primitives = pixels.context.texture(pixels.size_px, 2, dtype="u4")
@@ -135,7 +135,7 @@ class RayHitPass:
     def _variant(self, details: HitDetails) -> _Variant:
         context = self.pixels.context
         program = self.build_program(details)
-        with gpu_allocation(self._what, "make the picture smaller"):
+        with gpu_allocation(self._what, "make the image smaller"):
             target = hits_target(
                 context, self.pixels.size_px, [self.points, self.primitives], details
             )
@@ -146,7 +146,7 @@ class RayHitPass:
         """Compile a program of hits, and set its constant uniforms."""
         program = build_program(
             self.pixels.context,
-            "capture/picture.vert",
+            "capture/image.vert",
             self.shader,
             (
                 *self._compiled_windows,

@@ -84,7 +84,7 @@ class VisibilityPass:
         self.both_sides = cameras.both_sides
         size = (plan.width_px, plan.height_px)
         with gpu_allocation(
-            f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the picture smaller"
+            f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the image smaller"
         ):
             self.id_atlas = context.texture(size, 1, dtype="u4")
             self.detail_atlases = {

@@ -70,9 +70,9 @@ def _extent_m(
     """Minimum and maximum coordinates (3,) of boxes (n, 2, 3) along axes."""
     if not len(boxes_m):
         return np.zeros(3), np.zeros(3)
-    centres = boxes_m.mean(axis=1) @ axes.T
+    centers = boxes_m.mean(axis=1) @ axes.T
     extents = 0.5 * (boxes_m[:, 1] - boxes_m[:, 0]) @ np.abs(axes).T
-    return (centres - extents).min(axis=0), (centres + extents).max(axis=0)
+    return (centers - extents).min(axis=0), (centers + extents).max(axis=0)
 
 
 def _half_m(low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> float:
