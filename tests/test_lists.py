@@ -5,8 +5,9 @@ import re
 from pathlib import Path
 from typing import get_args
 
-import omnisim
 from omnisim.apps.cli.arguments import Backend
+
+import omnisim
 from omnisim.cameras import CAMERA_MODELS
 from omnisim.cameras.calibration import FORMATS
 from omnisim.rendering.camera import degradations

@@ -9,6 +9,7 @@ import typer
 import typer.main
 
 from omnisim.apps.cli.app import app
+from omnisim.apps.cli.commands import COMMANDS
 
 _WIDTH = 80  # of the usage, whatever the terminal's
 
@@ -21,7 +22,13 @@ option ends with status 2. `omnisim COMMAND --help` prints what stands here.
 
 def command_line_page() -> str:
     """Markdown of all commands, those of groups included."""
-    return "\n".join([_HEADER, *_sections(typer.main.get_command(app), "omnisim")])
+    commands = typer.main.get_command(app).commands
+    sections = [_HEADER]
+    for heading, entries in COMMANDS.items():
+        sections.append(f"## {heading}\n")
+        for name in entries:
+            sections += _sections(commands[name], f"omnisim {name}")
+    return "\n".join(sections)
 
 
 def _sections(command: typer.core.TyperCommand, name: str) -> Iterator[str]:
@@ -31,7 +38,7 @@ def _sections(command: typer.core.TyperCommand, name: str) -> Iterator[str]:
             yield from _sections(command.commands[child], f"{name} {child}")
         return
     usage = command.get_usage(context).removeprefix("Usage: ")
-    yield f"## {name}\n\n{_one_line(command.help or '')}\n\n```text\n{usage}\n```\n"
+    yield f"### {name}\n\n{_one_line(command.help or '')}\n\n```text\n{usage}\n```\n"
     records = [parameter.get_help_record(context) for parameter in command.get_params(context)]
     rows = [f"| `{_cell(names)}` | {_cell(text)} |" for names, text in filter(None, records)]
     yield "\n".join(["| option | meaning |", "| --- | --- |", *rows, ""])

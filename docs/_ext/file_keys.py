@@ -12,6 +12,7 @@ import pydantic
 from pydantic_core import PydanticUndefined
 
 from omnisim.core.files import file_keys
+from omnisim.core.files.attribute_docs import attribute_docs
 from omnisim.core.files.inner_tables import table_in
 from omnisim.core.files.parameters import table_of
 
@@ -26,7 +27,7 @@ def tables(
         path: key of the table in its file.
         source: class with the keys' help, where it is not the model itself.
     """
-    docs, rows, inner = file_keys.attribute_docs(source or model), [], []
+    docs, rows, inner = attribute_docs(source or model), [], []
     for name, field in model.model_fields.items():
         key = field.alias or name
         found = table_in(field.annotation)

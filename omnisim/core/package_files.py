@@ -12,9 +12,15 @@ def _folder(name: str) -> Path:
     return installed if installed.is_dir() else _PACKAGE.parent / name
 
 
+PRESETS = _PACKAGE / "rendering" / "camera" / "presets"  # of degradations
 # The package's own omnisim/sensors is code; only these two folders live at the top level.
 SHADERS = _folder("shaders")
 SCENES = _folder("scenes")
+
+
+def preset_names() -> list[str]:
+    """Names of the built-in presets of degradations, sorted."""
+    return sorted(path.stem for path in PRESETS.glob("*.toml"))
 
 
 def built_in(file: str) -> list[str]:

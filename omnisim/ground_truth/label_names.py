@@ -5,12 +5,13 @@ from __future__ import annotations
 import colorsys
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from omnisim.core.short_repr import counted, short_repr
+
+if TYPE_CHECKING:  # the names of channels and classes alone need no NumPy
+    import numpy as np
+    from numpy.typing import NDArray
 
 NOTHING = 0  # ID of class and instance where nothing is hit
 _GOLDEN = 0.61803398875  # hues that far apart never come close to one another
@@ -76,11 +77,15 @@ class Labels:
     @cached_property
     def class_of_instance(self) -> NDArray[np.uint16]:
         """Class of each instance id (n + 1,), from `NOTHING` on."""
+        import numpy as np
+
         return np.array([NOTHING, *(i.class_id for i in self.instances)], dtype=np.uint16)
 
     @cached_property
     def class_colors(self) -> NDArray[np.uint8]:
-        """Colors (largest id + 1, 3) of the classes; black where there is none."""
+        """Colors (largest id + 1, 3) of the classes; black for unused ids."""
+        import numpy as np
+
         colors = np.zeros((max((c.id for c in self.classes), default=0) + 1, 3), dtype=np.uint8)
         for label in self.classes:
             colors[label.id] = label.color

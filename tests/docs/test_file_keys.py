@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.cameras.optics.surface_tables import shape_schemas
 from omnisim.cameras.optics.system_file import OpticsFile
-from omnisim.core.files.file_keys import attribute_docs
+from omnisim.core.files.attribute_docs import attribute_docs
 from omnisim.core.files.inner_tables import table_in
 from omnisim.core.files.parameters import Table, table_of
 from omnisim.perception.localization.filter_parameters import FilterParameters

@@ -22,7 +22,7 @@ from omnisim.cameras.optics import read_corners, read_optics_file
 from omnisim.core.errors import OpticsError
 from omnisim.core.extras import is_installed
 from omnisim.core.files.image_files import read_channels, write_image
-from omnisim.core.package_files import SCENES
+from omnisim.core.package_files import PRESETS, SCENES
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import write_trajectory
 from omnisim.core.trajectories.spline_motion import SplineMotion
@@ -43,7 +43,6 @@ from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
-from omnisim.rendering.camera.degradations.degradation_file import PRESETS
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots import read_odometry, simulate_odometry, write_odometry

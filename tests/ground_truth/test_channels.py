@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from omnisim.apps.cli.arguments import AlsoOption
 
 import omnisim.ground_truth
-from omnisim.apps.cli.arguments import AlsoOption
 from omnisim.core.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
 from omnisim.ground_truth.channels import ChannelName

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.apps.cli.images.image_requests import RenderRequest
+from omnisim.apps.cli.images.requests import CameraViewpointOptions
 from omnisim.apps.cli.inputs import Viewpoint
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
@@ -40,16 +40,12 @@ def test_cameras_have_the_poses_of_their_nodes(scene):
     np.testing.assert_allclose(rotation[:, 2], (0, 1, 0), atol=1e-7)  # the top of its image
 
 
-def _request(scene, **options):
-    return RenderRequest(scene=scene.name, output="o.png", **options)
-
-
 def test_a_viewpoint_is_that_of_a_camera(scene):
-    viewpoint = Viewpoint.in_scene(scene, _request(scene, at_camera="lens"))
+    viewpoint = Viewpoint.in_scene(scene, CameraViewpointOptions(at_camera="lens"))
     assert (viewpoint.position_m, abs(viewpoint.yaw_deg)) == ((0.0, 0.0, 0.0), 180.0)
     with pytest.raises(OutputError, match="--at-camera 'lend': did you mean 'lens'"):
-        Viewpoint.in_scene(scene, _request(scene, at_camera="lend"))
+        Viewpoint.in_scene(scene, CameraViewpointOptions(at_camera="lend"))
     with pytest.raises(OutputError, match="--yaw: --at-camera has a pose of its own"):
-        Viewpoint.in_scene(scene, _request(scene, at_camera="lens", yaw_deg=3.0))
+        Viewpoint.in_scene(scene, CameraViewpointOptions(at_camera="lens", yaw_deg=3.0))
     with pytest.raises(OutputError, match="--at-camera 'a': the scene's file has no cameras"):
-        Viewpoint.in_scene(load_scene("soccer"), _request(scene, at_camera="a"))
+        Viewpoint.in_scene(load_scene("soccer"), CameraViewpointOptions(at_camera="a"))

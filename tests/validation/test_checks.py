@@ -11,8 +11,8 @@ from omnisim.cameras.optics import Surface
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.rendering.opengl import shader_files
+from omnisim.validation.check_registry import CHECKS
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.suite import CHECKS
 from tests.slow import slow_but
 
 pytestmark = [

@@ -1,31 +1,113 @@
-"""Commands whose parameters are the fields of a record."""
+"""Commands and groups, made from the entries of a table when they are needed."""
+
+from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from typing import Any, TypeVar, get_args
+from collections.abc import Mapping
+from functools import cached_property
+from importlib import import_module
+from typing import Any, NamedTuple
 
 import typer
+import typer.main
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-Request = TypeVar("Request")
+from omnisim.core.extras import require_extra
+
+
+class Entry(NamedTuple):
+    """Command of the table.
+
+    Attributes:
+        summary: its help.
+        run: function of `omnisim.apps.cli`, imported when the command runs; False as its result
+            is exit status 1.
+        request: class of `omnisim.apps.cli` with its options, imported when a command line is
+            parsed; empty: no options.
+        extra: extra of the package that it needs.
+    """
+
+    summary: str
+    run: str
+    request: str = ""
+    extra: str | None = None
+
+
+class GroupEntry(NamedTuple):
+    """Group of commands of the table.
+
+    Attributes:
+        summary: its help.
+        commands: by name; one named `show` is the default.
+    """
+
+    summary: str
+    commands: Mapping[str, Entry]
 
 
 class Command(TyperCommand):
-    """Command whose help names the values of its options, and no type after a flag."""
+    """Command of an entry.
+
+    Args:
+        path: names of its group and itself.
+        entry: of the table.
+        panel: heading on the help page of its group.
+    """
+
+    def __init__(self, path: str, entry: Entry, panel: str | None = None):
+        self._path, self._entry = path, entry
+        name = path.rpartition(" ")[2]
+        super().__init__(name, callback=self._call, help=entry.summary, rich_help_panel=panel)
+        self.context_settings = {"help_option_names": ["-h", "--help"]}
+
+    @property
+    def params(self) -> list[Any]:
+        """Options and arguments, read from the request when they are asked for."""
+        params: list[Any] = self._built.params
+        return params
+
+    @params.setter
+    def params(self, none: list[Any]) -> None:
+        """Ignore the empty list of the constructor."""
 
     def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
         return _without_flag_types(super().get_params(*context))
 
+    def _call(self, **values: object) -> object:
+        assert self._built.callback is not None
+        return self._built.callback(**values)
+
+    @cached_property
+    def _built(self) -> Any:
+        """Typer's command of the request's parameters."""
+        from omnisim.apps.cli.options import make_request, parameters
+
+        request = _resolve(self._entry.request) if self._entry.request else None
+
+        def call(**values: object) -> None:
+            if self._entry.extra is not None:
+                require_extra(self._entry.extra, f"omnisim {self._path}")
+            run = _resolve(self._entry.run)
+            result = run() if request is None else run(make_request(request, values))
+            if result is False:
+                raise typer.Exit(1)
+
+        made = {} if request is None else parameters(request)
+        call.__signature__ = inspect.Signature(list(made.values()))  # type: ignore[attr-defined]
+        app = typer.Typer(add_completion=False)
+        app.command()(call)
+        return typer.main.get_command(app)
+
 
 class Group(TyperGroup):
-    """Group of commands whose help names no type after a flag."""
+    """Group whose help names no type after a flag."""
 
     def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
         return _without_flag_types(super().get_params(*context))
 
 
 class DefaultGroup(Group):
-    """Group whose command `show` is taken where none of its commands is named."""
+    """Group that runs its command `show` if none of its commands is named."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: D102 - click's
         if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
@@ -39,6 +121,34 @@ class DefaultGroup(Group):
         return commands + list(argument.shell_complete(ctx, incomplete))
 
 
+def make_commands(
+    table: Mapping[str, Mapping[str, Entry | GroupEntry]],
+) -> dict[str, Command | Group]:
+    """Commands and groups of a table, by name.
+
+    Args:
+        table: entries by heading of the help page and by name.
+    """
+    return {
+        name: _make_group(name, entry, panel)
+        if isinstance(entry, GroupEntry)
+        else Command(name, entry, panel)
+        for panel, entries in table.items()
+        for name, entry in entries.items()
+    }
+
+
+def _make_group(name: str, entry: GroupEntry, panel: str) -> Group:
+    kind = DefaultGroup if "show" in entry.commands and name == "scene" else Group
+    commands: dict[str, Any] = {
+        child: Command(f"{name} {child}", one) for child, one in entry.commands.items()
+    }
+    return kind(
+        name=name, commands=commands, help=entry.summary, rich_help_panel=panel,
+        no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]},
+    )  # fmt: skip
+
+
 def _without_flag_types(parameters: list[Any]) -> list[Any]:
     for parameter in parameters:
         if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:
@@ -46,27 +156,7 @@ def _without_flag_types(parameters: list[Any]) -> list[Any]:
     return parameters
 
 
-def command(
-    group: typer.Typer, request: Callable[..., Request], name: str | None = None
-) -> Callable[[Callable[[Request], None]], Callable[[Request], None]]:
-    """Decorate a function of a record as a command of a group.
-
-    Args:
-        group: receives the command.
-        request: dataclass whose fields are annotated as typer's arguments and options.
-        name: of the command; by default the function's.
-    """
-
-    def decorate(run: Callable[[Request], None]) -> Callable[[Request], None]:
-        def callback(**values: object) -> None:
-            run(request(**values))
-
-        signature = inspect.signature(request)
-        for parameter in signature.parameters.values():
-            for info in get_args(parameter.annotation)[1:]:
-                info.readable = False  # who reads a file says in one line why that fails
-        setattr(callback, "__signature__", signature)  # noqa: B010
-        group.command(name or run.__name__, cls=Command, help=inspect.getdoc(run))(callback)
-        return run
-
-    return decorate
+def _resolve(name: str) -> Any:
+    """Function or class of a module of `omnisim.apps.cli`."""
+    module, _, attribute = name.rpartition(".")
+    return getattr(import_module(f"omnisim.apps.cli.{module}"), attribute)

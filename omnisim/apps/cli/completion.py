@@ -1,50 +1,18 @@
-"""Shell completion: names in place of what a command knows; paths are the shell's to complete.
+"""Names for shell completion and help pages; the shell itself completes paths.
 
-A key press starts the command: nothing slow is imported here, not even NumPy. The lists that are
-written out are tested against the modules that they stand for.
+A key press starts the command, so registries are imported when their names are needed.
 """
 
 import json
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import typer
 
 from omnisim.core.package_files import SCENES, built_in
 
-CHANNELS = (
-    "range", "z", "position", "normals", "normals_camera", "albedo", "roughness", "metallic",
-    "emissive", "semantic", "instance", "flow", "occluded", "flow_backward", "occluded_backward",
-    "scene_flow", "scene_flow_camera", "valid",
-)  # fmt: skip
-CALIBRATION_FORMATS = (
-    "omnisim", "kalibr", "kitti360", "opencv_omnidir", "opencv_fisheye", "opencv_pinhole", "ros",
-    "basalt", "woodscape", "nerfstudio", "foxglove", "ocamcalib", "colmap", "gazebo",
-)  # fmt: skip
-EXPORT_FORMATS = (
-    "ros2-mcap", "ros2-sqlite", "kitti", "kitti360", "tum", "euroc", "nerfstudio", "colmap",
-    "colmap-binary", "tartanair",
-)  # fmt: skip
 CAMERA = "omnicamera"  # type of a sensor in a run's manifest
-ENGINES = ("local", "ray")
-LAYOUTS = ("coco", "kitti360", "nerfstudio", "colmap", "colmap-binary")  # of data sets
-PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
-CHECKS = (
-    "rings", "polygons", "viewpoint", "path-tracer", "second-rasterizer", "materials",
-    "shadows", "baked", "rays", "quality", "markers", "omnidir", "boards", "orientation",
-    "unwarping", "optics", "optics-path-tracer", "optics-triangles", "optics-calibration",
-)  # fmt: skip
-Completion = Callable[[str], list[str]]
-
-
-def one_of(*words: str) -> Completion:
-    """Completion of one of some words."""
-
-    def complete(incomplete: str) -> list[str]:
-        return _beginning(incomplete, words)
-
-    return complete
 
 
 def complete_scene(incomplete: str) -> list[str]:
@@ -81,10 +49,45 @@ def complete_run_camera(ctx: typer.Context, incomplete: str) -> list[str]:
         return []
 
 
+def channel_names() -> Iterable[str]:
+    """Channels of ground truth."""
+    from omnisim.ground_truth.channels import CHANNELS
+
+    return CHANNELS
+
+
+def calibration_formats() -> Iterable[str]:
+    """Formats of calibration files."""
+    from omnisim.cameras.calibration.calibration_formats import FORMATS
+
+    return FORMATS
+
+
+def export_formats() -> Iterable[str]:
+    """Formats of exported runs."""
+    from omnisim.datasets.export.export_formats import FORMATS
+
+    return FORMATS
+
+
+def data_set_layouts() -> Iterable[str]:
+    """Layouts that data sets are converted to."""
+    from omnisim.datasets.export.export_formats import LAYOUTS
+
+    return LAYOUTS
+
+
+def check_names() -> Iterable[str]:
+    """Checks of the validation."""
+    from omnisim.validation.check_registry import CHECKS
+
+    return (check.key for check in CHECKS)
+
+
 def complete_channels(incomplete: str) -> list[str]:
     """Channels between commas, each once."""
     done, comma, last = incomplete.rpartition(",")
-    left = [name for name in (*CHANNELS, "all") if name not in done.split(",")]
+    left = [name for name in (*channel_names(), "all") if name not in done.split(",")]
     return [f"{done}{comma}{name}" for name in _beginning(last, left)]
 
 

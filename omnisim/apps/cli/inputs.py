@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import dataclasses
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.cli.arguments import Backend
 from omnisim.apps.cli.console import print_note
-from omnisim.apps.cli.images.image_requests import RenderRequest, ScanRequest
-from omnisim.apps.cli.runs.run_requests import DriveRequest
-from omnisim.core.errors import CalibrationError, OpticsError, OutputError, did_you_mean
+from omnisim.apps.cli.images.requests import CameraViewpointOptions
+from omnisim.apps.cli.option_groups import (
+    Backend,
+    BackendOptions,
+    CameraFileOptions,
+    LightOptions,
+    SceneOptions,
+    ShadowedLightOptions,
+    TiltedViewpointOptions,
+    TruthOptions,
+)
+from omnisim.apps.cli.options import flag_of
+from omnisim.core.errors import (
+    CalibrationError,
+    OmnisimError,
+    OpticsError,
+    OutputError,
+    did_you_mean,
+)
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.npy import ChannelFormat
@@ -25,7 +41,7 @@ from omnisim.scene.labels import find_labels, read_label_file
 
 LABELED = frozenset(("semantic", "instance"))  # channels whose files name classes
 
-LARGEST_S = 1e9  # of the world: some 30 years
+MAX_S = 1e9  # of the world: some 30 years
 
 
 @dataclass(frozen=True)
@@ -38,26 +54,28 @@ class Viewpoint:
     roll_deg: float = 0.0
 
     @classmethod
-    def in_scene(cls, scene: Scene, request: RenderRequest | ScanRequest) -> Viewpoint:
+    def in_scene(cls, scene: Scene, options: TiltedViewpointOptions) -> Viewpoint:
         """Take --at, --yaw, --pitch and --roll, by default level at the scene's start.
 
         Raises:
             OutputError: --at-camera beside one of these, or one that the scene does not have.
         """
-        if isinstance(request, RenderRequest) and request.at_camera is not None:
-            return cls._at_camera(scene, request.at_camera, request)
-        start, at, yaw_deg = scene.start, request.at, request.yaw_deg
+        if isinstance(options, CameraViewpointOptions) and options.at_camera is not None:
+            refuse_given(
+                options, "--at-camera has a pose of its own", "at", "yaw_deg", "pitch_deg",
+                "roll_deg",
+            )  # fmt: skip
+            return cls._at_camera(scene, options.at_camera)
+        start, at, yaw_deg = scene.start, options.at, options.yaw_deg
         return cls(
             position_m=start.position_m if at is None else at,
             yaw_deg=start.yaw_deg if yaw_deg is None else yaw_deg,
-            pitch_deg=request.pitch_deg,
-            roll_deg=request.roll_deg,
+            pitch_deg=options.pitch_deg,
+            roll_deg=options.roll_deg,
         )
 
     @classmethod
-    def _at_camera(cls, scene: Scene, name: str, request: RenderRequest) -> Viewpoint:
-        others = {"--at": "at", "--yaw": "yaw_deg", "--pitch": "pitch_deg", "--roll": "roll_deg"}
-        refuse_options(request, others, "--at-camera has a pose of its own")
+    def _at_camera(cls, scene: Scene, name: str) -> Viewpoint:
         cameras = {one.name: one for one in scene.cameras}
         if name not in cameras:
             hint = did_you_mean(name, cameras) if cameras else "the scene's file has no cameras"
@@ -90,44 +108,34 @@ def read_sensor(path: Path | None) -> OmniCamera:
     return OmniCamera() if path is None else OmniCamera.from_file(path)
 
 
-def read_camera(
-    sensor: Path | None,
-    calibration: Path | None,
-    camera_name: str | None,
-    mirrored: bool | None,
-    optics: Path | None = None,
-) -> OmniCamera:
+def read_camera(files: CameraFileOptions, calibration: Path | None = None) -> OmniCamera:
     """Read the camera of a sensor, calibration or optics file; by default the paper's.
 
     Args:
-        sensor: a sensor file.
-        calibration: a calibration file.
-        camera_name: a camera of the calibration file; by default the first.
-        mirrored: it looks into a mirror; by default as in the file's metadata.
-        optics: an optics file.
+        files: options that name one of the files.
+        calibration: calibration file in place of the option's.
 
     Raises:
         OmnisimError: several files, or a fault of one.
     """
-    if optics is not None:
-        for option, path in (("--sensor", sensor), ("--camera", calibration)):
+    calibration = calibration or files.calibration_file
+    if files.optics is not None:
+        for option, path in (("--sensor", files.sensor), ("--camera", calibration)):
             if path is not None:
                 raise OpticsError(f"{option}, --optics: expected one of them, got both")
     if calibration is None:
-        for option, value in (("--camera-name", camera_name), ("--mirrored", mirrored)):
-            if value is not None:
-                raise CalibrationError(f"{option}: requires --camera")
-        if optics is not None:
+        refuse_given(files, "requires --camera", "camera_name", "mirrored", error=CalibrationError)
+        if files.optics is not None:
             from omnisim.cameras.optics.system_file import read_optics_file  # seldom asked for
 
-            return OmniCamera(read_optics_file(optics))
-        return read_sensor(sensor)
-    check_calibration_path(calibration, sensor)
+            return OmniCamera(read_optics_file(files.optics))
+        return read_sensor(files.sensor)
+    check_calibration_path(calibration, files.sensor)
     # the time to import formats and fits is for those who use them
     from omnisim.apps.cli.cameras.calibration import read_calibration, select_camera
 
-    read = read_calibration(calibration, camera_name, None, mirrored)
-    return OmniCamera(select_camera(read, camera_name).cameras[0].camera, polygons=None)
+    read = read_calibration(calibration, files.camera_name, None, files.mirrored)
+    return OmniCamera(select_camera(read, files.camera_name).cameras[0].camera, polygons=None)
 
 
 def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
@@ -149,91 +157,93 @@ def check_seconds(option: str, seconds: float) -> float:
     """Return a time in seconds, or an interval of two.
 
     Raises:
-        OutputError: it is not finite, or beyond `LARGEST_S`; naming the option.
+        OutputError: it is not finite, or beyond `MAX_S`; naming the option.
     """
-    if not abs(seconds) <= LARGEST_S:  # NaN is not, either
+    if not abs(seconds) <= MAX_S:  # NaN is not, either
         raise OutputError(
-            f"{option}: expected a number of seconds up to {LARGEST_S:g}, got {seconds:g}"
+            f"{option}: expected a number of seconds up to {MAX_S:g}, got {seconds:g}"
         )
     return seconds
 
 
-def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: str) -> None:
+def refuse_given(
+    options: object, reason: str, *names: str, error: type[OmnisimError] = OutputError
+) -> None:
     """Refuse options that would have no effect.
 
     Args:
-        request: of a command.
-        options: names of their fields in the request.
+        options: group of options, or request.
         reason: for the message.
+        names: fields to refuse; by default all.
+        error: kind of error to raise.
 
     Raises:
-        OutputError: naming the first that is not at its default.
+        OmnisimError: of that kind, naming the first option that is not at its default.
     """
-    for option, name in options.items():
-        if getattr(request, name) != getattr(RenderRequest, name):
-            raise OutputError(f"{option}: {reason}")
+    for name in names or [field.name for field in dataclasses.fields(options)]:  # type: ignore[arg-type]
+        if getattr(options, name) != getattr(type(options), name):
+            raise error(f"{flag_of(type(options), name)}: {reason}")
 
 
-def load_labeled_scene(request: RenderRequest | DriveRequest, channels: Collection[str]) -> Scene:
+def load_labeled_scene(
+    world: SceneOptions,
+    light: ShadowedLightOptions,
+    truth: TruthOptions,
+    channels: Collection[str],
+) -> Scene:
     """Load a scene with its labels, or with those of --labels; print its notices.
 
     Args:
-        request: names the scene.
+        world: names the scene.
+        light: of the scene, in place of its own.
+        truth: with the label file.
         channels: requested ground truth; notices of labels are for those with classes only.
 
     Raises:
         OutputError: a label file that no channel needs.
         SceneError: from the scene, or from the label file.
     """
-    is_labeled = request.boxes_3d or not LABELED.isdisjoint(channels)
-    if request.labels is not None and not is_labeled:
+    is_labeled = truth.boxes_3d or not LABELED.isdisjoint(channels)
+    if truth.labels is not None and not is_labeled:
         raise OutputError("--labels: requires --also semantic")
-    scene = load_requested_scene(request, request.sky, request.baked)
-    if request.no_shadows:
+    scene = load_requested_scene(world, light)
+    if light.no_shadows:
         scene = scene.altered("no shadows", lighting=scene.lighting.without_shadows())
-    if request.labels is not None:
-        rules = read_label_file(request.labels)
+    if truth.labels is not None:
+        rules = read_label_file(truth.labels)
         scene = scene.altered(f"labels {rules}", labels=rules)
     for notice in find_labels(scene).notices() if is_labeled else ():
         print_note(notice)
     return scene
 
 
-def checked_backend(request: RenderRequest | DriveRequest) -> BackendName:
-    """Back end of a request.
+def checked_backend(options: BackendOptions) -> BackendName:
+    """Name of the back end.
 
     Raises:
         OmnisimError: --device, or a package that is missing, with rays.
     """
-    if request.backend is Backend.CUBE:
+    if options.backend is Backend.CUBE:
         return "cube"
-    if request.device is not None:
+    if options.device is not None:
         raise OutputError("--device: expected --backend cube, got --backend rays")
     require_extra("rays", "--backend rays")
     return "rays"
 
 
-def load_requested_scene(
-    request: RenderRequest | ScanRequest | DriveRequest,
-    sky: str | None = None,
-    baked: Path | None = None,
-) -> Scene:
+def load_requested_scene(world: SceneOptions, light: LightOptions | None = None) -> Scene:
     """Load a scene in the axes and the unit of the options; print its notices.
-
-    Args:
-        request: names the scene.
-        sky, baked: see `load_scene`.
 
     Raises:
         SceneError: it cannot be read.
     """
     scene = read_scene(
-        request.scene,
-        request.up_axis,
-        request.meters_per_unit,
-        request.resources or (),
-        sky=sky,
-        baked=baked,
+        world.scene,
+        world.up_axis,
+        world.meters_per_unit,
+        world.resources or (),
+        sky=None if light is None else light.sky,
+        baked=None if light is None else light.baked,
     )
     for notice in scene.notices:
         print_note(notice)

@@ -18,7 +18,8 @@ from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
 from omnisim.cameras.optics.surface_tables import SurfaceTable, shape_schemas
 from omnisim.cameras.optics.system_file import CameraTable as OpticsCamera
 from omnisim.cameras.optics.system_file import ObstacleTable, OpticsFile
-from omnisim.core.files.file_keys import Limit, attribute_docs, limits, summary
+from omnisim.core.files.attribute_docs import attribute_docs
+from omnisim.core.files.file_keys import Limit, limits, summary
 from omnisim.core.files.inner_tables import table_in
 from omnisim.core.files.parameters import table_of
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS

@@ -6,13 +6,10 @@ and the controls of the live page are made from the same.
 
 from __future__ import annotations
 
-import ast
 import inspect
-import textwrap
 import types
 import typing
 from collections.abc import Iterator
-from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin
 
 import annotated_types
@@ -31,30 +28,6 @@ class Limit(NamedTuple):
 
     value: float
     is_open: bool
-
-
-@cache
-def attribute_docs(model: type) -> dict[str, str]:
-    """Strings below the fields of a model or dataclass, by the fields' names."""
-    docs: dict[str, str] = {}
-    for kind in reversed(model.__mro__):
-        if not kind.__module__.startswith("omnisim"):
-            continue
-        try:
-            (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-        except OSError:  # made by pydantic.create_model: its fields have no source of their own
-            continue
-        assert isinstance(tree, ast.ClassDef)
-        for field, text in zip(tree.body, tree.body[1:], strict=False):
-            if (
-                isinstance(field, ast.AnnAssign)
-                and isinstance(field.target, ast.Name)
-                and isinstance(text, ast.Expr)
-                and isinstance(text.value, ast.Constant)
-                and isinstance(text.value.value, str)
-            ):
-                docs[field.target.id] = " ".join(text.value.value.split())
-    return docs
 
 
 def summary(model: type) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from omnisim.core.errors import OutputError, did_you_mean
-from omnisim.datasets.export.export_format import ExportFormat
+
+if TYPE_CHECKING:  # slow to import
+    from omnisim.datasets.export.export_format import ExportFormat
 
 
 class FormatEntry(NamedTuple):
@@ -17,12 +19,14 @@ class FormatEntry(NamedTuple):
         module: below `omnisim.datasets.export`.
         class_name: in it.
         extra: that it needs, or None.
+        takes_samples: data sets are converted to it, too, as recordings of single poses.
     """
 
     title: str
     module: str
     class_name: str
     extra: str | None = None
+    takes_samples: bool = False
 
 
 FORMATS = {
@@ -36,27 +40,41 @@ FORMATS = {
         "KITTI odometry: pinholes, deskewed point clouds, poses", "formats.kitti", "Kitti"
     ),
     "kitti360": FormatEntry(
-        "KITTI-360: fisheyes, pinholes, lidar, poses", "formats.kitti360", "Kitti360"
+        "KITTI-360: fisheyes, pinholes, lidar, poses",
+        "formats.kitti360",
+        "Kitti360",
+        takes_samples=True,
     ),
     "tum": FormatEntry("TUM RGB-D: images, depths of a pinhole, poses", "formats.tum", "Tum"),
     "euroc": FormatEntry(
         "EuRoC MAV and TUM VI: cameras, IMU, true states", "formats.euroc", "Euroc"
     ),
     "nerfstudio": FormatEntry(
-        "nerfstudio: transforms.json, images, points", "formats.nerfstudio", "Nerfstudio"
+        "nerfstudio: transforms.json, images, points",
+        "formats.nerfstudio",
+        "Nerfstudio",
+        takes_samples=True,
     ),
     "colmap": FormatEntry(
-        "COLMAP: reconstruction as text, images, points", "formats.colmap", "Colmap"
+        "COLMAP: reconstruction as text, images, points",
+        "formats.colmap",
+        "Colmap",
+        takes_samples=True,
     ),
     "colmap-binary": FormatEntry(
         "COLMAP: reconstruction in binary files, images, points",
         "formats.colmap",
         "ColmapBinary",
+        takes_samples=True,
     ),
     "tartanair": FormatEntry(
         "TartanAir V2: images, depths, classes, poses", "formats.tartanair", "Tartanair"
     ),
 }
+LAYOUTS = (
+    "coco",
+    *(name for name, entry in FORMATS.items() if entry.takes_samples),
+)  # of data sets
 
 
 def check_format(name: str) -> str:
@@ -77,6 +95,6 @@ def format_named(name: str) -> ExportFormat:
         OutputError: there is none of that name.
     """
     entry = FORMATS[check_format(name)]
-    found = getattr(import_module(f"omnisim.datasets.export.{entry.module}"), entry.class_name)()
-    assert isinstance(found, ExportFormat)
-    return found
+    module = import_module(f"omnisim.datasets.export.{entry.module}")
+    made: ExportFormat = getattr(module, entry.class_name)()
+    return made

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from omnisim.apps.cli.cameras.calibration_requests import ConvertRequest, ShowRequest
+from omnisim.apps.cli.cameras.requests import ConvertRequest, ShowRequest
 from omnisim.apps.cli.console import out, pluralize, print_note
 from omnisim.apps.cli.error_table import error_table
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, NonCentralCamera

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omnisim.apps.cli.cameras.requests import MirrorRequest
 from omnisim.apps.cli.console import out
-from omnisim.apps.cli.images.image_requests import MirrorRequest
 from omnisim.apps.cli.inputs import read_sensor
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors import tessellate

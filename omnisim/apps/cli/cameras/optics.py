@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.apps.cli.cameras.optics_requests import (
+from omnisim.apps.cli.cameras.requests import (
     DESIGN_SIZE_PX,
     PROFILE_POINTS,
     OpticsCheckRequest,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from omnisim.apps.cli.cameras.optics_requests import OpticsCalibrateRequest
+from omnisim.apps.cli.cameras.requests import OpticsCalibrateRequest
 from omnisim.apps.cli.console import out, pluralize
 from omnisim.cameras.optics.boards.board_corners import read_corners
 from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system

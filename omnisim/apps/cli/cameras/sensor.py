@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from omnisim.apps.cli.cameras.requests import SensorRequest
 from omnisim.apps.cli.console import out
-from omnisim.apps.cli.images.image_requests import SensorRequest
 from omnisim.cameras import HyperbolicCamera, NonCentralCamera
 from omnisim.cameras.camera import ParameterValue
 from omnisim.rendering.camera.omnicamera import OmniCamera

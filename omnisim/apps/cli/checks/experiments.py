@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 
-from omnisim.apps.cli.checks.validation_requests import ExperimentsRequest
+from omnisim.apps.cli.checks.requests import ExperimentsRequest
 from omnisim.apps.cli.console import err, out, track
 from omnisim.validation.experiments.paper import run_experiments
 from omnisim.validation.report.report import HTML, check_report_target

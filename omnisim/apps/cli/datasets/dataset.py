@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import math
 
-from omnisim.apps.cli.completion import LAYOUTS
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.datasets.dataset_requests import (
+from omnisim.apps.cli.datasets.requests import (
     DatasetCheckRequest,
     DatasetConvertRequest,
     DatasetInfoRequest,
@@ -18,6 +17,7 @@ from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import write_image
 from omnisim.datasets.coco_folder import CocoSettings, write_coco
 from omnisim.datasets.dataset_manifest import MANIFEST, check_hashes, read_manifest
+from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.recorded_runs import write_recordings
 from omnisim.ground_truth.coco import BoxLimits
@@ -80,19 +80,21 @@ def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
         OutputError: options of COCO with another layout, or shares that are not all of a data set.
     """
     for option, value in (
-        ("--min-area-px", request.min_area_px),
-        ("--min-visible", request.min_visible),
-        ("--polygons", request.polygons or None),
-        ("--split", request.split),
+        ("--min-area-px", request.coco.min_area_px),
+        ("--min-visible", request.coco.min_visible),
+        ("--polygons", request.coco.polygons or None),
+        ("--split", request.coco.split),
     ):
         if value is not None and request.to != "coco":
             raise OutputError(f"{option}: expected with --to coco, got --to {request.to}")
-    if request.min_visible is not None and not 0.0 <= request.min_visible <= 1.0:  # NaN, too
+    if (
+        request.coco.min_visible is not None and not 0.0 <= request.coco.min_visible <= 1.0
+    ):  # NaN, too
         raise OutputError(
-            f"--min-visible: expected a share from 0 to 1, got {request.min_visible:g}"
+            f"--min-visible: expected a share from 0 to 1, got {request.coco.min_visible:g}"
         )
-    limits = BoxLimits(request.min_area_px or 1, request.min_visible)
-    return CocoSettings(limits, request.polygons, _splits(request.split))
+    limits = BoxLimits(request.coco.min_area_px or 1, request.coco.min_visible)
+    return CocoSettings(limits, request.coco.polygons, _splits(request.coco.split))
 
 
 def _splits(text: str | None) -> dict[str, float]:

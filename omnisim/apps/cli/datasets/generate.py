@@ -14,9 +14,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from omnisim.apps.cli.completion import ENGINES
 from omnisim.apps.cli.console import err, out, pluralize, print_note, track
-from omnisim.apps.cli.datasets.dataset_requests import GenerateRequest
+from omnisim.apps.cli.datasets.requests import ENGINES, GenerateRequest
 from omnisim.apps.cli.images.recording import RateColumn
 from omnisim.core.errors import OmnisimError, OutputError, PlanError, did_you_mean
 from omnisim.core.extras import require_extra
@@ -38,21 +37,21 @@ def run(request: GenerateRequest) -> None:
     if request.address is not None and request.engine != "ray":
         raise PlanError("--address: requires --engine ray")
     only = {
-        "--check": request.check,
-        "--preview": request.preview,
-        "--map": request.map,
-        "--estimate": request.estimate,
+        "--check": request.trial.check,
+        "--preview": request.trial.preview,
+        "--map": request.trial.map,
+        "--estimate": request.trial.estimate,
     }
     asked = [option for option, value in only.items() if value]
     if len(asked) > 1:
         raise PlanError(f"{', '.join(asked)}: expected one of them")
-    if request.check:
+    if request.trial.check:
         _check(request)
-    elif request.preview is not None:
-        _preview(request, request.preview)
-    elif request.map:
+    elif request.trial.preview is not None:
+        _preview(request, request.trial.preview)
+    elif request.trial.map:
         _map(request)
-    elif request.estimate:
+    elif request.trial.estimate:
         _estimate(request)
     else:
         _generate(request)
@@ -101,7 +100,7 @@ def _preview(request: GenerateRequest, count: int) -> None:
     prepared = PreparedPlan.read(request.plan)
     prepared.check_setups()
     count = min(count, prepared.plan.images)
-    renderer = SampleRenderer(prepared, request.device)
+    renderer = SampleRenderer(prepared, request.gpu.device)
     samples: dict[int, SampleTiles] = {}
     try:
         for number in track(renderer.order(range(count)), "preview", count):
@@ -131,7 +130,7 @@ def _map(request: GenerateRequest) -> None:
 
 
 def _estimate(request: GenerateRequest) -> None:
-    found = estimate(request.plan, request.workers, request.device)
+    found = estimate(request.plan, request.workers, request.gpu.device)
     hours = found.seconds / 3600.0
     time = f"{hours:.1f} hours" if hours >= 1.0 else f"{found.seconds / 60.0:.1f} minutes"
     if found.seconds < 60.0:
@@ -149,7 +148,9 @@ def _generate(request: GenerateRequest) -> None:
     if request.output is None:
         raise OutputError("-o: expected the folder of the data set")
     shards = parse_shards(request.shards)
-    generation = Generation(request.plan, request.output, shards, request.workers, request.device)
+    generation = Generation(
+        request.plan, request.output, shards, request.workers, request.gpu.device
+    )
     for notice in generation.prepared.notices():
         print_note(notice)
     _run(request, generation)

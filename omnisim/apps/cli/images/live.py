@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.apps.cli.images.live_requests import LiveRequest
-from omnisim.apps.cli.inputs import check_calibration_path, check_seconds, read_camera
+from omnisim.apps.cli.images.requests import LiveRequest, LiveSceneOptions
+from omnisim.apps.cli.inputs import (
+    check_calibration_path,
+    check_seconds,
+    read_camera,
+    refuse_given,
+)
+from omnisim.apps.cli.option_groups import CameraFileOptions, LightOptions, ViewpointOptions
+from omnisim.apps.cli.options import flag_of
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.live import LivePage, run_source
 from omnisim.apps.live.live import run as run_page
@@ -26,49 +33,49 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene, read_scene
 
 SCENE, SIZE_PX = "soccer", 400
-RUN_REFUSES = {
-    "--robot": "robot", "--sensor": "sensor", "--optics": "optics", "--camera": "camera",
-    "--preset": "preset", "--size": "size_px", "--at": "at", "--yaw": "yaw_deg",
-    "--pitch": "pitch_deg", "--quality": "quality", "--record": "record", "--unlit": "unlit",
-    "--sky": "sky", "--baked": "baked",
-}  # fmt: skip
-ROBOT_REFUSES = {"--sensor": "sensor", "--optics": "optics", "--camera": "camera"}
-DRIVEN_REFUSES = {"--pitch": "pitch_deg"}
 
 
 def run(request: LiveRequest) -> None:
     """Serve the page until Ctrl-C."""
-    time_s = check_seconds("--time", request.time_s)
+    time_s = check_seconds("--time", request.viewpoint.time_s)
     if request.run is not None:
-        _refuse(request, RUN_REFUSES, "a run has its own: expected none with --run")
-        source = run_source(request.run, request.scene, request.camera_name, request.device)
-        _serve(LivePage(source, request.host, request.port), request)
+        reason = "a run has its own: expected none with --run"
+        refuse_given(request, reason, "robot")
+        refuse_given(request.camera, reason, "sensor", "optics", "calibration_file")
+        refuse_given(request.image, reason)
+        refuse_given(request.viewpoint, reason, "at", "yaw_deg", "pitch_deg")
+        refuse_given(request.page, reason, "record")
+        refuse_given(request.light, reason)
+        source = run_source(
+            request.run, request.world.scene, request.camera.camera_name, request.gpu.device
+        )
+        _serve(LivePage(source, request.page.host, request.page.port), request)
         return
     scene = read_scene(
-        request.scene or SCENE,
-        request.up_axis,
-        request.meters_per_unit,
-        request.resources or (),
-        sky=request.sky,
-        baked=request.baked,
+        request.world.scene or SCENE,
+        request.world.up_axis,
+        request.world.meters_per_unit,
+        request.world.resources or (),
+        sky=request.light.sky,
+        baked=request.light.baked,
     )
     for notice in scene.notices:
         print_note(notice)
-    settings, place = _settings(request, scene), _place(request, scene)
-    if request.record is not None:
+    settings, place = _settings(request, scene), _place(request.viewpoint, scene)
+    if request.page.record is not None:
         from omnisim.apps.live.record import record_film
 
-        count = record_film(request.record, settings, place)
-        out.print(f"{request.record}: {count} images", markup=False)
+        count = record_film(request.page.record, settings, place)
+        out.print(f"{request.page.record}: {count} images", markup=False)
         return
-    _serve(LivePage(settings, request.host, request.port, place, time_s), request)
+    _serve(LivePage(settings, request.page.host, request.page.port, place, time_s), request)
 
 
 def _serve(page: LivePage, request: LiveRequest) -> None:
     def is_open() -> None:
         out.print(f"Open {page.server.url} in a browser; Ctrl-C ends it.", markup=False)
         sys.stdout.flush()
-        if request.open:
+        if request.page.open:
             import webbrowser
 
             webbrowser.open(page.server.url)
@@ -83,54 +90,62 @@ def _serve(page: LivePage, request: LiveRequest) -> None:
 def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     vehicle = None
     if request.robot is not None:
-        _refuse(request, ROBOT_REFUSES, "a robot has its own: expected none with --robot")
-        _refuse(request, DRIVEN_REFUSES, "a robot stands on the floor: expected none with --robot")
+        reason = "a robot has its own: expected none with --robot"
+        refuse_given(request.camera, reason, "sensor", "optics", "calibration_file")
+        reason = "a robot stands on the floor: expected none with --robot"
+        refuse_given(request.viewpoint, reason, "pitch_deg")
         vehicle = Vehicle.load(request.robot)
-        document = CameraDocument.of_camera(vehicle.camera(request.camera_name).sensor)
+        document = CameraDocument.of_camera(vehicle.camera(request.camera.camera_name).sensor)
         words: tuple[str, ...] | None = _robot_words(request, vehicle, document)
     else:
-        document, words = _document(request)
-    if request.preset is not None:
-        document = document.with_degradation(request.preset)
-        words = None if words is None else (*words, "--preset", request.preset)
-    size_px = request.size_px or SIZE_PX
+        document, words = _document(request.camera)
+    if request.image.preset is not None:
+        document = document.with_degradation(request.image.preset)
+        words = None if words is None else (*words, "--preset", request.image.preset)
+    size_px = request.image.size_px or SIZE_PX
     document = dataclasses.replace(document.with_value("size_px", size_px))
     words = None if words is None else (*words, "--size", str(size_px))
-    if request.quality is not None:
-        document = document.with_value("sensor.camera.quality", request.quality)
+    if request.image.quality is not None:
+        document = document.with_value("sensor.camera.quality", request.image.quality)
         document.camera()  # or there is no such quality
-        words = None if words is None else (*words, "--quality", request.quality)
-    scene_words: list[str] = [request.scene or SCENE]
-    if request.up_axis is not None:
-        scene_words += ["--up-axis", request.up_axis]
-    if request.meters_per_unit is not None:
-        scene_words += ["--meters-per-unit", repr(request.meters_per_unit)]
-    if request.sky is not None:
-        scene_words += ["--sky", request.sky]
-    if request.unlit:
-        scene_words += ["--unlit"]
-    if request.baked is not None:
-        scene_words += ["--baked", str(request.baked)]
-    for folder in request.resources or ():
-        scene_words += ["--resources", str(folder)]
-    if request.robot is not None:
-        scene_words += ["--robot", request.robot]
+        words = None if words is None else (*words, "--quality", request.image.quality)
+    name = request.world.scene or SCENE
+    in_light = SceneInLight(name, partial(_read_in_light, request.world, request.light))
     return LiveSettings(
-        scene, document, vehicle, request.camera_name, tuple(scene_words), words, request.device,
-        request.unlit, SceneInLight(request.scene or SCENE, partial(_read_in_light, request)),
+        scene, document, vehicle, request.camera.camera_name, _scene_words(request), words,
+        request.gpu.device, request.light.unlit, in_light,
     )  # fmt: skip
 
 
-def _read_in_light(request: LiveRequest, path: Path, tables: Mapping[str, Any]) -> Scene:
+def _scene_words(request: LiveRequest) -> tuple[str, ...]:
+    """Arguments of a command that shows the same scene and robot in the same light."""
+    world, light = request.world, request.light
+    words = [world.scene or SCENE]
+    for option, value in (
+        ("--up", world.up_axis),
+        ("--meters-per-unit", world.meters_per_unit and repr(world.meters_per_unit)),
+        ("--sky", light.sky),
+        ("--baked", light.baked),
+        *(("--resources", folder) for folder in world.resources or ()),
+        ("--robot", request.robot),
+    ):
+        if value is not None:
+            words += [option, str(value)]
+    return (*words, "--unlit") if light.unlit else tuple(words)
+
+
+def _read_in_light(
+    world: LiveSceneOptions, light: LightOptions, path: Path, tables: Mapping[str, Any]
+) -> Scene:
     """Read a TOML that extends the scene, with those of its options that tables leave."""
     own_sky, own_light = "sky" in tables, bool({"sky", "light"} & tables.keys())
     return read_scene(
         path,
-        request.up_axis,
-        request.meters_per_unit,
-        request.resources or (),
-        sky=None if own_sky else request.sky,
-        baked=None if own_light else request.baked,
+        world.up_axis,
+        world.meters_per_unit,
+        world.resources or (),
+        sky=None if own_sky else light.sky,
+        baked=None if own_light else light.baked,
     )
 
 
@@ -138,53 +153,44 @@ def _robot_words(
     request: LiveRequest, vehicle: Vehicle, document: CameraDocument
 ) -> tuple[str, ...] | None:
     """Options of the robot's camera; None where its document is another one by rounding."""
-    own, camera = vehicle.camera(request.camera_name).sensor, document.camera()
+    own, camera = vehicle.camera(request.camera.camera_name).sensor, document.camera()
     if camera.model.parameters() != own.model.parameters():
         return None
     if not np.array_equal(camera.base_from_rig, own.base_from_rig):
         return None
-    return () if request.camera_name is None else ("--camera-name", request.camera_name)
+    return (
+        () if request.camera.camera_name is None else ("--camera-name", request.camera.camera_name)
+    )
 
 
-def _document(request: LiveRequest) -> tuple[CameraDocument, tuple[str, ...] | None]:
-    """Document of the camera that the options name, and these options; None: its file says all."""
+def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...] | None]:
+    """Document of the camera, and its options; None: options cannot name the camera."""
     given = {
-        option: path
-        for option, path in (
-            ("--sensor", request.sensor), ("--optics", request.optics), ("--camera", request.camera)
-        )
-        if path is not None
-    }  # fmt: skip
+        flag_of(CameraFileOptions, name): getattr(files, name)
+        for name in ("sensor", "optics", "calibration_file")
+        if getattr(files, name) is not None
+    }
     if len(given) > 1:
         raise OutputError(f"{', '.join(given)}: expected one of them, got {len(given)}")
-    if request.camera is not None:
-        check_calibration_path(request.camera, None)
-        camera = read_camera(None, request.camera, request.camera_name, request.mirrored)
-        words = ["--camera", str(request.camera)]
-        if request.camera_name is not None:
-            words += ["--camera-name", request.camera_name]
-        if request.mirrored is not None:
-            words += ["--mirrored" if request.mirrored else "--not-mirrored"]
-        return CameraDocument.of_camera(camera), tuple(words)
-    _refuse(
-        request, {"--camera-name": "camera_name", "--mirrored": "mirrored"}, "requires --camera"
-    )
-    if request.optics is not None:
-        return CameraDocument.of_optics_file(request.optics), None
-    if request.sensor is not None:
-        return CameraDocument.of_sensor_file(request.sensor), ("--sensor", str(request.sensor))
+    if files.calibration_file is not None:
+        check_calibration_path(files.calibration_file, None)
+        words = ["--camera", str(files.calibration_file)]
+        if files.camera_name is not None:
+            words += ["--camera-name", files.camera_name]
+        if files.mirrored is not None:
+            words += ["--mirrored" if files.mirrored else "--not-mirrored"]
+        return CameraDocument.of_camera(read_camera(files)), tuple(words)
+    refuse_given(files, "requires --camera", "camera_name", "mirrored")
+    if files.optics is not None:
+        return CameraDocument.of_optics_file(files.optics), None
+    if files.sensor is not None:
+        return CameraDocument.of_sensor_file(files.sensor), ("--sensor", str(files.sensor))
     return CameraDocument(), ()
 
 
-def _place(request: LiveRequest, scene: Scene) -> Place | None:
-    if request.at is None and request.yaw_deg is None and not request.pitch_deg:
+def _place(viewpoint: ViewpointOptions, scene: Scene) -> Place | None:
+    if viewpoint.at is None and viewpoint.yaw_deg is None and not viewpoint.pitch_deg:
         return None
-    at = scene.start.position_m if request.at is None else request.at
-    yaw_deg = scene.start.yaw_deg if request.yaw_deg is None else request.yaw_deg
-    return Place(at, yaw_deg, request.pitch_deg)
-
-
-def _refuse(request: LiveRequest, options: dict[str, str], reason: str) -> None:
-    for option, name in options.items():
-        if getattr(request, name) != getattr(LiveRequest, name):  # its default
-            raise OutputError(f"{option}: {reason}")
+    at = scene.start.position_m if viewpoint.at is None else viewpoint.at
+    yaw_deg = scene.start.yaw_deg if viewpoint.yaw_deg is None else viewpoint.yaw_deg
+    return Place(at, yaw_deg, viewpoint.pitch_deg)

@@ -16,7 +16,7 @@ from rich.progress import (
 from rich.text import Text
 
 from omnisim.apps.cli.console import err, out, pluralize
-from omnisim.apps.cli.images.image_requests import RenderRequest
+from omnisim.apps.cli.images.requests import RenderRequest
 from omnisim.apps.cli.inputs import (
     checked_backend,
     load_labeled_scene,
@@ -24,7 +24,8 @@ from omnisim.apps.cli.inputs import (
     parse_polygons,
     read_preset,
 )
-from omnisim.apps.cli.runs.run_requests import DriveRequest
+from omnisim.apps.cli.option_groups import MeshImageOptions
+from omnisim.apps.cli.runs.requests import DriveRequest
 from omnisim.ground_truth import parse_channels
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive, PlannedDrive
@@ -49,32 +50,32 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
     Raises:
         OmnisimError: naming the option or the file.
     """
-    channels = () if request.also is None else parse_channels(request.also)
-    scene = load_labeled_scene(request, channels)
+    world, light, truth = request.world, request.light, request.truth
+    channels = () if truth.also is None else parse_channels(truth.also)
     return Drive(
-        scene,
-        as_requested(vehicle, request),
+        load_labeled_scene(world, light, truth, channels),
+        as_requested(vehicle, request.image),
         route,
-        seed=request.seed,
-        unlit=request.unlit,
-        device=request.device,
-        backend=checked_backend(request),
-        up_axis=request.up_axis,
-        meters_per_unit=request.meters_per_unit,
-        resources=tuple(request.resources or ()),
+        seed=request.seed if isinstance(request, DriveRequest) else request.motion.seed,
+        unlit=light.unlit,
+        device=request.gpu.device,
+        backend=checked_backend(request.gpu),
+        up_axis=world.up_axis,
+        meters_per_unit=world.meters_per_unit,
+        resources=tuple(world.resources or ()),
         channels=channels,
-        boxes_3d=request.boxes_3d,
-        channel_format=parse_channel_format(request.channel_format, channels),
+        boxes_3d=truth.boxes_3d,
+        channel_format=parse_channel_format(truth.channel_format, channels),
     )
 
 
-def as_requested(vehicle: Vehicle, request: DriveRequest | RenderRequest) -> Vehicle:
-    """Vehicle with the settings of its cameras that a request has."""
+def as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
+    """Vehicle whose cameras have the requested settings."""
     return vehicle.with_cameras(
-        size_px=request.size_px,
-        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
-        degradation=read_preset(request.preset),
-        quality=request.quality,
+        size_px=image.size_px,
+        polygons="same" if image.polygons is None else parse_polygons(image.polygons),
+        degradation=read_preset(image.preset),
+        quality=image.quality,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.apps.cli.console import out
-from omnisim.apps.cli.images.image_requests import ScanRequest
+from omnisim.apps.cli.images.requests import ScanRequest
 from omnisim.apps.cli.inputs import Viewpoint, check_seconds, load_requested_scene
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
@@ -28,10 +28,10 @@ def run(request: ScanRequest) -> None:
     scanner = LaserScanner.lms200(request.resolution_deg, request.mode, request.seed)
     if not request.noise:
         scanner = scanner.without_noise()
-    scene = load_requested_scene(request)
-    viewpoint = Viewpoint.in_scene(scene, request)
-    with LaserRenderer(scene, scanner, device=request.device) as renderer:
-        time_s = check_seconds("--time", request.time_s)
+    scene = load_requested_scene(request.world)
+    viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
+    with LaserRenderer(scene, scanner, device=request.gpu.device) as renderer:
+        time_s = check_seconds("--time", request.viewpoint.time_s)
         scan = renderer.scan(WorldState({renderer.vehicle: viewpoint.pose}, time_s))
     scan.save_csv(request.output)
     too_near = int(np.isneginf(scan.ranges_m).sum())

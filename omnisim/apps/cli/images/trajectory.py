@@ -6,9 +6,9 @@ from pathlib import Path
 
 from omnisim.apps.cli.cameras.calibration import read_calibration
 from omnisim.apps.cli.console import pluralize, print_note
-from omnisim.apps.cli.images.image_requests import RenderRequest
 from omnisim.apps.cli.images.recording import drive_of, record
-from omnisim.apps.cli.inputs import check_calibration_path, read_camera, refuse_options
+from omnisim.apps.cli.images.requests import RenderRequest, RigCameraOptions
+from omnisim.apps.cli.inputs import check_calibration_path, read_camera, refuse_given
 from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.calibration.rig import Rig, RigCamera
 from omnisim.core.errors import OutputError, RunError
@@ -24,27 +24,12 @@ from omnisim.runs.route import Route, route_digest
 from omnisim.scene import Scene
 
 ALL = "all"
-OWN_CAMERA = {
-    "--sensor": "sensor",
-    "--camera": "camera",
-    "--camera-name": "camera_name",
-    "--optics": "optics",
-    "--mirrored": "mirrored",
-}
-SINGLE_IMAGE = {
-    "--at-camera": "at_camera",
-    "--faces": "faces",
-    "--next": "next_at",
-    "--next-yaw": "next_yaw_deg",
-    "--previous": "previous_at",
-    "--previous-yaw": "previous_yaw_deg",
-    "--time": "time_s",
-    "--interval": "interval_s",
-    "--preview": "preview",
-    "--speed": "speed_mps",
-    "--turn-rate": "turn_rate_degps",
-    "--rays": "rays",
-    "--calibration": "calibration",
+# Options of a single image, by their groups: all where none is named.
+SINGLE_IMAGE: dict[str, tuple[str, ...]] = {
+    "viewpoint": ("at_camera", "time_s"),
+    "files": (),
+    "flow": (),
+    "motion": ("speed_mps", "turn_rate_degps"),
 }
 
 
@@ -55,61 +40,68 @@ def run(request: RenderRequest, path: Path) -> None:
         request: of `omnisim render`.
         path: of the trajectory.
     """
-    refuse_options(request, SINGLE_IMAGE, "expected a single viewpoint, got --trajectory")
+    for group, names in SINGLE_IMAGE.items():
+        reason = "expected a single viewpoint, got --trajectory"
+        refuse_given(getattr(request, group), reason, *names)
     if request.output.suffix.lower() in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
         raise OutputError(f"{request.output}: expected a folder with --trajectory, got an image")
     with recorded_sources() as sources:
-        rig, vehicle = _rig(request, path)
+        rig, vehicle = _rig(request.camera, path)
     if vehicle.given is None:
-        own = request.camera_name, request.mirrored
+        own = request.camera.camera_name, request.camera.mirrored
         vehicle = vehicle.identified(source_digest(sources.digest(path.parent), own))
-    world_from_file = pose(
-        request.at or (0.0, 0.0, 0.0), request.roll_deg, request.pitch_deg, request.yaw_deg or 0.0
+    at, yaw_deg = request.viewpoint.at, request.viewpoint.yaw_deg
+    roll_deg, pitch_deg = request.viewpoint.roll_deg, request.viewpoint.pitch_deg
+    world_from_file = pose(at or (0.0, 0.0, 0.0), roll_deg, pitch_deg, yaw_deg or 0.0)
+    axes: Axes | None = None if request.poses.axes is None else request.poses.axes.value
+    route = RigRoute(
+        path, request.poses.trajectory_frame, axes, request.poses.rate_hz, world_from_file
     )
-    axes: Axes | None = None if request.axes is None else request.axes.value
-    route = RigRoute(path, request.trajectory_frame, axes, request.rate_hz, world_from_file)
     truth, is_timed = route.read(rig, print_note)
     drive = drive_of(request, vehicle, Route(str(path)))
     if not is_timed:
         _refuse_time(drive.vehicle, path)
     _note_poses_outside(drive.scene, truth, path)
-    placing = request.at, request.roll_deg, request.pitch_deg, request.yaw_deg
-    options = placing, request.trajectory_frame, axes, request.rate_hz
+    placing = (
+        request.viewpoint.at,
+        request.viewpoint.roll_deg,
+        request.viewpoint.pitch_deg,
+        request.viewpoint.yaw_deg,
+    )
+    options = placing, request.poses.trajectory_frame, axes, request.poses.rate_hz
     plan = drive.along(truth, source_digest(route_digest(drive.route), options)[:16])
     for note in plan.notes:
         print_note(note)
     record(plan, request.output, request.force)
 
 
-def _rig(request: RenderRequest, path: Path) -> tuple[Rig, Vehicle]:
-    """Rig of the whole file, whose frames the poses may be of, and vehicle of the cameras taken."""
-    if request.robot is not None:
-        return _robot(request, request.robot)
-    source = request.camera
-    own_camera = request.sensor or request.optics
+def _rig(camera: RigCameraOptions, path: Path) -> tuple[Rig, Vehicle]:
+    """Rig of the whole file, whose frames the poses may describe, and vehicle of the cameras."""
+    if camera.robot is not None:
+        return _robot(camera, camera.robot)
+    source = camera.calibration_file
+    own_camera = camera.sensor or camera.optics
     if source is None and own_camera is None and path.suffix.lower() == ".json":
         source = path
-    if source is None or request.optics is not None:
-        sensor = read_camera(
-            request.sensor, source, request.camera_name, request.mirrored, request.optics
-        )
+    if source is None or camera.optics is not None:
+        sensor = read_camera(camera, source)
         rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
         return rig, rig_vehicle(_name(own_camera), rig, (sensor,))
-    check_calibration_path(source, request.sensor)
-    calibration = read_calibration(source, None, None, request.mirrored)
-    name = None if request.camera_name == ALL else request.camera_name
+    check_calibration_path(source, camera.sensor)
+    calibration = read_calibration(source, None, None, camera.mirrored)
+    name = None if camera.camera_name == ALL else camera.camera_name
     rig = Rig.of(calibration, name)
     return rig, rig_vehicle(_name(source), rig if name is None else rig.only(name))
 
 
-def _robot(request: RenderRequest, robot: str) -> tuple[Rig, Vehicle]:
+def _robot(camera: RigCameraOptions, robot: str) -> tuple[Rig, Vehicle]:
     """Cameras of a robot on its base, and the robot with all of its sensors.
 
     Raises:
         OutputError: another camera beside the robot's.
     """
     reason = "expected the robot's sensors with --trajectory and --robot"
-    refuse_options(request, OWN_CAMERA, reason)
+    refuse_given(camera, reason, "sensor", "calibration_file", "camera_name", "optics", "mirrored")
     vehicle = Vehicle.load(robot)
     cameras = (
         RigCamera(camera.name, camera.sensor.model, camera.sensor.base_from_optical)

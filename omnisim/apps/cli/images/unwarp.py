@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.apps.cli.images.image_requests import UnwarpRequest, ViewKind
+from omnisim.apps.cli.images.requests import UnwarpRequest, ViewKind
 from omnisim.apps.cli.inputs import parse_channel_format
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -52,12 +52,12 @@ def run(request: UnwarpRequest) -> None:
     channel_format = parse_channel_format(request.channel_format, request.also or "")
     is_float = is_float_format(request.output)
     check_target(request.output)
-    check_distinct({"the view": request.output}, {"the image itself": request.image})
+    check_distinct({"the view": request.output}, {"the image itself": request.source})
     if request.also is not None:
-        files = (sidecar_path(path, "channels.json") for path in (request.output, request.image))
+        files = (sidecar_path(path, "channels.json") for path in (request.output, request.source))
         check_distinct({"the view's channels": next(files)}, {"the image's channels": next(files)})
     sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
-    taken = read_captured_image(request.image, sensor)
+    taken = read_captured_image(request.source, sensor)
     taken, caveat = taken.assuming_viewpoint(
         math.inf if request.right_at is None else request.right_at
     )
@@ -72,7 +72,7 @@ def run(request: UnwarpRequest) -> None:
     try:
         unwarp = Unwarping(taken.camera, view.camera, camera_from_view, taken.covered)
     except OpticsError as reason:
-        raise OpticsError(f"{request.image}: {reason}: look elsewhere") from None
+        raise OpticsError(f"{request.source}: {reason}: look elsewhere") from None
     metadata = _metadata(taken, view)
     channels, labels, has_ray = _channels(request, taken, view, camera_from_view, metadata)
     colors = unwarp(_linear(taken.pixels) if is_float else taken.pixels)
@@ -98,7 +98,7 @@ def run(request: UnwarpRequest) -> None:
     if channels:
         out.print(f"{request.output}: also {', '.join(channels)}", markup=False)
     if caveat is not None:
-        print_note(f"{request.image}: {caveat}")
+        print_note(f"{request.source}: {caveat}")
 
 
 def _channels(
@@ -111,7 +111,7 @@ def _channels(
     """Channels of the view that are asked for, their labels, and which pixels have a ray."""
     if request.also is None:
         return {}, None, np.zeros(0, dtype=np.bool_)
-    stored = StoredChannels(request.image, taken.metadata)
+    stored = StoredChannels(request.source, taken.metadata)
     wants_all = "all" in request.also.lower().split(",")
     names = stored.names if wants_all else parse_channels(request.also)
     sources = {"position"} if "z" in names and "position" in stored.names else set()
@@ -171,11 +171,11 @@ def _height_m(request: UnwarpRequest, taken: CapturedImage) -> float:
         return request.height_m
     if taken.height_m is None:
         raise OpticsError(
-            f"{request.image}: expected the camera's height in the metadata: pass --height METERS"
+            f"{request.source}: expected the camera's height in the metadata: pass --height METERS"
         )
     if taken.height_m <= 0.0:
         raise OpticsError(
-            f"{request.image}: expected a camera above the ground, got z = {taken.height_m:g} m: "
+            f"{request.source}: expected a camera above the ground, got z = {taken.height_m:g} m: "
             "pass --height METERS"
         )
     return taken.height_m

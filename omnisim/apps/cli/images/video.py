@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.runs.run_requests import VideoRequest
+from omnisim.apps.cli.runs.requests import VideoRequest
 from omnisim.core.errors import OutputError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.runs.run_folder import RunFolder

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from omnisim.apps.cli.console import print_note
 from omnisim.apps.cli.images.recording import as_requested, drive_of, record
-from omnisim.apps.cli.runs.run_requests import DriveRequest
+from omnisim.apps.cli.runs.requests import DriveRequest
 from omnisim.core.errors import RunError
 from omnisim.core.extras import require_extra
 from omnisim.robots import Robot, load_robot
@@ -34,15 +34,15 @@ def run(request: DriveRequest) -> None:
     drives = {
         name: dataclasses.replace(
             first,
-            vehicle=as_requested(vehicle, request),
+            vehicle=as_requested(vehicle, request.image),
             route=route,
-            physics=None if request.physics is None else robots[name].chassis,
+            physics=None if request.way.physics is None else robots[name].chassis,
         )
         for (name, vehicle), route in zip(vehicles.items(), routes, strict=True)
     }
     plans = plan_together(drives, print_note)
     for name, plan in plans.items():
-        _report(plan, f"{name}: " if len(plans) > 1 else "", request.no_contact)
+        _report(plan, f"{name}: " if len(plans) > 1 else "", request.way.no_contact)
     if len(plans) == 1:
         record(next(iter(plans.values())), request.output, request.force)
         return
@@ -53,7 +53,7 @@ def run(request: DriveRequest) -> None:
 
 def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
     """Robots and their vehicles by name, which is also that of their folder."""
-    if request.physics is not None:
+    if request.way.physics is not None:
         require_extra("mujoco", "--physics", RunError)
     if len(request.paths) != len(request.robots):
         raise RunError(
@@ -64,7 +64,7 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
     vehicles: dict[str, Vehicle] = {}
     for text in request.robots:
         given, equals, source = text.rpartition("=")
-        robot, vehicle = _load_robot(source, request.resources or ())
+        robot, vehicle = _load_robot(source, request.world.resources or ())
         name = given if equals else folder_name(robot.name)
         if not FOLDER_NAME.fullmatch(name):
             raise RunError(f"--robot {text!r}: expected a name of letters, digits and _ before =")
@@ -89,7 +89,7 @@ def _load_robot(source: str, resources: Sequence[Path]) -> tuple[Robot, Vehicle]
 
 def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
     """Refuse ground truth of robots without cameras."""
-    option = "--also" if request.also else "--boxes-3d" if request.boxes_3d else None
+    option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
     sensors = (one for vehicle in vehicles.values() for one in vehicle.sensors)
     if option and not any(sensor.has_ground_truth for sensor in sensors):
         raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
@@ -98,12 +98,12 @@ def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
 def _route(request: DriveRequest, path: str) -> Route:
     return Route(
         path=path,
-        step_m=request.step_m,
-        step_deg=request.turn_step_deg,
-        rate_hz=request.rate_hz,
-        ignore_limits=request.ignore_limits,
-        ground_m=request.ground_m,
-        axes=None if request.axes is None else request.axes.value,
+        step_m=request.way.step_m,
+        step_deg=request.way.turn_step_deg,
+        rate_hz=request.way.rate_hz,
+        ignore_limits=request.way.ignore_limits,
+        ground_m=request.way.ground_m,
+        axes=None if request.way.axes is None else request.way.axes.value,
     )
 
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.runs.run_requests import ExportRequest
+from omnisim.apps.cli.runs.requests import ExportRequest
 from omnisim.core.errors import OutputError
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import LARGEST_S, NANOSECONDS, ExportSettings

@@ -6,7 +6,7 @@ import numpy as np
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.inputs import read_sensor
-from omnisim.apps.cli.runs.run_requests import DetectRequest, TrainRequest
+from omnisim.apps.cli.runs.requests import DetectRequest, TrainRequest
 from omnisim.core.errors import LocalizationError, OpticsError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, check_target

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.runs.run_requests import LocalizeRequest
+from omnisim.apps.cli.runs.requests import LocalizeRequest
 from omnisim.core.errors import LocalizationError
 from omnisim.perception.landmarks.color_model import ColorModel, Costs
 from omnisim.perception.landmarks.color_model_file import load_model

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.runs.run_requests import PlotRequest
+from omnisim.apps.cli.runs.requests import PlotRequest
 from omnisim.core.errors import SceneError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import Trajectory, read_trajectory

@@ -6,7 +6,7 @@ import math
 import tomllib
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.apps.cli.runs.robot_requests import CheckRequest, ImportRequest
+from omnisim.apps.cli.runs.requests import CheckRequest, ImportRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target, write_text
 from omnisim.robots import (

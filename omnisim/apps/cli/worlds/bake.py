@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 
 from omnisim.apps.cli.console import out, print_note, track
-from omnisim.apps.cli.worlds.bake_requests import BakeRequest
+from omnisim.apps.cli.worlds.requests import BakeRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_distinct
@@ -25,16 +25,16 @@ def run(request: BakeRequest) -> None:
     output = request.output
     if output is None and not request.estimate:
         raise OutputError("-o: expected the folder of the bake")
-    source = resolve_source(request.scene)
+    source = resolve_source(request.world.scene)
     check_distinct(
         {"the baked light": output},
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
     scene = read_scene(
-        request.scene,
-        request.up_axis,
-        request.meters_per_unit,
-        request.resources or (),
+        request.world.scene,
+        request.world.up_axis,
+        request.world.meters_per_unit,
+        request.world.resources or (),
         baked=NO_BAKED_LIGHT,
     )
     for notice in scene.notices:
@@ -45,7 +45,8 @@ def run(request: BakeRequest) -> None:
     began_s = time.monotonic()
     if output is None or request.estimate:
         out.print(
-            f"{request.scene}: {estimate(bake_of(scene, settings), request.jobs)}", markup=False
+            f"{request.world.scene}: {estimate(bake_of(scene, settings), request.jobs)}",
+            markup=False,
         )
         return
     baked = bake_scene(

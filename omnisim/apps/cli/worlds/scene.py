@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from omnisim.apps.cli.console import out, pluralize
-from omnisim.apps.cli.images.image_requests import SceneRequest
+from omnisim.apps.cli.worlds.requests import SceneRequest
 from omnisim.core.errors import printable
 from omnisim.core.extras import require_extra
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
@@ -39,7 +39,10 @@ def run(request: SceneRequest) -> None:
 
         check_plot_target(request.plot)
     scene = read_scene(
-        request.scene, request.up_axis, request.meters_per_unit, request.resources or ()
+        request.world.scene,
+        request.world.up_axis,
+        request.world.meters_per_unit,
+        request.world.resources or (),
     )
     if request.labels is not None:
         scene = dataclasses.replace(scene, labels=read_label_file(request.labels))

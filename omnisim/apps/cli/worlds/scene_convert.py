@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.images.image_requests import SceneConvertRequest
+from omnisim.apps.cli.worlds.requests import SceneConvertRequest
 from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
 from omnisim.scene import read_scene
 from omnisim.scene.files.source import resolve_source
@@ -14,16 +14,16 @@ def run(request: SceneConvertRequest) -> None:
     """Write a scene as GLB, and print what it cannot have."""
     check_suffix(request.output, ".glb")
     check_target(request.output)
-    source = resolve_source(request.scene)
+    source = resolve_source(request.world.scene)
     check_distinct(
         {"the GLB file": request.output},
         {"the scene's mesh file": source.mesh_file, "the scene": source.toml},
     )
     scene = read_scene(
-        request.scene,
-        request.up_axis,
-        request.meters_per_unit,
-        request.resources or (),
+        request.world.scene,
+        request.world.up_axis,
+        request.world.meters_per_unit,
+        request.world.resources or (),
         animation="none",
     )
     for notice in scene.notices:

@@ -1,10 +1,11 @@
 """Degradations of real cameras: parameters, presets, passes on the GPU and their reference."""
 
+from omnisim.core.package_files import preset_names
 from omnisim.rendering.camera.degradations.bayer import Bayer
 from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
 from omnisim.rendering.camera.degradations.defocus import Defocus
 from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.degradation_file import preset, preset_names
+from omnisim.rendering.camera.degradations.degradation_file import preset
 from omnisim.rendering.camera.degradations.dirt import Dirt
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.exposure import Exposure

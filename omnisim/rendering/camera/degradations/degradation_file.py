@@ -23,10 +23,9 @@ from pydantic import create_model
 from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table, table_of
 from omnisim.core.files.toml_file import read_toml
+from omnisim.core.package_files import PRESETS, preset_names
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.effect import Effect
-
-PRESETS = Path(__file__).resolve().parents[1] / "presets"
 
 
 def _effects() -> dict[str, type[Effect]]:
@@ -51,11 +50,6 @@ def _preset_table() -> type[Table]:
 def _degradation_table() -> type[Table]:
     """The table `[degradation]` of a sensor file."""
     return create_model("DegradationTable", __base__=_preset_table(), preset=(str | None, None))
-
-
-def preset_names() -> list[str]:
-    """Names of the presets that ship with omnisim."""
-    return sorted(path.stem for path in PRESETS.glob("*.toml"))
 
 
 def preset(name: str, folder: Path = Path()) -> Degradation:

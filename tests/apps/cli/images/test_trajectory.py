@@ -11,7 +11,8 @@ import pytest
 
 from omnisim.apps.cli import inputs
 from omnisim.apps.cli.images import recording, trajectory
-from omnisim.apps.cli.images.image_requests import RenderRequest
+from omnisim.apps.cli.images.requests import RenderRequest
+from omnisim.apps.cli.options import parameters
 from omnisim.cameras import camera_from_parameters
 from omnisim.cameras.calibration import Calibration, NamedPose, load_calibration
 from omnisim.core.bilinear import sample
@@ -296,7 +297,14 @@ def test_a_single_viewpoint_tilts(omnisim):
 
 
 def test_every_option_of_render_is_taken_or_refused_with_a_trajectory():
+    """By name in the code, or in the table of those that are for a single image."""
     sources = "".join(inspect.getsource(module) for module in (trajectory, recording, inputs))
-    for field in dataclasses.fields(RenderRequest):
-        is_taken = f"request.{field.name}" in sources
-        assert is_taken or field.name in trajectory.SINGLE_IMAGE.values(), field.name
+    groups = {field.name: field.type for field in dataclasses.fields(RenderRequest)}
+    for name in parameters(RenderRequest):
+        owner = next(
+            (group for group, kind in groups.items() if name in getattr(kind, "__annotations__", {})
+             or name in getattr(kind, "__dataclass_fields__", {})), "",
+        )  # fmt: skip
+        refused = trajectory.SINGLE_IMAGE.get(owner)
+        is_refused = refused is not None and (not refused or name in refused)
+        assert is_refused or f".{name}" in sources, name

@@ -7,6 +7,7 @@ import pytest
 
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.package_files import PRESETS
 from omnisim.rendering.camera.degradations import (
     Bayer,
     Degradation,
@@ -16,7 +17,7 @@ from omnisim.rendering.camera.degradations import (
     preset,
     preset_names,
 )
-from omnisim.rendering.camera.degradations.degradation_file import EFFECTS, PRESETS
+from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 

@@ -1,0 +1,29 @@
+"""Requests of `omnisim validate` and `omnisim experiments`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from omnisim.apps.cli import completion
+from omnisim.apps.cli.option_groups import DeviceOptions
+from omnisim.apps.cli.options import Option
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidateRequest(DeviceOptions):
+    """Parameters of `omnisim validate`."""
+
+    output: Annotated[Path, Option(metavar="DIR")]
+    """Folder for report.html, report.json and figures."""
+    quick: bool = False
+    """Leave out the path tracer, the slowest check."""
+    only: Annotated[list[str] | None, Option(metavar="CHECK", names=completion.check_names)] = None
+    """Only this check; may be repeated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExperimentsRequest(DeviceOptions):
+    """Parameters of `omnisim experiments`."""
+
+    output: Annotated[Path, Option(metavar="DIR")]
+    """Folder for the drives, report.html, report.json and figures."""

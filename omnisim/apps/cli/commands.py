@@ -1,0 +1,197 @@
+"""Table of all commands, by the headings of `omnisim --help`."""
+
+from omnisim.apps.cli.command import Entry, GroupEntry
+
+COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
+    "Images": {
+        "render": Entry(
+            "Render a frame, or a rig along a trajectory, with ground truth.",
+            "images.render.run", "images.requests.RenderRequest",
+        ),
+        "live": Entry(
+            "Serve a page: the camera in a browser, driven by keys, every parameter a control.",
+            "images.live.run", "images.requests.LiveRequest",
+        ),
+        "unwarp": Entry(
+            "Unwarp an omnidirectional image to a cylinder, a perspective view or a map.",
+            "images.unwarp.run", "images.requests.UnwarpRequest",
+        ),
+        "scan": Entry(
+            "Take one scan with a laser scanner, a SICK LMS200.",
+            "images.scan.run", "images.requests.ScanRequest",
+        ),
+    },
+    "Runs": {
+        "drive": Entry(
+            "Drive a robot along a path and record images, scans, odometry and ground truth.",
+            "runs.drive.run", "runs.requests.DriveRequest",
+        ),
+        "plot": Entry(
+            "Plot a run from above: map, path, odometry, landmarks, images.",
+            "runs.plot.run", "runs.requests.PlotRequest", "plots",
+        ),
+        "video": Entry(
+            "Encode the images of a run as a video.",
+            "images.video.run", "runs.requests.VideoRequest", "video",
+        ),
+        "export": Entry(
+            "Export a run for other tools: ROS 2 bags, data sets, structure from motion.",
+            "runs.export.run", "runs.requests.ExportRequest",
+        ),
+        "localize": Entry(
+            "Localize the robot of a run by its odometry and the landmarks in its images.",
+            "runs.localize.run", "runs.requests.LocalizeRequest", "reports",
+        ),
+        "landmarks": GroupEntry(
+            "Learn the colors of landmarks, and detect them.",
+            {
+                "train": Entry(
+                    "Learn the colors from a run that was driven with --also instance.",
+                    "runs.landmarks.train", "runs.requests.TrainRequest",
+                ),
+                "detect": Entry(
+                    "Detect landmarks with range and bearing in an image, or in all images of a "
+                    "run.",
+                    "runs.landmarks.detect", "runs.requests.DetectRequest",
+                ),
+            },
+        ),
+        "robot": GroupEntry(
+            "Robots: list, check, or import from USARSim, Gazebo, URDF or MuJoCo.",
+            {
+                "list": Entry("List the built-in robots.", "runs.robot.list_robots"),
+                "check": Entry(
+                    "Check a robot file with its body and sensors, and summarize it.",
+                    "runs.robot.check_robot", "runs.requests.CheckRequest",
+                ),
+                "import": Entry(
+                    "Convert a robot of USARSim, Gazebo, URDF or MuJoCo to a robot file.",
+                    "runs.robot.import_robot", "runs.requests.ImportRequest",
+                ),
+            },
+        ),
+    },
+    "Data sets": {
+        "generate": Entry(
+            "Generate a data set from a plan: deterministic shards, reproducible by index.",
+            "datasets.generate.run", "datasets.requests.GenerateRequest",
+        ),
+        "dataset": GroupEntry(
+            "Data sets: show, check the hashes, look at samples, convert.",
+            {
+                "info": Entry(
+                    "Show what is in a data set: samples, scenes, cameras, channels, size.",
+                    "datasets.dataset.info", "datasets.requests.DatasetInfoRequest",
+                ),
+                "check": Entry(
+                    "Compare the hash of each shard with the manifest's.",
+                    "datasets.dataset.check", "datasets.requests.DatasetCheckRequest",
+                ),
+                "convert": Entry(
+                    "Write a data set in another layout: COCO's, KITTI-360's, nerfstudio's or "
+                    "COLMAP's.",
+                    "datasets.dataset.convert", "datasets.requests.DatasetConvertRequest",
+                ),
+                "view": Entry(
+                    "Write a sheet of samples with their channels.",
+                    "datasets.dataset.view", "datasets.requests.DatasetViewRequest",
+                ),
+            },
+        ),
+    },
+    "Worlds": {
+        "scene": GroupEntry(
+            "What is in a scene: `omnisim scene SCENE`; and its conversion to GLB.",
+            {
+                "show": Entry(
+                    "Show what is in a scene: instances, bounds, floors, starts, paths, lights, "
+                    "classes.",
+                    "worlds.scene.run", "worlds.requests.SceneRequest",
+                ),
+                "convert": Entry(
+                    "Write a scene of any format as GLB: instances, materials, textures, lights.",
+                    "worlds.scene_convert.run", "worlds.requests.SceneConvertRequest",
+                ),
+            },
+        ),
+        "bake": Entry(
+            "Bake a scene's light: shadows, sky and bounces on all static surfaces.",
+            "worlds.bake.run", "worlds.requests.BakeRequest",
+        ),
+    },
+    "Cameras": {
+        "sensor": Entry(
+            "Print the default sensor file, every key with a comment, or check one.",
+            "cameras.sensor.run", "cameras.requests.SensorRequest",
+        ),
+        "mirror": Entry(
+            "Write the mirror's mesh, textured for the unfolded cube, to open in Blender.",
+            "cameras.mirror.run", "cameras.requests.MirrorRequest",
+        ),
+        "calibration": GroupEntry(
+            "Calibration files of other tools: convert, show, list the formats.",
+            {
+                "convert": Entry(
+                    "Convert a calibration to another format, exactly or by the best fit, with "
+                    "its residual.",
+                    "cameras.calibration.convert", "cameras.requests.ConvertRequest",
+                ),
+                "show": Entry(
+                    "Show the cameras of a calibration file: model, parameters, field of view, "
+                    "valid domain.",
+                    "cameras.calibration.show", "cameras.requests.ShowRequest",
+                ),
+                "formats": Entry(
+                    "List the formats, and the camera models that each represents exactly.",
+                    "cameras.calibration.list_formats",
+                ),
+            },
+        ),
+        "optics": GroupEntry(
+            "Non-central optical systems: check, plot, design, calibrate.",
+            {
+                "check": Entry(
+                    "Check an optical system, and measure the errors of a central model of it by "
+                    "distance.",
+                    "cameras.optics.check", "cameras.requests.OpticsCheckRequest",
+                ),
+                "plot": Entry(
+                    "Plot an optical system: profile, rays, caustic, resolution by image radius.",
+                    "cameras.optics.plot", "cameras.requests.OpticsPlotRequest", "plots",
+                ),
+                "rays": Entry(
+                    "Write the ray of each pixel, origin and direction, as a table.",
+                    "cameras.optics.rays", "cameras.requests.OpticsRaysRequest",
+                ),
+                "design": Entry(
+                    "Design a mirror's profile: constant resolution by angle, or on the ground.",
+                    "cameras.optics.design", "cameras.requests.OpticsDesignRequest",
+                ),
+                "profile": Entry(
+                    "Write the profile of a surface, for a lathe.",
+                    "cameras.optics.profile", "cameras.requests.OpticsProfileRequest",
+                ),
+                "calibrate": Entry(
+                    "Fit an optical system's own parameters to the corners of a board in images.",
+                    "cameras.optics_calibration.calibrate",
+                    "cameras.requests.OpticsCalibrateRequest",
+                ),
+            },
+        ),
+    },
+    "Checks": {
+        "info": Entry(
+            "Show versions, built-in scenes, and the GPUs that can render.", "info.run"
+        ),
+        "validate": Entry(
+            "Validate the geometry by the paper's figures and independent oracles; exits with 1 "
+            "if a tolerance is exceeded.",
+            "checks.validate.run", "checks.requests.ValidateRequest", "reports",
+        ),
+        "experiments": Entry(
+            "Repeat the paper's experiments in self-localization; exits with 1 if a tolerance is "
+            "exceeded.",
+            "checks.experiments.run", "checks.requests.ExperimentsRequest", "reports",
+        ),
+    },
+}  # fmt: skip

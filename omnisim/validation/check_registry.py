@@ -1,0 +1,121 @@
+"""Registry of the checks of `omnisim validate`, in the order of the report; each imported when it
+runs."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # slow to import
+    from omnisim.validation.fixture import Fixture
+    from omnisim.validation.report.report import Section
+
+
+@dataclass(frozen=True)
+class Check:
+    """A comparison of images with equations or an independent oracle.
+
+    Attributes:
+        key: short name, in `report.json` and on the command line.
+        title: heading.
+        entry_point: module in `omnisim.validation.checks` and function in it; imported when it
+            runs.
+        oracles: required modules of the extra `oracles`, as "module" or "module.attribute".
+        is_quick: part of the quick report.
+    """
+
+    key: str
+    title: str
+    entry_point: str
+    oracles: tuple[str, ...] = ()
+    is_quick: bool = True
+
+    def skip_reason(self) -> str:
+        """Oracles that cannot be used, why, and what to do; empty: all can."""
+        from omnisim.validation.oracles import import_failure
+
+        return "; ".join(filter(None, map(import_failure, self.oracles)))
+
+    def run(self, fixture: Fixture) -> Section:
+        """Measure, and compare with the bounds."""
+        module, _, function = self.entry_point.partition(".")
+        check = getattr(import_module(f"omnisim.validation.checks.{module}"), function)
+        section: Section = check(fixture, self.title)
+        return dataclasses.replace(section, key=self.key)
+
+
+CHECKS = (
+    Check("rings", "Fig. 7 and Eq. 2: where the image shows an angle", "rings.check"),
+    Check("polygons", "Fig. 8 and 9: how many polygons the mirror needs", "polygons.check"),
+    Check("viewpoint", "Single viewpoint", "viewpoint.check"),
+    Check(
+        "path-tracer",
+        "A physical mirror, traced by another renderer",
+        "path_tracer.check",
+        oracles=("mitsuba",),
+        is_quick=False,
+    ),
+    Check(
+        "second-rasterizer",
+        "A second rasterizer",
+        "second_rasterizer.check",
+        oracles=("pyrender",),
+    ),
+    Check(
+        "materials",
+        "Metal and gloss, traced by another renderer",
+        "materials.check",
+        oracles=("mitsuba",),
+        is_quick=False,
+    ),
+    Check(
+        "shadows",
+        "Lamps and shadows, traced by another renderer",
+        "shadows.check",
+        oracles=("mitsuba",),
+        is_quick=False,
+    ),
+    Check(
+        "baked",
+        "Baked light, traced by another renderer",
+        "baked.check",
+        oracles=("mitsuba", "embreex", "xatlas"),
+        is_quick=False,
+    ),
+    Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
+    Check("quality", "Quality of the image, and shimmer", "image_quality.check"),
+    Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),
+    Check(
+        "omnidir", "A calibration library", "calibration.check_omnidir", oracles=("cv2.omnidir",)
+    ),
+    Check(
+        "boards",
+        "Calibration files in the hands of others",
+        "boards.check",
+        oracles=("cv2.omnidir",),
+    ),
+    Check("orientation", "Orientation", "orientation.check"),
+    Check("unwarping", "Unwarped views", "unwarping.check"),
+    Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),
+    Check(
+        "optics-path-tracer",
+        "Any optics: real mirrors and windows, traced by another renderer",
+        "optics_images.check",
+        oracles=("mitsuba",),
+        is_quick=False,
+    ),
+    Check(
+        "optics-triangles",
+        "Any optics: things a hand's breadth away",
+        "optics_triangles.check",
+        oracles=("embreex",),
+    ),
+    Check(
+        "optics-calibration",
+        "Any optics: calibrations from chessboards",
+        "optics_calibration.check",
+        oracles=("cv2.omnidir",),
+    ),
+)
