@@ -5,9 +5,8 @@ import re
 from pathlib import Path
 from typing import get_args
 
-from omnisim.apps.cli.arguments import Backend
-
 import omnisim
+from omnisim.apps.cli.option_groups import Backend
 from omnisim.cameras import CAMERA_MODELS
 from omnisim.cameras.calibration import FORMATS
 from omnisim.rendering.camera import degradations

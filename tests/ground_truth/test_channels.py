@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from omnisim.apps.cli.arguments import AlsoOption
 
 import omnisim.ground_truth
+from omnisim.apps.cli.option_groups import TruthOptions
+from omnisim.apps.cli.options import parameters
 from omnisim.core.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
 from omnisim.ground_truth.channels import ChannelName
@@ -62,7 +63,7 @@ def test_reference_and_help_name_all_channels():
     first_layers = {name: one.layers[0].partition(".")[0] for name, one in CHANNELS.items()}
     assert rows == first_layers
     assert list(rows) == list(CHANNELS)
-    (option,) = AlsoOption.__metadata__
+    (option,) = parameters(TruthOptions)["also"].annotation.__metadata__
     assert option.help.endswith(f"or all: {' '.join(CHANNELS)}.")
 
 

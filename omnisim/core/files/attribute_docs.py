@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import sys
 from functools import cache
 
@@ -29,7 +30,7 @@ def _docs_in(module: str) -> dict[str, dict[str, str]]:
 def _docs_below(body: list[ast.stmt]) -> dict[str, str]:
     return {
         field.target.id: " ".join(text.value.value.split())
-        for field, text in zip(body, body[1:], strict=False)
+        for field, text in itertools.pairwise(body)
         if isinstance(field, ast.AnnAssign)
         and isinstance(field.target, ast.Name)
         and isinstance(text, ast.Expr)
