@@ -1,7 +1,7 @@
 """Contract of back ends: what makes a scene's pictures and hits, whatever way.
 
 A back end is two classes and a `HitSource`: the scene's side, of which a stage has one, and each
-camera's. Which there are is in `omnisim.rendering.stage`.
+camera's. `omnisim.rendering.shared_scene` opens them by name.
 """
 
 from __future__ import annotations

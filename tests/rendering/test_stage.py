@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
+from omnisim import OmniCamera, Stage, open_sensor
 from omnisim.core.errors import GraphicsError, OmnisimError, SceneError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
+from omnisim.sensors import LaserScanner
 from tests.scenes import room, scene_of
 from tests.vehicles import (
     BASE_FROM_SCANNER,
@@ -30,17 +31,17 @@ def test_shared_stage_renders_as_separate_ones():
     scene = surroundings()
     small = OmniCamera(polygons=64).resized(90)
     bases = list(POSES.values())
-    with Renderer(scene, CAMERA, body=body()) as renderer:
+    with open_sensor(scene, CAMERA, body=body()) as renderer:
         large_alone = [renderer.render(base).rgba for base in bases]
-    with Renderer(scene, small, body=body(), unlit=True) as renderer:
+    with open_sensor(scene, small, body=body(), unlit=True) as renderer:
         small_alone = [renderer.render(base).rgba for base in bases]
     mount = {"base_from_scanner": BASE_FROM_SCANNER}
-    with LaserRenderer(scene, SCANNER, body=body(), **mount) as scanner:
+    with open_sensor(scene, SCANNER, body=body(), **mount) as scanner:
         scans_alone = [scanner.scan(base).ranges_m for base in bases]
-    with Stage(scene, body()) as stage, Renderer(scene_of([room()])) as stranger:
-        large_one = Renderer(stage, CAMERA)
-        small_one = Renderer(stage, small, unlit=True)
-        scanner = LaserRenderer(stage, SCANNER, **mount)
+    with Stage(scene, body()) as stage, open_sensor(scene_of([room()])) as stranger:
+        large_one = stage.open(CAMERA)
+        small_one = stage.open(small, unlit=True)
+        scanner = stage.open(SCANNER, **mount)
         for index, base in enumerate(bases):
             np.testing.assert_array_equal(large_one.render(base).rgba, large_alone[index])
             stranger.render(np.eye(4))
@@ -70,10 +71,8 @@ def test_memory_is_constant_over_a_drive():
     frames = 300
     camera, base_from_scanner = mounted_on_p2at(90)
     with Stage(surroundings(), p2at_body()) as stage:
-        eye = Renderer(stage, camera)
-        scanner = LaserRenderer(
-            stage, SCANNER, base_from_scanner=base_from_scanner, hidden={"lms200"}
-        )
+        eye = stage.open(camera)
+        scanner = stage.open(SCANNER, base_from_sensor=base_from_scanner, hidden={"lms200"})
 
         def drive(steps):
             for step in range(steps):
@@ -95,14 +94,14 @@ def test_closed_renderer_frees_its_memory():
     break it. Measured: 12 MB of 71, from there on less with each, as freed memory is used again."""
     times = 40
     with Stage(surroundings(), body()) as stage:
-        first = Renderer(stage, CAMERA)
+        first = stage.open(CAMERA)
         before = first.render(pose()).rgba
         width_px, height_px = first._passes.cube.atlas.size
         atlas_bytes = 8 * width_px * height_px  # four half floats
 
         def open_and_close(count):
             for _ in range(count):
-                with Renderer(stage, CAMERA) as renderer, LaserRenderer(stage, SCANNER) as scanner:
+                with stage.open(CAMERA) as renderer, stage.open(SCANNER) as scanner:
                     renderer.render(pose())
                     scanner.scan(pose())
 
@@ -118,7 +117,7 @@ def test_closed_renderer_frees_its_memory():
 def test_closing_in_any_order():
     scene = scene_of([room()])
     stage = Stage(scene)
-    camera, scanner = Renderer(stage, CAMERA), LaserRenderer(stage, SCANNER)
+    camera, scanner = stage.open(CAMERA), stage.open(SCANNER)
     camera.render(np.eye(4))
     stage.close()
     stage.close()
@@ -126,8 +125,8 @@ def test_closing_in_any_order():
         lambda: camera.render(np.eye(4)),
         camera.faces,
         lambda: scanner.scan(np.eye(4)),
-        lambda: Renderer(stage),
-        lambda: LaserRenderer(stage),
+        lambda: stage.open(),
+        lambda: stage.open(LaserScanner()),
     ):
         with pytest.raises(GraphicsError, match="this stage is closed: open a new one"):
             use()
@@ -140,26 +139,26 @@ def test_closing_in_any_order():
 
 def test_failed_renderer_leaves_the_stage_unchanged():
     with Stage(surroundings()) as stage:
-        first = Renderer(stage, CAMERA)
+        first = stage.open(CAMERA)
         before = first.render(pose()).rgba
         with pytest.raises(GraphicsError, match="this GPU takes at most"):
-            Renderer(stage, CAMERA.resized(30000))
+            stage.open(CAMERA.resized(30000))
         np.testing.assert_array_equal(first.render(pose()).rgba, before)
 
 
 def test_invalid_arguments_are_refused():
     scene = scene_of([room()])
     with pytest.raises(SceneError, match="'hul': no part of the body: it has box, cage, hull"):
-        Renderer(scene, body=body(), hidden={"hul"})
+        open_sensor(scene, body=body(), hidden={"hul"})
     with pytest.raises(SceneError, match="hidden: 'lms200': no part of the body: there is no body"):
-        LaserRenderer(scene, hidden={"lms200"})
+        open_sensor(scene, LaserScanner(), hidden={"lms200"})
     with Stage(scene, body()) as stage:
         with pytest.raises(SceneError, match="'object 0': no part of the body"):
-            Renderer(stage, CAMERA, hidden={"object 0"})  # of the scene
+            stage.open(CAMERA, hidden={"object 0"})  # of the scene
         for options in ({"body": body()}, {"device": 0}):
             with pytest.raises(GraphicsError, match="give them to the stage"):
-                Renderer(stage, CAMERA, **options)
-        scanner = LaserRenderer(stage)
+                stage.open(CAMERA, **options)
+        scanner = stage.open(LaserScanner())
         with pytest.raises(SceneError, match="state: expected a pose of body, got crate"):
             scanner.scan(WorldState({"crate": np.eye(4)}))
         with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
