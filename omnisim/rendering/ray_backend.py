@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,8 @@ from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
-from omnisim.rendering.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
+from omnisim.ground_truth.lidar_beams import LidarBeams
+from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.development import (
     developed,
@@ -26,7 +25,6 @@ from omnisim.rendering.camera.degradations.development import (
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
-from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.rays.beams import Beams
 from omnisim.rendering.rays.depth_limits import DepthLimits
@@ -35,8 +33,7 @@ from omnisim.rendering.rays.picture import RayPicture
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.readback import Exposed, Readback, ScenePoses, SubFrame
-from omnisim.rendering.truth.moving_boxes import MovingBoxes
+from omnisim.rendering.readback import Exposed, FrameRequest, Readback, ScenePoses, SubFrame
 from omnisim.scene import Scene
 
 
@@ -100,13 +97,13 @@ class RayBackend(SceneBackend):
 
     def range_finder(
         self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
-    ) -> RayRangeFinder:
+    ) -> Beams:
         """Beams of a scanner."""
-        return RayRangeFinder(self, angles_rad, max_range_m, hidden)
+        return Beams(lambda: self.rays, angles_rad, max_range_m, hidden)
 
-    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> RayBeamCaster:
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
-        return RayBeamCaster(self, beams, hidden)
+        return LidarCaster(lambda: self.rays, beams, hidden)
 
     def close(self) -> None:
         """Free the memory."""
@@ -126,16 +123,10 @@ class RayCamera(CameraBackend):
         self._limits = DepthLimits(sensor.near_m, sensor.far_m)
         self._hit_source: RayHitSource | None = None
         self._pictures = self._ray_pictures()
-        self._degraded = None
         if not sensor.degradation.is_ideal:
-            boxes = MovingBoxes(world.scene, world.objects.values())
-            pipeline = _Development(
-                self._linear,
-                sensor.degradation,
-                PictureGeometry.of_camera(sensor.model),
-                key_of("noise", setup.seed),
-            )
-            self._degraded = DegradedCamera(sensor, setup.seed, pipeline, boxes)
+            geometry = PictureGeometry.of_camera(sensor.model)
+            noise_key = key_of("noise", setup.seed)
+            self._degrade(_Development(self._linear, sensor.degradation, geometry, noise_key))
 
     def refresh(self) -> None:
         """Cast rays at what the scene has now."""
@@ -158,13 +149,8 @@ class RayCamera(CameraBackend):
             )
         ]
 
-    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return the metadata of its degradation."""
-        if self._degraded is not None:
-            picture, metadata = self._degraded.take(request)
-            return picture, {"degradation": metadata}
-        linear = self._linear(request.poses)
-        return _readback(linear, None, request.linear), {}
+    def _take_ideal(self, request: FrameRequest) -> Readback:
+        return _readback(self._linear(request.poses), None, request.linear)
 
     def hit_source(self, details: HitDetails) -> RayHitSource:
         """Source of its ground truth."""
@@ -189,60 +175,6 @@ class RayCamera(CameraBackend):
         valid = green[..., 3] > 0.0
         green[valid, 0], green[valid, 2] = red[valid, 0], blue[valid, 2]
         return green
-
-
-class RayRangeFinder:
-    """Beams of a scanner, at what the scene has.
-
-    Args:
-        world: the scene.
-        angles_rad, max_range_m, hidden: see `Beams`.
-    """
-
-    def __init__(
-        self,
-        world: RayBackend,
-        angles_rad: NDArray[np.float64],
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-    ):
-        self._world, self._beams = world, Beams(angles_rad, max_range_m, hidden)
-
-    def refresh(self) -> None:
-        """Cast at what the scene has now: nothing is kept of what it had."""
-
-    def cast(
-        self,
-        world_from_scanner: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
-    ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
-        return self._beams.cast(self._world.rays, world_from_scanner, world_from_objects)
-
-
-class RayBeamCaster:
-    """Beams of a spinning lidar, at what the scene has.
-
-    Args:
-        world: the scene.
-        beams, hidden: see `LidarCaster`.
-    """
-
-    def __init__(self, world: RayBackend, beams: LidarBeams, hidden: frozenset[ObjectPart]):
-        self._world, self._caster = world, LidarCaster(beams, hidden)
-
-    @property
-    def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
-        surfaces = self._world.rays.caster.geometry.surfaces
-        return [(one.object_index, one.name) for one in surfaces]
-
-    def refresh(self) -> None:
-        """Cast at what the scene has now: nothing is kept of what it had."""
-
-    def cast(self, revolution: Revolution) -> BeamHits:
-        """Hits of all beams of a revolution."""
-        return self._caster.cast(self._world.rays, revolution)
 
 
 class _Development:
@@ -296,7 +228,7 @@ class RayHitSource(HitSource):
         sensor = setup.sensor
         self.camera, self.polygons = sensor.model, sensor.mesh_polygons
         surfaces = rays.caster.geometry.surfaces
-        self.draws = [(one.object_index, one.name) for one in surfaces]
+        self.draws = rays.caster.geometry.draws
         self.deforming = {
             one.number: DeformingDraw(
                 one.mesh, surfaces[one.number].object_index, one.instance.world_from_mesh

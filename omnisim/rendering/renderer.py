@@ -17,11 +17,11 @@ from omnisim.ground_truth import Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
 from omnisim.ground_truth.channels import ChannelName
 from omnisim.ground_truth.frame import Frame
-from omnisim.rendering.backend import CameraBackend, CameraSetup, FrameRequest
+from omnisim.rendering.backend import CameraBackend, CameraSetup
 from omnisim.rendering.batches import BatchRenderer, needed_others
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.readback import FrameRequest, ScenePoses
 from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import SharedScene
 

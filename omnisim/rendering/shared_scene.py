@@ -79,19 +79,8 @@ def open_backend(
 class SharedScene(Closing, EditableScene):
     """Scene and its dynamic objects on a back end: what a stage's renderers share.
 
-    A stage that is dropped and not closed warns, as files do, and is released. Sensors take turns:
-    a stage and its renderers belong to one thread.
-
     Args:
-        scene: static scene in the world frame, with its lights and background; or the path or
-            built-in name of one.
-        body: of the only vehicle, named `BODY`, in its base frame (x forward, y left, z up, origin
-            on the ground); its lights and background are ignored.
-        vehicles: bodies of several vehicles by name, instead.
-        dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
-            ignored, too.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
-        backend: makes pictures and hits.
+        scene, body, vehicles, dynamic_objects, device, backend: see `omnisim.Stage`.
 
     Attributes:
         edits: number of times that the scene became another one.
@@ -99,12 +88,6 @@ class SharedScene(Closing, EditableScene):
         objects: bodies and dynamic objects by name, in the order of `poses_in`.
         backend_name: as given.
         backend: the scene's side of it.
-
-    Raises:
-        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits; or an option that
-            the back end does not have.
-        OmnisimError: the back end's packages are not installed.
-        SceneError: a dynamic object of another's or a vehicle's name, or a body beside vehicles.
     """
 
     def __init__(

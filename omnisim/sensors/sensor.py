@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,22 @@ class Moment:
 
     def __repr__(self) -> str:
         return short_repr(self, f"step {self.number}", f"{self.time_s:g} s")
+
+
+class StepContent(NamedTuple):
+    """Content of a sensor's files of a step.
+
+    Attributes:
+        channels: of ground truth.
+        channel_format: of the run.
+        boxes_3d: of the run.
+        settings: the sensor's own, from the manifest.
+    """
+
+    channels: Collection[str]
+    channel_format: ChannelFormat
+    boxes_3d: bool
+    settings: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -217,19 +233,8 @@ class MountedSensor(ABC):
         return None
 
     @classmethod
-    def suffixes_of(
-        cls,
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-        settings: Mapping[str, Any],
-    ) -> tuple[str, ...]:
-        """Suffixes of its files of a step with these channels of ground truth.
-
-        Args:
-            channels, channel_format, boxes_3d: of the run.
-            settings: the sensor's own, from the manifest.
-        """
+    def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
+        """Suffixes of its files of a step."""
         return cls.suffixes
 
     def settings(self) -> dict[str, Any]:

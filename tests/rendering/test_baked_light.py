@@ -112,7 +112,7 @@ def test_lamps_and_even_light_count_for_nothing(tmp_path, furnished):
 def test_clusters_draw_what_items_do(monkeypatch, furnished):
     """Also glass, which the reference sorts in Python."""
     with Stage(furnished, body()) as stage, reference_stage(monkeypatch, furnished, body()) as one:
-        assert_same(*(open_sensor(each, CAMERA).render(HERE).rgba for each in (stage, one)))
+        assert_same(*(each.open(CAMERA).render(HERE).rgba for each in (stage, one)))
 
 
 def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):

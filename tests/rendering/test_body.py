@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 def picture(scene, world_from_base, **options):
-    with open_sensor(scene, CAMERA, **options) as renderer:
+    with _opened(scene, CAMERA, **options) as renderer:
         return renderer.render(world_from_base).rgba
 
 
@@ -39,7 +39,14 @@ def ranges(scene, world_from_base, **options):
 
 
 def _scanner(scene, **options):
-    return open_sensor(scene, SCANNER, base_from_sensor=BASE_FROM_SCANNER, **options)
+    return _opened(scene, SCANNER, base_from_sensor=BASE_FROM_SCANNER, **options)
+
+
+def _opened(scene, sensor, **options):
+    """Renderer on a stage, or on one of its own."""
+    if isinstance(scene, Stage):
+        return scene.open(sensor, **options)
+    return open_sensor(scene, sensor, **options)
 
 
 @pytest.mark.parametrize("offset_m", [(0.0, 0.0, 0.0), (4e5, -3e6, 20.0)])
@@ -177,7 +184,7 @@ def test_p2at_is_visible_in_the_middle_only():
 def test_p2at_scanner_does_not_hit_the_robot():
     _, base_from_scanner = mounted_on_p2at(64)
     scene = load_scene("courtyard", sky="none")
-    mount = {"base_from_scanner": base_from_scanner}
+    mount = {"base_from_sensor": base_from_scanner}
     with (
         Stage(scene, p2at_body()) as stage,
         stage.open(SCANNER, hidden={"lms200"}, **mount) as scanner,

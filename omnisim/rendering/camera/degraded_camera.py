@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
-from omnisim.rendering.backend import FrameRequest
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import Exposed, Readback, SubFrame
+from omnisim.rendering.readback import Exposed, FrameRequest, Readback, SubFrame
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.rendering.twist import moved_px
 

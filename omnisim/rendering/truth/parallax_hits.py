@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
-from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
@@ -27,6 +26,7 @@ from omnisim.rendering.opengl.ground_truth.parallax_hit_pass import (
     ParallaxHitPass,
 )
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl_camera import DrawnHits
 from omnisim.rendering.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
 from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
@@ -44,7 +44,7 @@ _TEXELS_PER_PIXEL, _MAX_TEXELS_PER_PIXEL = 1.5, 6.0
 _USUAL_PIXELS = 90_000
 
 
-class ParallaxHits(HitSource):
+class ParallaxHits(DrawnHits):
     """Hits of rays with origins of their own; everything on the GPU is made once.
 
     What the viewpoint does not see is cast as rays, where those are installed; else it is as if

@@ -6,7 +6,6 @@ Noise and bias follow from the drive's seed, the sensor's name and the number of
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -20,11 +19,10 @@ from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.sensors.imu.imu import DEVICES, STANDARD_GRAVITY_MPS2, ImuErrors, true_readings
 from omnisim.sensors.rate import SensorRate
-from omnisim.sensors.sensor import DriveSettings, MountedSensor
+from omnisim.sensors.sensor import DriveSettings, MountedSensor, StepContent
 from omnisim.sensors.sensor_mount import Level, Rate, SensorMount
 
 READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
@@ -97,15 +95,9 @@ class MountedImu(MountedSensor):
         return rate.times_s(start_s, end_s, seed, self.name)
 
     @classmethod
-    def suffixes_of(
-        cls,
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-        settings: Mapping[str, Any],
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
         """None: all readings are in one file; runs of older versions have one a step."""
-        return () if "readings" in settings else cls.suffixes
+        return () if "readings" in content.settings else cls.suffixes
 
     def settings(self) -> dict[str, Any]:
         """File of its readings."""

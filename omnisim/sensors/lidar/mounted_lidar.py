@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core.files.parameters import Number
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, SpinningLidar
 from omnisim.sensors.rate import LATE
 from omnisim.sensors.sensor import (
@@ -20,6 +18,7 @@ from omnisim.sensors.sensor import (
     Moment,
     MountedSensor,
     RenderedSensor,
+    StepContent,
 )
 from omnisim.sensors.sensor_mount import Level, Positive, Rate, Seed, SensorMount
 
@@ -61,15 +60,9 @@ class MountedLidar(RenderedSensor):
         return {"file_format": self.file_format}
 
     @classmethod
-    def suffixes_of(
-        cls,
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-        settings: Mapping[str, Any],
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
         """Suffix of its format."""
-        return (f".{settings['file_format']}",)
+        return (f".{content.settings['file_format']}",)
 
     def measure(
         self, renderer: LidarRenderer, settings: DriveSettings, moment: Moment

@@ -8,7 +8,6 @@ so that a drive that was killed goes on with the same bytes.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -40,6 +39,7 @@ from omnisim.sensors.sensor import (
     Moment,
     MountedSensor,
     RenderedSensor,
+    StepContent,
 )
 from omnisim.sensors.sensor_mount import SensorMount
 from omnisim.sensors.sensor_names import Name
@@ -97,14 +97,9 @@ class MountedCamera(RenderedSensor):
         return self.sensor.near_m
 
     @classmethod
-    def suffixes_of(
-        cls,
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-        settings: Mapping[str, Any],
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
         """Suffixes of a picture, its channels, and the boxes of its instances."""
+        channels, channel_format, boxes_3d, _ = content
         suffixes = [PICTURE_SUFFIX]
         if channels and channel_format is not ChannelFormat.NPY:
             suffixes.append(CHANNELS_SUFFIX)

@@ -77,7 +77,7 @@ def test_forty_sizes_look_as_if_drawn_one_by_one(make_material, monkeypatch):
         Stage(scene) as stage,
         reference_stage(monkeypatch, scene) as reference,
         stage.open(CAMERA) as renderer,
-        open_sensor(reference, CAMERA) as one_by_one,
+        reference.open(CAMERA) as one_by_one,
     ):
         frames = [renderer.render(one, also=CHANNELS) for one in poses]
         batch = renderer.render_batch(poses, channels=("rgba", *CHANNELS))
