@@ -19,10 +19,10 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import HitDetails
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
-from omnisim.rendering.camera.degraded_camera import DegradedCamera, SubFramePipeline
+from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
-from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
+from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
 from omnisim.rendering.truth.ground_truth import GroundTruth
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.scene import Scene
@@ -91,10 +91,10 @@ class CameraBackend(ABC):
     def _take_ideal(self, request: FrameRequest) -> Readback:
         """Take an image without degradation."""
 
-    def _degrade(self, pipeline: SubFramePipeline) -> None:
-        """Degrade all images, which a pipeline makes of sub-frames."""
+    def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
+        """Degrade all images, which are rendered from sub-frames."""
         boxes = MovingBoxes(self.world.scene, self.world.objects.values())
-        self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, pipeline, boxes)
+        self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, render, boxes)
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0

@@ -113,4 +113,4 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
             degradation.sensor_steps(geometry, key_of("noise", self.setup.seed)),
             degradation.encoding_step(),
         )
-        self._degrade(DegradedPipeline(pipeline, passes))
+        self._degrade(DegradedPipeline(pipeline, passes).render)

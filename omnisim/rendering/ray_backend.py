@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
 
@@ -15,7 +15,6 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.ground_truth.lidar_beams import LidarBeams
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
-from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.development import (
     developed,
     eight_bits,
@@ -33,7 +32,7 @@ from omnisim.rendering.rays.picture import RayPicture
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.readback import Exposed, FrameRequest, Readback, ScenePoses, SubFrame
+from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 
 
@@ -124,9 +123,7 @@ class RayCamera(CameraBackend):
         self._hit_source: RayHitSource | None = None
         self._pictures = self._ray_pictures()
         if not sensor.degradation.is_ideal:
-            geometry = PictureGeometry.of_camera(sensor.model)
-            noise_key = key_of("noise", setup.seed)
-            self._degrade(_Development(self._linear, sensor.degradation, geometry, noise_key))
+            self._degrade(self._develop)
 
     def refresh(self) -> None:
         """Cast rays at what the scene has now."""
@@ -152,6 +149,19 @@ class RayCamera(CameraBackend):
     def _take_ideal(self, request: FrameRequest) -> Readback:
         return _readback(self._linear(request.poses), None, request.linear)
 
+    def _develop(self, frames: SubFrames) -> Readback:
+        """Render an image from sub-frames, by the references of the degradations in NumPy."""
+        degradation = self._sensor.degradation
+        geometry = PictureGeometry.of_camera(self._sensor.model)
+        ideal = ((self._linear(part.poses), part.row_weights) for part in frames.parts)
+        light = exposed(ideal, degradation, geometry)
+        exposure = frames.expose(mean_luminance(light) if frames.is_metered else None)
+        noise_key = key_of("noise", self.setup.seed)
+        picture = developed(
+            light, degradation, geometry, exposure.factors, noise_key, exposure.frame_number
+        )
+        return _readback(picture, degradation.encoding, frames.linear)
+
     def hit_source(self, details: HitDetails) -> RayHitSource:
         """Source of its ground truth."""
         if self._hit_source is None:
@@ -175,44 +185,6 @@ class RayCamera(CameraBackend):
         valid = green[..., 3] > 0.0
         green[valid, 0], green[valid, 2] = red[valid, 0], blue[valid, 2]
         return green
-
-
-class _Development:
-    """Pipeline of a degraded camera, by the references of its effects in NumPy.
-
-    Args:
-        render_ideal: ideal picture of a sub-frame, linear.
-        degradation: of the camera.
-        geometry: of the picture.
-        noise_key: of the camera's random numbers.
-    """
-
-    def __init__(
-        self,
-        render_ideal: Callable[[ScenePoses], LinearPicture],
-        degradation: Degradation,
-        geometry: PictureGeometry,
-        noise_key: int,
-    ):
-        self._render_ideal, self._degradation = render_ideal, degradation
-        self._geometry, self._noise_key = geometry, noise_key
-
-    def render(
-        self,
-        sub_frames: Iterable[SubFrame],
-        expose: Callable[[float | None], Exposed],
-        metered: bool,
-        linear: bool,
-    ) -> Readback:
-        """Render a picture from sub-frames, see `SubFramePipeline`."""
-        degradation, geometry = self._degradation, self._geometry
-        ideal = ((self._render_ideal(part.poses), part.row_weights) for part in sub_frames)
-        light = exposed(ideal, degradation, geometry)
-        exposure = expose(mean_luminance(light) if metered else None)
-        picture = developed(
-            light, degradation, geometry, exposure.factors, self._noise_key, exposure.frame_number
-        )
-        return _readback(picture, degradation.encoding, linear)
 
 
 class RayHitSource(HitSource):

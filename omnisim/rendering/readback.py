@@ -56,6 +56,22 @@ class Exposed(NamedTuple):
     frame_number: int
 
 
+class SubFrames(NamedTuple):
+    """Sub-frames of an image, and how they are exposed.
+
+    Attributes:
+        parts: at least one.
+        expose: from the mean luminance to the exposure.
+        is_metered: `expose` is given the luminance.
+        linear: linear colors are asked for, too.
+    """
+
+    parts: Sequence[SubFrame]
+    expose: Callable[[float | None], Exposed]
+    is_metered: bool
+    linear: bool
+
+
 @dataclass(frozen=True, eq=False)
 class FrameRequest:
     """Request of one image; see also `omnisim.rendering.renderer.Renderer.render`.

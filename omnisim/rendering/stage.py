@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 class Stage(SharedScene):
     """Holds a scene and its dynamic objects on a back end, on the GPU or for rays; opens sensors.
 
-    Close it after its renderers; a renderer whose stage is closed says so. A stage that is dropped
-    and not closed warns, as files do, and is released. Sensors take turns: a stage and its
-    renderers belong to one thread.
+    Closing it frees its renderers' memory, too; a renderer whose stage is closed says so. A stage
+    that is dropped and not closed warns, as files do, and is released. Sensors take turns: a stage
+    and its renderers belong to one thread.
 
     Args:
         scene: static scene in the world frame, with its lights and background; or the path or

@@ -22,7 +22,6 @@ Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Level = Annotated[Number, Field(ge=0.0)]
 Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

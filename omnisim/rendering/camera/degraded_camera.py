@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import Exposed, FrameRequest, Readback, SubFrame
+from omnisim.rendering.readback import Exposed, FrameRequest, Readback, SubFrame, SubFrames
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.rendering.twist import moved_px
-
-
-class SubFramePipeline(Protocol):
-    """Renders a degraded picture from ideal ones of its sub-frames."""
-
-    def render(
-        self,
-        sub_frames: Iterable[SubFrame],
-        expose: Callable[[float | None], Exposed],
-        metered: bool,
-        linear: bool,
-    ) -> Readback:
-        """Render a picture.
-
-        Args:
-            sub_frames: at least one.
-            expose: from the mean luminance to the exposure.
-            metered: whether `expose` is given the luminance.
-            linear: whether linear colours are asked for.
-        """
 
 
 class DegradedCamera:
@@ -37,7 +17,7 @@ class DegradedCamera:
     Args:
         sensor: the camera.
         seed: of its noise.
-        pipeline: of its sub-frames.
+        render: renders an image from sub-frames.
         boxes: around all that moves.
     """
 
@@ -45,11 +25,10 @@ class DegradedCamera:
         self,
         sensor: OmniCamera,
         seed: int | str,
-        pipeline: SubFramePipeline,
+        render: Callable[[SubFrames], Readback],
         boxes: MovingBoxes,
     ):
-        self._sensor, self._seed, self._boxes = sensor, seed, boxes
-        self._pipeline = pipeline
+        self._sensor, self._seed, self._render, self._boxes = sensor, seed, render, boxes
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take a picture; also return its metadata."""
@@ -69,7 +48,9 @@ class DegradedCamera:
                 metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
             return Exposed(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
-        picture = self._pipeline.render(sub_frames, expose, degradation.is_metered, request.linear)
+        picture = self._render(
+            SubFrames(sub_frames, expose, degradation.is_metered, request.linear)
+        )
         if degradation.noise is not None:
             metadata["noise"] = {"seed": self._seed, "frame_number": request.frame_number}
         if degradation.jpeg is not None:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -227,42 +227,32 @@ class DepthCamera(Parameters, name="depth_camera"):
         return seen
 
 
-class _View:
-    """True depths of one view of a depth camera."""
-
-    def __init__(self, backend: CameraBackend):
-        self._backend = backend
-
-    @property
-    def sensor(self) -> OmniCamera:
-        """Camera of the view."""
-        return self._backend.setup.sensor
-
-    def refresh(self) -> None:
-        """Work on what the stage has now."""
-        self._backend.refresh()
-
-    def channels(
-        self,
-        names: Sequence[str],
-        world_from_base: NDArray[np.float64],
-        stage_poses: tuple[NDArray[np.float64], ...],
-    ) -> dict[str, NDArray[np.float32]]:
-        """Channels of ground truth at poses of the vehicle and of all objects."""
-        poses = ScenePoses(world_from_base @ self.sensor.base_from_rig, stage_poses)
-        return self._backend.ground_truth(names).channels(names, poses)
-
-
 class _Views:
-    """Views of the camera and of what is beside it."""
+    """Views of the camera and of what is beside it.
 
-    def __init__(self, first: _View, second: _View):
-        self.first, self.second = first, second
+    Args:
+        backends: of the two.
+    """
+
+    def __init__(self, backends: Iterable[CameraBackend]):
+        self.first, self.second = backends
 
     def refresh(self) -> None:
         """Work on what the stage has now."""
         self.first.refresh()
         self.second.refresh()
+
+
+def _channels(
+    view: CameraBackend,
+    names: Sequence[str],
+    world_from_base: NDArray[np.float64],
+    world_from_objects: Sequence[NDArray[np.float64]],
+) -> dict[str, NDArray[np.float32]]:
+    """Channels of ground truth of a view, at poses of the vehicle and of all objects."""
+    world_from_rig = world_from_base @ view.setup.sensor.base_from_rig
+    poses = ScenePoses(world_from_rig, world_from_objects)
+    return view.ground_truth(names).channels(names, poses)
 
 
 class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
@@ -282,7 +272,7 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
             OmniCamera(camera.second_model, base_from_rig=beside).seeing(size_m),
         )
         setups = (CameraSetup(one, True, hidden, 0, vehicles) for one in cameras)
-        return _Views(*(_View(stage.backend.camera(setup)) for setup in setups))
+        return _Views(stage.backend.camera(setup) for setup in setups)
 
     def measure(self, state: WorldState | ArrayLike, frame_number: int = 0) -> NDArray[np.float32]:
         """Depths (height, width) along the optical axis in metres, 0 in holes.
@@ -300,8 +290,8 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
         stage_poses = self._stage.poses_in(now)
         with self._current() as views:
             names = ("z", "normals_camera")
-            first = views.first.channels(names, world_from_base, stage_poses)
-            second_z_m = views.second.channels(("z",), world_from_base, stage_poses)["z"]
+            first = _channels(views.first, names, world_from_base, stage_poses)
+            second_z_m = _channels(views.second, ("z",), world_from_base, stage_poses)["z"]
         return self.sensor.measure(
             first["z"],
             second_z_m,

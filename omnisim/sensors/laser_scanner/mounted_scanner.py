@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import AfterValidator, Field
 
 from omnisim.core.files.parameters import Number
+from omnisim.sensors.device_noise import DeviceSeed
 from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
@@ -17,7 +18,7 @@ from omnisim.sensors.sensor import (
     MountedSensor,
     RenderedSensor,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, Seed, SensorMount
+from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
 
 
 class MountedScanner(RenderedSensor):
@@ -53,7 +54,7 @@ class Lms200Mount(SensorMount):
     """Range and step: "mm" to 8.19 m by 1 mm, "cm" to 81.9 m by 1 cm."""
     noise: Annotated[bool, Field(strict=True)] = True
     """True: with the device's errors."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its errors follow from it."""
 
     def parameters(self) -> LaserScanner:
@@ -78,7 +79,7 @@ class RangeScannerMount(SensorMount):
     """Metres; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its noise follows from it."""
 
     def parameters(self) -> LaserScanner:

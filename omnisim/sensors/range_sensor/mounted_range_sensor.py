@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from omnisim.core.files.parameters import Number
+from omnisim.sensors.device_noise import DeviceSeed
 from omnisim.sensors.range_sensor.range_sensor import Count, RangeSensor, RangeSensorRenderer
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
@@ -17,7 +18,7 @@ from omnisim.sensors.sensor import (
     MountedSensor,
     RenderedSensor,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, Seed, SensorMount
+from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
 
 
 class MountedRangeSensor(RenderedSensor):
@@ -53,7 +54,7 @@ class SonarMount(SensorMount):
     """Metres; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its noise follows from it."""
 
     def parameters(self) -> RangeSensor:
@@ -81,7 +82,7 @@ class InfraredMount(SensorMount):
     """Metres; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its noise follows from it."""
 
     def parameters(self) -> RangeSensor:
