@@ -12,13 +12,14 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.sensor_renderer import SensorRenderer
 from omnisim.sensors import LaserScanner
-from tests.scenes import box, room, scene_of
+from tests.scenes import room, scene_of
 from tests.vehicles import (
     BASE_FROM_SCANNER,
     CAMERA,
     POSES,
     SCANNER,
     body,
+    box,
     mounted_on_p2at,
     p2at_body,
     surroundings,
