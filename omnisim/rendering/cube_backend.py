@@ -49,7 +49,6 @@ from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
-from omnisim.rendering.truth.deforming_draws import deforming_draws
 from omnisim.scene import Scene
 
 # A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
@@ -239,15 +238,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
 
 
 class CubeHits(DrawnHits):
-    """Hits by the triangles that the virtual cameras see; everything on the GPU is made once.
-
-    Args:
-        buffers: their context is current, here and in all methods.
-        sensor: the camera.
-        cameras: depth range and hidden instances count.
-        details: that will be asked for.
-
-    """
+    """Hits of rays from one viewpoint."""
 
     def __init__(
         self,
@@ -256,25 +247,18 @@ class CubeHits(DrawnHits):
         cameras: VirtualCameras,
         details: HitDetails,
     ):
-        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
-        self._buffers = buffers
+        super().__init__(buffers, sensor, cameras, details)
         self._pixels = PixelMap(buffers.context, sensor.model, sensor.mesh_polygons)
         plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
         self._passes = RayHitPass(VisibilityPass(buffers, plan, cameras, details), self._pixels)
         self.has_ray = self._pixels.valid
-        self._find_draws()
 
     def refresh(self) -> None:
         """Hit what the buffers have now."""
+        super().refresh()
         self._passes.refresh()
         if "_batches" in self.__dict__:
             self._batches.refresh()
-        self._find_draws()
-
-    def _find_draws(self) -> None:
-        items = self._buffers.draw_items
-        self.draws = [(item.object_index, item.name) for item in items]
-        self.deforming = deforming_draws(self._buffers)
 
     def rays(self) -> NDArray[np.float32]:
         """Unit rays (height, width, 3), optical frame."""

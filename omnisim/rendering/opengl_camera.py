@@ -9,6 +9,7 @@ from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend, seen_background
 from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.context import collect_garbage
@@ -19,6 +20,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
 from omnisim.rendering.readback import FrameRequest, Readback
+from omnisim.rendering.truth.deforming_draws import deforming_draws
 
 
 class DrawnScene(NamedTuple):
@@ -29,17 +31,36 @@ class DrawnScene(NamedTuple):
 
 
 class DrawnHits(HitSource):
-    """Hits by the triangles that virtual cameras see.
+    """Hits by the triangles that virtual cameras see; GPU resources are created once.
+
+    Args:
+        buffers: the scene; its context is current, here and in all methods.
+        sensor: the camera.
+        cameras: depth range and hidden instances count.
+        details: of the hits that it can give.
 
     Attributes:
         details: of the hits that it can give.
     """
 
-    details: HitDetails
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        sensor: OmniCamera,
+        cameras: VirtualCameras,
+        details: HitDetails,
+    ):
+        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
+        self._buffers, self._cameras = buffers, cameras
+        self._find_draws()
 
-    @abstractmethod
     def refresh(self) -> None:
         """Hit what the buffers have now."""
+        self._find_draws()
+
+    def _find_draws(self) -> None:
+        self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
+        self.deforming = deforming_draws(self._buffers)
 
 
 HitsT = TypeVar("HitsT", bound=DrawnHits)

@@ -32,7 +32,6 @@ from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState
 from omnisim.rendering.readback import ScenePoses
-from omnisim.rendering.truth.deforming_draws import deforming_draws
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.ray_scene import RayScene
@@ -51,15 +50,12 @@ class ParallaxHits(DrawnHits):
     what hides it were thin.
 
     Args:
-        buffers: the scene; its context is current, here and in all methods.
+        buffers, cameras, details: see `DrawnHits`.
         sensor: the camera, whose model is an optical system.
-        cameras: depth range and hidden instances count.
         viewpoint_m: (3,) rig frame, of the virtual cameras.
-        details: that will be asked for.
         ray_scene: gives the scene to cast rays at; None: there is none.
 
     Attributes:
-        details: as given.
         undecided: (height, width) pixels of the last hits that the viewpoint does not tell.
     """
 
@@ -72,9 +68,8 @@ class ParallaxHits(DrawnHits):
         details: HitDetails,
         ray_scene: Callable[[], RayScene] | None,
     ):
-        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
-        self._buffers, self._cameras, self._ray_scene = buffers, cameras, ray_scene
-        self._viewpoint_m = viewpoint_m
+        super().__init__(buffers, sensor, cameras, details)
+        self._viewpoint_m, self._ray_scene = viewpoint_m, ray_scene
         self._rays = _joined(PixelRays(sensor.model, sensor.mesh_polygons))
         self.has_ray = self._rays.valid
         self.undecided = np.zeros_like(self.has_ray)
@@ -91,7 +86,6 @@ class ParallaxHits(DrawnHits):
         optical_from_rig = sensor.model.rig_from_optical.T
         assert self._rays.origins_m is not None
         self._origins_m = self._placed(self._rays.origins_m - optical_from_rig @ viewpoint_m)
-        self._find_draws()
 
     def _centre_rays(self) -> ParallaxRays:
         """Rays of the pixels' centres from the viewpoint, rig frame."""
@@ -109,12 +103,8 @@ class ParallaxHits(DrawnHits):
 
     def refresh(self) -> None:
         """Hit what the buffers have now."""
+        super().refresh()
         self._passes.refresh()
-        self._find_draws()
-
-    def _find_draws(self) -> None:
-        self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
-        self.deforming = deforming_draws(self._buffers)
         self.__dict__.pop("_draw_of_surface", None)
 
     def rays(self) -> NDArray[np.float64]:
