@@ -146,13 +146,7 @@ def _timings(
     sensor = at_setting(mounted.sensor.resized(size_px), setting)
     with ExitStack() as renderers:
         view = renderers.enter_context(stage.open(viewport()))
-        scanner = renderers.enter_context(
-            stage.open(
-                laser.sensor,
-                base_from_sensor=laser.base_from_sensor,
-                hidden=laser.hides,
-            )
-        )
+        scanner = renderers.enter_context(stage.open(laser))
         sensors: dict[str, Take | None] = {
             NO_SENSOR: None,
             SCANNER: scanner.scan,

@@ -61,7 +61,8 @@ class Stage(SharedScene):
         Args:
             sensor: a camera, that is an `OmniCamera` or what `OmniCamera.of` makes one of, by
                 default the paper's; or a `LaserScanner`, `SpinningLidar`, `DepthCamera`,
-                `RangeSensor`, or a sensor of your own.
+                `RangeSensor`, or a sensor of your own; or one of a vehicle's `sensors`, with its
+                own mount and what it hides.
             base_from_sensor: (4, 4) its mount on the vehicle, x forward; by default at the base. A
                 camera's own `base_from_rig` comes after it.
             hidden: names of the body's instances that it does not see, such as its own housing.

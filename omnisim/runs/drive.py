@@ -244,7 +244,7 @@ class PlannedDrive:
             instruments = {
                 sensor.name: stack.enter_context(instrument)
                 for sensor in vehicle.sensors
-                if (instrument := sensor.open(stage, settings)) is not None
+                if (instrument := sensor.instrument(stage, settings)) is not None
             }
             content = self._manifest(stage.backend.renderer)
             run = stack.enter_context(open_run(folder, content, force))

@@ -1,7 +1,7 @@
 """Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the world's motion.
 
 sensor = MountedCamera(...)                    # by its table in the robot file
-with sensor.open(stage, settings) as instrument:
+with sensor.instrument(stage, settings) as instrument:
     measurement = instrument.measure(moment)   # of the world's motion
 measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
 """
@@ -24,7 +24,7 @@ from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Motion
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.sensor_renderer import SensorRenderer
+from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import Closing
 from omnisim.rendering.stage import Stage
 from omnisim.sensors.rate import SensorRate
@@ -224,8 +224,8 @@ class MountedSensor(ABC):
         """Times (m,) at which its measurements at times (n,) depend on the true states."""
         return times_s
 
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
-        """Open the sensor on a stage, closed after it; None: it has no files of measurements.
+    def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
+        """Open the sensor on a stage for a drive; None: it has no files of measurements.
 
         Raises:
             GraphicsError: sizes past the GPU's limits.
@@ -271,16 +271,23 @@ class MountedSensor(ABC):
 class RenderedSensor(MountedSensor):
     """Sensor on its vehicle that measures by a renderer of its own."""
 
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open its renderer; no two sensors of a vehicle share the seed of their noise."""
-        renderer: SensorRenderer[Any, Any] = stage.open(
+    def open(self, stage: Stage, mounting: Mounting) -> Any:
+        """Open its renderer on a stage, mounted as it is on the vehicle, see `Stage.open`."""
+        given = mounting.base_from_sensor
+        return stage.open(
             self.sensor,
-            self.base_from_sensor,
-            hidden=self.hides,
-            vehicle=settings.vehicle,
-            seed=f"{settings.seed} {self.name}",
-            unlit=settings.unlit,
+            self.base_from_sensor if given is None else given,
+            hidden={*self.hides, *mounting.hidden},
+            vehicle=mounting.vehicle,
+            seed=mounting.seed,
+            unlit=mounting.unlit,
         )
+
+    def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument:
+        """Open its renderer; no two sensors of a vehicle share the seed of their noise."""
+        seed = f"{settings.seed} {self.name}"
+        mounting = Mounting(vehicle=settings.vehicle, seed=seed, unlit=settings.unlit)
+        renderer = self.open(stage, mounting)
         return Instrument(renderer, partial(self.measure, renderer, settings))
 
     @abstractmethod

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Stage, open_sensor
+from omnisim import OmniCamera, Stage, Vehicle, open_sensor
 from omnisim.core.errors import GraphicsError, OmnisimError, SceneError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
@@ -210,3 +210,18 @@ def test_a_cameras_mount_comes_after_the_one_it_is_opened_on():
         np.testing.assert_array_equal(camera.base_from_rig, mount @ CAMERA.base_from_rig)
         with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
             stage.open(CAMERA, 2.0 * np.eye(4))
+
+
+def test_a_vehicles_sensors_are_opened_as_they_are_mounted():
+    robot = Vehicle.load("p2at")
+    laser = robot.scanner()
+    with Stage(scene_of([room()]), robot.body, backend="rays") as stage:
+        mounted, given = (
+            stage.open(laser),
+            stage.open(laser.sensor, laser.base_from_sensor, hidden=laser.hides),
+        )
+        scan = mounted.scan(pose())
+        np.testing.assert_array_equal(scan.ranges_m, given.scan(pose()).ranges_m)
+        np.testing.assert_array_equal(scan.world_from_scanner, laser.base_from_sensor)
+        eye = robot.camera()
+        assert stage.open(eye).camera.base_from_rig is eye.sensor.base_from_rig
