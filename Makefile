@@ -1,5 +1,5 @@
 # On a fresh Debian or Ubuntu machine with Python and make, each target installs what it needs:
-#   make demo          installs omnisim alone, and renders a first picture
+#   make demo          installs omnisim alone, and renders a first image
 #   make test          runs the quick tests
 #   make test-all      runs linters and all tests
 #   make validate      validates the geometry
@@ -21,7 +21,7 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 help:
 	@echo "Each target first installs what it needs, demo omnisim alone, the others all there is."
-	@echo "make demo         render a first picture: out/courtyard.png"
+	@echo "make demo         render a first image: out/courtyard.png"
 	@echo "make test         run the quick tests"
 	@echo "make test-all     run linters and all tests, of the documentation too"
 	@echo "make lint         run ruff and mypy"
@@ -37,7 +37,7 @@ help:
 demo: core
 	@mkdir -p out
 	@$(BIN)/omnisim render courtyard --size 720 -o out/courtyard.png
-	@echo "Your first picture: $(CURDIR)/out/courtyard.png"
+	@echo "Your first image: $(CURDIR)/out/courtyard.png"
 	@echo "Look around in a browser: $(BIN)/omnisim live soccer --robot p2at --open"
 
 # Ends with the number of slow tests left out.
@@ -79,10 +79,10 @@ sheets: setup
 	@mkdir -p omnisim/rendering/camera/sheets
 	$(BIN)/python -m omnisim.validation.plots.ground_truth_sheet omnisim/rendering/camera/sheets/ground-truth.jpg
 	$(BIN)/python -m omnisim.validation.plots.boxes_3d_sheet omnisim/rendering/camera/sheets/boxes-3d.jpg
-	$(BIN)/python .ci/make_world_picture.py docs/how-to/match.jpg
-	$(BIN)/python .ci/make_live_pictures.py
-	$(BIN)/python .ci/make_light_pictures.py docs/how-to/light.jpg
-	$(BIN)/python .ci/make_baked_picture.py docs/how-to/baked.jpg
+	$(BIN)/python .ci/make_world_image.py docs/how-to/match.jpg
+	$(BIN)/python .ci/make_live_images.py
+	$(BIN)/python .ci/make_light_images.py docs/how-to/light.jpg
+	$(BIN)/python .ci/make_baked_image.py docs/how-to/baked.jpg
 	$(BIN)/python -m omnisim.validation.plots.degradation_sheet omnisim/rendering/camera/sheets/degradations.jpg
 
 lint: setup

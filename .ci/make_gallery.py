@@ -1,6 +1,6 @@
 """Gallery of one scene through every camera model: make gallery.
 
-The page takes its text from the docstrings of the models' modules; the camera of a picture is the
+The page takes its text from the docstrings of the models' modules; the camera of an image is the
 first example of its model in `tests/camera_examples.py`.
 """
 
@@ -30,7 +30,7 @@ from tests.camera_examples import CAMERA_EXAMPLES  # noqa: E402
 
 FOLDER = ROOT / "omnisim" / "cameras" / "gallery"
 SCENE = "courtyard"
-VIEWPOINT_M = (0.6, -0.5, 1.2)  # off the middle: a picture that is turned or mirrored shows it
+VIEWPOINT_M = (0.6, -0.5, 1.2)  # off the middle: an image that is turned or mirrored shows it
 YAW_DEG = 40.0
 LONGER_SIDE_PX = 400
 SUPERSAMPLING = 4
@@ -39,7 +39,7 @@ SHEET = "all.jpg"
 COLUMNS, CELL_PX, LABEL_PX = 5, 190, 20
 OUTSIDE = (24, 24, 28)  # where a camera sees nothing
 OPTICS = ROOT / "examples" / "optics"
-# Of the live page: a strip of small pictures, one below the other.
+# Of the live page: a strip of small images, one below the other.
 STRIP, STRIP_PX, STRIP_BYTES = PRESETS_FILE.parent / "page" / "lenses.jpg", 64, 32_000
 
 
@@ -98,7 +98,7 @@ def _summary(seen: FieldOfView) -> str:
     ]  # fmt: skip
     wide, high, largest, limit = (f"{angle + 0.0:.1f}°" for angle in degrees)
     return (
-        f"In this picture: {wide} × {high}, up to θ = {largest}, on {100.0 * seen.covered:.1f} % "
+        f"In this image: {wide} × {high}, up to θ = {largest}, on {100.0 * seen.covered:.1f} % "
         f"of the pixels; the model ends at {limit}."
     )
 
@@ -116,8 +116,8 @@ def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def picture_of(camera: CentralCamera) -> Image.Image:
-    """Picture of the scene by a camera."""
+def image_of(camera: CentralCamera) -> Image.Image:
+    """Image of the scene by a camera."""
     sensor = OmniCamera(camera, polygons=None, supersampling=SUPERSAMPLING)
     with open_sensor(load_scene(SCENE), sensor) as renderer:
         frame = renderer.render(sensor.base_pose(VIEWPOINT_M, YAW_DEG))
@@ -125,23 +125,23 @@ def picture_of(camera: CentralCamera) -> Image.Image:
     return Image.fromarray(pixels)
 
 
-def _save(picture: Image.Image, path: Path, largest_bytes: int) -> None:
+def _save(image: Image.Image, path: Path, largest_bytes: int) -> None:
     """Save the best JPEG that fits."""
     for quality in range(90, 20, -4):
         data = io.BytesIO()
-        picture.save(data, "JPEG", quality=quality, optimize=True)
+        image.save(data, "JPEG", quality=quality, optimize=True)
         if data.tell() <= largest_bytes:
             break
     path.write_bytes(data.getvalue())
 
 
-def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
-    rows = math.ceil(len(pictures) / COLUMNS)
+def _sheet(images: dict[str, Image.Image]) -> Image.Image:
+    rows = math.ceil(len(images) / COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * CELL_PX, rows * (CELL_PX + LABEL_PX)), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
-    for at, (model, picture) in enumerate(pictures.items()):
+    for at, (model, image) in enumerate(images.items()):
         left, top = at % COLUMNS * CELL_PX, at // COLUMNS * (CELL_PX + LABEL_PX)
-        small = picture.copy()
+        small = image.copy()
         small.thumbnail((CELL_PX - 8, CELL_PX - 8), Image.Resampling.LANCZOS)
         corner = (
             left + (CELL_PX - small.width) // 2,
@@ -152,10 +152,10 @@ def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
     return sheet
 
 
-def _strip(pictures: dict[str, Image.Image]) -> Image.Image:
-    strip = Image.new("RGB", (STRIP_PX, STRIP_PX * len(pictures)), OUTSIDE)
-    for at, picture in enumerate(pictures.values()):
-        small = picture.copy()
+def _strip(images: dict[str, Image.Image]) -> Image.Image:
+    strip = Image.new("RGB", (STRIP_PX, STRIP_PX * len(images)), OUTSIDE)
+    for at, image in enumerate(images.values()):
+        small = image.copy()
         small.thumbnail((STRIP_PX, STRIP_PX), Image.Resampling.LANCZOS)
         strip.paste(
             small, ((STRIP_PX - small.width) // 2, (2 * at + 1) * STRIP_PX // 2 - small.height // 2)
@@ -164,21 +164,21 @@ def _strip(pictures: dict[str, Image.Image]) -> Image.Image:
 
 
 def main() -> None:
-    """Render all pictures and write the page; with --page only that."""
+    """Render all images and write the page; with --page only that."""
     FOLDER.mkdir(exist_ok=True)
     cameras = gallery_cameras()
     (FOLDER / "README.md").write_text(page(cameras), encoding="utf-8")
     PRESETS_FILE.write_text(presets(cameras), encoding="utf-8")
     if sys.argv[1:] == ["--page"]:
         return
-    pictures = {}
+    images = {}
     for model, camera in cameras.items():
-        pictures[model] = picture_of(camera)
-        _save(pictures[model], FOLDER / f"{model}.jpg", LARGEST_BYTES)
+        images[model] = image_of(camera)
+        _save(images[model], FOLDER / f"{model}.jpg", LARGEST_BYTES)
         print(f"{model}: {camera.width_px} × {camera.height_px} px")
-    _save(_sheet(pictures), FOLDER / SHEET, 4 * LARGEST_BYTES)
-    _save(_strip(pictures), STRIP, STRIP_BYTES)
-    print(f"{FOLDER.relative_to(ROOT)}: {len(pictures)} models")
+    _save(_sheet(images), FOLDER / SHEET, 4 * LARGEST_BYTES)
+    _save(_strip(images), STRIP, STRIP_BYTES)
+    print(f"{FOLDER.relative_to(ROOT)}: {len(images)} models")
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from omnisim.validation.plots.contact_sheet import save_contact_sheet  # noqa: E
 from omnisim.validation.plots.optics_plot import optics_figure  # noqa: E402
 
 FOLDER = ROOT / "examples" / "optics"
-PICTURES = FOLDER / "gallery"
+IMAGES = FOLDER / "gallery"
 SCENE = "courtyard"
 VIEWPOINT_M = (0.6, -0.5, 1.2)
 HEIGHTS_M = {"equi-ground": 0.6}  # that the mirror is designed for
@@ -45,13 +45,13 @@ ORDER = (
     "flat-port", "dome-port",
 )  # fmt: skip
 STRIP = "cone"  # also shown unrolled
-STRIP_RADII = (0.12, 0.99)  # shares of the mirror's radius in the picture
+STRIP_RADII = (0.12, 0.99)  # shares of the mirror's radius in the image
 SHEET, SHEET_PX, SHEET_COLUMNS = "all.jpg", 220, 5  # also on one sheet, the strip last
 MESHED, MESHED_PX, LABEL_PX = "sphere", 190, 20  # also shown by meshes
 
 
 def system_of(name: str) -> OpticalSystem:
-    """System of an example, in the size of its picture here."""
+    """System of an example, in the size of its image here."""
     system = read_optics_file(FOLDER / f"{name}.toml")
     return system.scaled(LONGER_SIDE_PX / max(system.width_px, system.height_px))
 
@@ -68,7 +68,7 @@ def page(errors: dict[str, list[MeshError]], chosen: dict[str, int | None]) -> s
     parts = [
         "# Optical systems\n\n"
         f"The scene `{SCENE}` through every example, from one viewpoint: `omnisim render {SCENE} "
-        "--optics FILE`. Where no ray leaves the system the picture is dark: beside the mirror, "
+        "--optics FILE`. Where no ray leaves the system the image is dark: beside the mirror, "
         "beyond a rim, and where it shows the camera's body or a post. Below it: `omnisim optics "
         "plot FILE`. Made by `make gallery`, by the ray back end.\n"
     ]
@@ -108,7 +108,7 @@ def _mesh_section(errors: dict[str, list[MeshError]], chosen: dict[str, int | No
     return (
         "## Polygons\n\n"
         "The paper's mesh for any mirror, `omnisim render --optics FILE -n POLYGONS`: directions "
-        "against the exact rays, mean and largest error in pixels of the example's own picture, "
+        "against the exact rays, mean and largest error in pixels of the example's own image, "
         "and the polygons that `-n auto` takes, which keep the largest below 0.1 px. Four times "
         "the polygons leave a quarter of the mean error. `omnisim mirror --optics FILE -n "
         "POLYGONS` prints the same.\n\n"
@@ -130,8 +130,8 @@ def mesh_errors() -> tuple[dict[str, list[MeshError]], dict[str, int | None]]:
     return errors, {name: auto_polygons(systems[name]) for name in errors}
 
 
-def picture_of(name: str, polygons: int | None = None) -> Image.Image:
-    """Picture of the scene by an example."""
+def image_of(name: str, polygons: int | None = None) -> Image.Image:
+    """Image of the scene by an example."""
     sensor = OmniCamera(system_of(name), polygons=polygons, supersampling=SUPERSAMPLING)
     x, y, z = VIEWPOINT_M
     with open_sensor(load_scene(SCENE), sensor, backend="rays") as renderer:
@@ -140,46 +140,46 @@ def picture_of(name: str, polygons: int | None = None) -> Image.Image:
     return Image.fromarray(pixels)
 
 
-def strip_of(picture: Image.Image, radius_px: float) -> Image.Image:
-    """Picture unrolled about its middle: a column an azimuth, clockwise, the rim on top."""
+def strip_of(image: Image.Image, radius_px: float) -> Image.Image:
+    """Image unrolled about its middle: a column an azimuth, clockwise, the rim on top."""
     radii = radius_px * np.arange(STRIP_RADII[1], STRIP_RADII[0], -1.0 / radius_px)
     columns = round(2.0 * np.pi * radii.mean())
     azimuths = np.arange(columns) * (2.0 * np.pi / columns)
-    middle = 0.5 * (np.array(picture.size) - 1.0)
+    middle = 0.5 * (np.array(image.size) - 1.0)
     rays = np.stack((np.cos(azimuths), -np.sin(azimuths)), axis=-1)  # clockwise from above
-    pixels = np.asarray(picture)
+    pixels = np.asarray(image)
     at = middle + radii[:, None, None] * rays
     corner, weights, _ = corner_and_weights(at, pixels.shape[:2])
     channels = [interpolate(pixels[..., channel], corner, weights) for channel in range(3)]
     return Image.fromarray(np.stack(channels, axis=-1).round().astype(np.uint8))
 
 
-def _save_picture(picture: Image.Image, name: str) -> None:
+def _save_image(image: Image.Image, name: str) -> None:
     """Save the best JPEG that fits."""
     for quality in range(92, 20, -4):
         data = io.BytesIO()
-        picture.save(data, "JPEG", quality=quality, optimize=True)
+        image.save(data, "JPEG", quality=quality, optimize=True)
         if data.tell() <= LARGEST_BYTES:
             break
-    (PICTURES / f"{name}.jpg").write_bytes(data.getvalue())
+    (IMAGES / f"{name}.jpg").write_bytes(data.getvalue())
 
 
 def _save_plot(figure: Figure, name: str) -> None:
     data = io.BytesIO()
     figure.savefig(data, format="png")
     few = Image.open(data).convert("RGB").quantize(PLOT_COLORS, dither=Image.Dither.NONE)
-    few.save(PICTURES / f"{name}-plot.png", optimize=True)
+    few.save(IMAGES / f"{name}-plot.png", optimize=True)
 
 
 def _meshes() -> Image.Image:
-    pictures = {
-        f"{polygons} polygons" if polygons else "exact": picture_of(MESHED, polygons)
+    images = {
+        f"{polygons} polygons" if polygons else "exact": image_of(MESHED, polygons)
         for polygons in (*PAPER_POLYGON_COUNTS[:4], None)
     }
-    sheet = Image.new("RGB", (MESHED_PX * len(pictures), MESHED_PX + LABEL_PX), "white")
+    sheet = Image.new("RGB", (MESHED_PX * len(images), MESHED_PX + LABEL_PX), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
-    for number, (label, picture) in enumerate(pictures.items()):
-        small = picture.resize((MESHED_PX - 4, MESHED_PX - 4), Image.Resampling.LANCZOS)
+    for number, (label, image) in enumerate(images.items()):
+        small = image.resize((MESHED_PX - 4, MESHED_PX - 4), Image.Resampling.LANCZOS)
         sheet.paste(small, (number * MESHED_PX + 2, LABEL_PX))
         middle = (number * MESHED_PX + MESHED_PX // 2, LABEL_PX // 2)
         draw.text(middle, label, "black", font, anchor="mm")
@@ -187,33 +187,33 @@ def _meshes() -> Image.Image:
 
 
 def _save_sheet() -> None:
-    """Save the pictures of all examples on one sheet."""
+    """Save the images of all examples on one sheet."""
     tiles = []
     for name in (*ORDER, f"{STRIP}-strip"):
-        picture = Image.open(PICTURES / f"{name}.jpg")
-        picture.thumbnail((SHEET_PX, SHEET_PX), Image.Resampling.LANCZOS)
+        image = Image.open(IMAGES / f"{name}.jpg")
+        image.thumbnail((SHEET_PX, SHEET_PX), Image.Resampling.LANCZOS)
         cell = Image.new("RGB", (SHEET_PX, SHEET_PX), OUTSIDE)
-        cell.paste(picture, ((SHEET_PX - picture.width) // 2, (SHEET_PX - picture.height) // 2))
+        cell.paste(image, ((SHEET_PX - image.width) // 2, (SHEET_PX - image.height) // 2))
         tiles.append((name, np.asarray(cell)))
-    save_contact_sheet(PICTURES / SHEET, tiles, SHEET_COLUMNS)
+    save_contact_sheet(IMAGES / SHEET, tiles, SHEET_COLUMNS)
 
 
 def main() -> None:
-    """Render all pictures and write the page; with --page only that."""
-    PICTURES.mkdir(exist_ok=True)
+    """Render all images and write the page; with --page only that."""
+    IMAGES.mkdir(exist_ok=True)
     errors, chosen = mesh_errors()
     (FOLDER / "README.md").write_text(page(errors, chosen), encoding="utf-8")
     if sys.argv[1:] == ["--page"]:
         return
     for name in ORDER:
-        picture, system = picture_of(name), read_optics_file(FOLDER / f"{name}.toml")
-        _save_picture(picture, name)
+        image, system = image_of(name), read_optics_file(FOLDER / f"{name}.toml")
+        _save_image(image, name)
         _save_plot(optics_figure(f"{name}.toml", system), name)
         if name == STRIP:
-            exact = system_of(name).all_rays().valid[picture.height // 2]
-            _save_picture(strip_of(picture, 0.5 * float(exact.sum())), f"{name}-strip")
-        print(f"{name}: {picture.width} × {picture.height} px")
-    _save_picture(_meshes(), "mesh")
+            exact = system_of(name).all_rays().valid[image.height // 2]
+            _save_image(strip_of(image, 0.5 * float(exact.sum())), f"{name}-strip")
+        print(f"{name}: {image.width} × {image.height} px")
+    _save_image(_meshes(), "mesh")
     _save_sheet()
 
 

@@ -23,9 +23,9 @@ def renew_figures(source: Path, target: Path, names: Iterable[str]) -> None:
     """Turn PNG figures of a folder into the JPEGs of another, at most as wide as a page."""
     target.mkdir(exist_ok=True)
     for name in names:
-        picture = Image.open(source / f"{name}.png").convert("RGB")
-        picture.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
-        picture.save(target / f"{name}.jpg", quality=88, optimize=True)
+        image = Image.open(source / f"{name}.png").convert("RGB")
+        image.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
+        image.save(target / f"{name}.jpg", quality=88, optimize=True)
 
 
 def renew_block(mark: str, block: str, pages: Iterable[Path] = PAGES) -> None:

@@ -96,7 +96,7 @@ def _peers_table(report: dict[str, Any]) -> list[str]:
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     cells = {(row["racer"], row["scene"]): _raced(row) for row in rows}
     lines = [
-        f"| the same frame, {report['picture_px']}² | {' | '.join(scenes)} |",
+        f"| the same frame, {report['image_px']}² | {' | '.join(scenes)} |",
         f"| --- |{' --- |' * len(scenes)}",
     ]
     for racer in dict.fromkeys(row["racer"] for row in rows):

@@ -33,7 +33,7 @@ SHOWN = {
     "Self-localization": (
         "experiments",
         ROOT / "omnisim" / "experiments" / "figures",
-        ("fig11-pictures", "fig12-paths", "fig13-errors", "seeds", "seeds-ahead", "degradations"),
+        ("fig11-images", "fig12-paths", "fig13-errors", "seeds", "seeds-ahead", "degradations"),
     ),
 }
 

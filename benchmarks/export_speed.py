@@ -1,7 +1,7 @@
-"""Rate and memory of `omnisim export` of a run of 500 pictures of 720 × 720 px with ranges:
+"""Rate and memory of `omnisim export` of a run of 500 images of 720 × 720 px with ranges:
 `python -m benchmarks.export_speed [FORMAT [STEPS]]`, ros2-mcap and 500 by default.
 
-Eight pictures are rendered in courtyard, and linked as many times as there are steps. The rate is
+Eight images are rendered in courtyard, and linked as many times as there are steps. The rate is
 of the bytes that are written, by the wall's clock and by the processor's, which other programs do
 not slow as much; memory is the process's largest, libraries included.
 """
@@ -36,7 +36,7 @@ CAMERA = "camera"
 
 
 def _record(folder: Path, steps: int) -> None:
-    """Record a run, and repeat its pictures."""
+    """Record a run, and repeat its images."""
     lens = EquidistantCamera(SIZE_PX, SIZE_PX, 240.0, (359.5, 359.5), 1.5)
     camera = MountedCamera("omnicamera", CAMERA, (), OmniCamera(lens).with_quality("fast"))
     vehicle = Vehicle("rig", "rig", None, None, OdometryErrors(), None, (camera,))

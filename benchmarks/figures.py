@@ -28,7 +28,7 @@ def panels(
     second_line = 1.0 - SECOND_LINE_IN / HEIGHT_IN
     figure.text(
         0.5, second_line, machine_line(report["machine"]),
-        ha="center", va="center", fontsize=7.5, color=style.GREY,
+        ha="center", va="center", fontsize=7.5, color=style.GRAY,
     )  # fmt: skip
     return figure, axes
 

@@ -1,4 +1,4 @@
-"""Processor time of ground truth relative to the picture: `python -m benchmarks.ground_truth_cost
+"""Processor time of ground truth relative to the image: `python -m benchmarks.ground_truth_cost
 [SCENE]`, the soccer field by default.
 
 Medians of interleaved rounds; processor time, as other programs do not change it much.
@@ -17,7 +17,7 @@ from omnisim.ground_truth import CHANNELS
 ROUNDS = 9  # after one to warm up
 BACKWARD_AND_SCENE = tuple(n for n in CHANNELS if "backward" in n or "scene_flow" in n)
 VARIANTS: dict[str, tuple[str, ...]] = {
-    "picture": (),
+    "image": (),
     "range, instance": ("range", "instance"),
     "all but flows": tuple(name for name in CHANNELS if not CHANNELS[name].other),
     "all but backward and scene flow": tuple(n for n in CHANNELS if n not in BACKWARD_AND_SCENE),
@@ -49,7 +49,7 @@ def main(source: str) -> None:
                     times_s[name].append(time.process_time() - start_s)
         medians_s = {name: float(np.median(all_s[1:])) for name, all_s in times_s.items()}
         for name, median_s in medians_s.items():
-            share = median_s / medians_s["picture"]
+            share = median_s / medians_s["image"]
             print(f"{quality:8} {name:32} {1e3 * median_s:6.1f} ms  {share:.2f} ×")
 
 

@@ -34,7 +34,7 @@ from omnisim.scene import Scene, load_scene
 from omnisim.validation.report.machine import ROOT
 
 SETTING, FRAME_PX = "fast", 360
-BATCH, BATCH_PX = 64, 84  # pictures, and their side
+BATCH, BATCH_PX = 64, 84  # images, and their side
 POSES = 8
 # The second: without a thread of its own, in which this driver of Mesa 22 crashes.
 ENVIRONMENT = {"GALLIUM_NOOP": "1", "GALLIUM_THREAD": "0"}
@@ -88,12 +88,12 @@ def _row(scene: str, options: Options) -> dict[str, Any]:
         stage.open(camera.resized(BATCH_PX)) as small,
     ):
         poses, many = _poses(loaded, POSES), _poses(loaded, BATCH)
-        pictures = small.render_batch(many)
+        images = small.render_batch(many)
         timings = time_interleaved(
             {
                 "frame": partial(_render_each, large, poses),
                 "small_frame": partial(_render_each, small, poses),
-                "batched": lambda: small.render_batch(many, out=pictures),
+                "batched": lambda: small.render_batch(many, out=images),
             },
             options.rounds,
             options.warm_up,

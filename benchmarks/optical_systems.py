@@ -5,7 +5,7 @@
 By default the soccer field and mapping. Each system of `examples/optics` stands at the scene's
 start, and beside the nearest thing there, 0.2 m away. Ground truth: the share of pixels with the
 same triangle as Embree's exact rays, with undecided pixels cast as rays, without, and of decided
-ones alone; and the share undecided. Pictures: the time of a frame relative to the paper's mirror,
+ones alone; and the share undecided. Images: the time of a frame relative to the paper's mirror,
 both at 360 × 360 px and default quality, in interleaved rounds; of the first frame, opening
 included; and the share of samples undecided.
 """

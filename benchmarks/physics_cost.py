@@ -1,7 +1,7 @@
 """Processor time of physics within a drive: `python -m benchmarks.physics_cost [SCENE ROBOT PATH]`,
 the Pioneer's lap of the soccer field by default.
 
-Processor time, as other programs do not change it much; of one drive, with its pictures.
+Processor time, as other programs do not change it much; of one drive, with its images.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def main(scene: str, robot: str, path: str) -> None:
         f"{count:.0f} steps of {1e3 * STEP_S:g} ms: {spent_s:.2f} s, "
         f"{1e6 * spent_s / count:.0f} µs each, {spent_s / total_s:.1%} of the drive; "
         f"planning {planned_s - start_s:.2f} s; "
-        f"{steps} pictures and scans, {total_s:.2f} s in all"
+        f"{steps} images and scans, {total_s:.2f} s in all"
     )
 
 

@@ -84,7 +84,7 @@ class RepeatedFrame:
         return cls(stage.open(camera), camera.base_pose(start.position_m, start.yaw_deg))
 
     def render(self) -> NDArray[np.uint8]:
-        """Picture (height, width, 4), complete."""
+        """Image (height, width, 4), complete."""
         return self.renderer.render(self.world_from_base).rgba
 
     def render_faces(self) -> None:

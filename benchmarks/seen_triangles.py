@@ -1,4 +1,4 @@
-"""Number of triangles that a picture shows: the least that culling can leave.
+"""Number of triangles that an image shows: the least that culling can leave.
 
 Independent of the renderer: a program of its own draws every triangle's ID into whole faces of the
 cube.
@@ -22,10 +22,10 @@ _VERTEX = """
 #version 430 core
 uniform mat3 u_face_from_viewpoint;
 uniform float u_near_m;
-in vec3 in_position;  // metres from the viewpoint, axes of the world
+in vec3 in_position;  // meters from the viewpoint, axes of the world
 void main() {
     vec3 local = u_face_from_viewpoint * in_position;
-    gl_Position = vec4(local.xy, u_near_m, local.z);  // y down the picture, depth reversed
+    gl_Position = vec4(local.xy, u_near_m, local.z);  // y down the image, depth reversed
 }
 """
 _FRAGMENT = """
@@ -41,7 +41,7 @@ void main() {
 
 
 class _Triangles(NamedTuple):
-    """Corners (n, 3, 3), metres from the viewpoint, of double-sided and single-sided triangles."""
+    """Corners (n, 3, 3), meters from the viewpoint, of double-sided and single-sided triangles."""
 
     double_sided: NDArray[np.float32]
     single_sided: NDArray[np.float32]
@@ -55,7 +55,7 @@ def count_seen_triangles(
     face_px: int,
     near_m: float,
 ) -> int:
-    """Triangles that are nearest in at least one texel that the picture shows, once for each face
+    """Triangles that are nearest in at least one texel that the image shows, once for each face
     of the cube that shows them.
 
     Holes count as filled; blended surfaces are left out.
@@ -63,7 +63,7 @@ def count_seen_triangles(
     Args:
         context: to draw in; becomes the current one.
         scene: to draw.
-        camera: of the picture.
+        camera: of the image.
         world_from_rig: (4, 4).
         face_px: texels across the 90° of a face.
         near_m: near plane.
@@ -107,7 +107,7 @@ def count_seen_triangles(
 
 
 def _shown(camera: CentralCamera, face: int, face_px: int) -> NDArray[np.bool_]:
-    """Mask (size, size) of a whole face's texels that the picture shows; first row at the top."""
+    """Mask (size, size) of a whole face's texels that the image shows; first row at the top."""
     line = (2.0 * np.arange(face_px) + 1.0) / face_px - 1.0
     right, down = np.meshgrid(line, line)
     local = np.stack((right, down, np.ones_like(right)), axis=-1)

@@ -1,4 +1,4 @@
-"""Start-up: time of a fresh process until its first picture."""
+"""Start-up: time of a fresh process until its first image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from benchmarks.start_up_phases import AFTER, PHASES
 from omnisim.validation.report.machine import ROOT
 
 # With the driver's shader cache, and without.
-CACHED, ANEW = "to a picture and the end", "shaders compiled anew"
+CACHED, ANEW = "to an image and the end", "shaders compiled anew"
 
 # The installed command, run on this checkout.
 _COMMAND = "from omnisim.apps.cli.app import main; main()"
@@ -89,7 +89,7 @@ def render(scene: str, path: Path, device: int | None, cached: bool = True) -> R
 
     Args:
         scene: name or file.
-        path: of the picture.
+        path: of the image.
         device: number of the GPU, or None.
         cached: let the driver use its shader cache.
 

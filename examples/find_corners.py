@@ -1,6 +1,6 @@
 """Corners of a chessboard of 9 × 7 squares in photographs, found by OpenCV.
 
-`python examples/find_corners.py 0.04 corners.csv photos/*.png`: length of a square in metres, the
+`python examples/find_corners.py 0.04 corners.csv photos/*.png`: length of a square in meters, the
 file to write, the photographs.
 """
 
@@ -15,16 +15,16 @@ from omnisim.cameras.optics import BoardCorners, write_corners
 PATTERN = (8, 6)  # inner corners along a row, and rows
 
 
-def find(picture: np.ndarray) -> np.ndarray | None:
-    """Corners (n, 2) in a grey picture, to a tenth of a pixel, or None."""
-    found, corners = cv2.findChessboardCornersSB(picture, PATTERN, flags=cv2.CALIB_CB_EXHAUSTIVE)
+def find(image: np.ndarray) -> np.ndarray | None:
+    """Corners (n, 2) in a gray image, to a tenth of a pixel, or None."""
+    found, corners = cv2.findChessboardCornersSB(image, PATTERN, flags=cv2.CALIB_CB_EXHAUSTIVE)
     if not found:
         return None
     corners = corners.reshape(-1, 2)
     steps = np.linalg.norm(corners[:, None] - corners, axis=2)
     window = max(2, int(steps[steps > 0.0].min() / 3.0))  # up to the next corner
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
-    return cv2.cornerSubPix(picture, corners, (window, window), (-1, -1), stop).astype(float)
+    return cv2.cornerSubPix(image, corners, (window, window), (-1, -1), stop).astype(float)
 
 
 def main(square_m: float, target: Path, paths: list[Path]) -> None:

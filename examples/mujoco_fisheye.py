@@ -1,6 +1,6 @@
 """Fisheye on a robot's head in a simulation of MuJoCo: python mujoco_fisheye.py [FOLDER].
 
-It needs `pip install 'omnisim-camera[mujoco]'`. Pictures and range maps go into the folder.
+It needs `pip install 'omnisim-camera[mujoco]'`. Images and range maps go into the folder.
 """
 
 import sys

@@ -1,7 +1,7 @@
-"""Robots in the soccer field as a Gymnasium vector environment: wheel speeds in, pictures out.
+"""Robots in the soccer field as a Gymnasium vector environment: wheel speeds in, images out.
 
 Each robot is alone in a field of its own, with the paper's camera; all fields are one stage, and
-all observations one batch. A robot is rewarded for each metre that it comes closer to the blue
+all observations one batch. A robot is rewarded for each meter that it comes closer to the blue
 goal.
 
     python examples/soccer_env.py        # 100 random steps of 16 robots
@@ -29,16 +29,16 @@ HALF_FIELD_M = np.array([2.7, 1.8])
 class SoccerEnv(VectorEnv):
     """Robots that learn to drive to the blue goal.
 
-    Observations are pictures (n, size, size, 3) uint8, actions the speeds (n, 2) of the left and
+    Observations are images (n, size, size, 3) uint8, actions the speeds (n, 2) of the left and
     the right wheels in rad/s. An episode ends at the goal, and is truncated outside of the field
     and after `max_steps`; the step after resets it.
 
     Args:
         num_envs: number of robots.
-        size_px: side of the square pictures.
+        size_px: side of the square images.
         max_steps: of an episode, 0.1 s each.
         copy: return new observations; else all steps fill one array, which is quicker.
-        render_mode: "rgb_array": `render` returns the last pictures.
+        render_mode: "rgb_array": `render` returns the last images.
         device: number of the GPU, as `omnisim info` lists them.
     """
 
@@ -71,7 +71,7 @@ class SoccerEnv(VectorEnv):
         batch = gymnasium.vector.utils.batch_space
         self.action_space = batch(self.single_action_space, num_envs)
         self.observation_space = batch(self.single_observation_space, num_envs)
-        self._pictures = np.empty(self.observation_space.shape, np.uint8)
+        self._images = np.empty(self.observation_space.shape, np.uint8)
         self._position_m = np.zeros((num_envs, 2))
         self._yaw_rad = np.zeros(num_envs)
         self._steps = np.zeros(num_envs, np.int64)
@@ -102,8 +102,8 @@ class SoccerEnv(VectorEnv):
         return self._observe(), rewards, terminations, truncations, self._infos()
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Last pictures, one of each robot."""
-        return tuple(self._pictures.copy()) if self.render_mode == "rgb_array" else None
+        """Last images, one of each robot."""
+        return tuple(self._images.copy()) if self.render_mode == "rgb_array" else None
 
     def close_extras(self, **_: Any) -> None:
         """Free the GPU's memory."""
@@ -139,8 +139,8 @@ class SoccerEnv(VectorEnv):
         rotations[:, 2, 2] = 1.0
         positions_m = np.pad(self._position_m, ((0, 0), (0, 1)))
         poses = pose_from_rotation(rotations, positions_m)
-        self._renderer.render_batch(poses, out=self._pictures)
-        return self._pictures.copy() if self._copy else self._pictures
+        self._renderer.render_batch(poses, out=self._images)
+        return self._images.copy() if self._copy else self._images
 
     def _distances_m(self) -> NDArray[np.float64]:
         return np.linalg.norm(self._position_m - GOAL_M, axis=1)

@@ -17,7 +17,7 @@ Cameras inside a MuJoCo simulation: `omnisim.runs.mujoco_loop.Camera`.
 The camera in a browser, or in a notebook's cell: `live`.
 Errors: `OmnisimError`; notices about files are warnings, `NoticeWarning`.
 
-Units are metres and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Stage)`
+Units are meters and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Stage)`
 documents a name, `omnisim --help` the command line. Tutorials, guides, reference and explanation
 are in `docs/` of the source code.
 """

@@ -37,33 +37,33 @@ def _framed(width, height, **mirror):
 
 CAMERA_EXAMPLES = {
     "hyperbolic-paper": _framed(360, 360),
-    "hyperbolic-wide-picture": _framed(640, 480),
+    "hyperbolic-wide-image": _framed(640, 480),
     "hyperbolic-up-face": _framed(401, 401, theta_max_rad=math.radians(150.0)),
     "hyperbolic-nearly-parabolic": _framed(512, 512, k=400.0, theta_max_rad=math.radians(120.0)),
     "hyperbolic-nearly-plane": _framed(300, 200, k=2.02, theta_max_rad=math.radians(70.0)),
     "hyperbolic-plane": _framed(300, 200, k=2.0, theta_max_rad=math.radians(60.0)),
-    "hyperbolic-off-centre": HyperbolicCamera(
+    "hyperbolic-off-center": HyperbolicCamera(
         480, 360, 1300.0, (200.25, 150.75), HyperbolicMirror()
     ),
     "perspective": PerspectiveCamera.with_field_of_view(320, 240, math.radians(90.0)),
     "perspective-wide": PerspectiveCamera.with_field_of_view(300, 300, math.radians(150.0)),
-    "perspective-off-centre": PerspectiveCamera(200, 300, 150.0, (20.5, 310.25)),
+    "perspective-off-center": PerspectiveCamera(200, 300, 150.0, (20.5, 310.25)),
     "cylindrical": CylindricalCamera(630, 200, 100.0, (314.5, 99.5)),
     "cylindrical-more-than-a-turn": CylindricalCamera(700, 160, 100.0, (340.25, 20.0)),
     "equidistant-full-sphere": EquidistantCamera(360, 360, 55.0, (179.5, 179.5)),
-    "equidistant-off-centre": EquidistantCamera(
+    "equidistant-off-center": EquidistantCamera(
         300, 200, 80.0, (140.25, 120.5), theta_max_rad=math.radians(100.0)
     ),
     "stereographic": StereographicCamera(320, 320, 21.0, (159.5, 159.5)),
-    "stereographic-off-centre": StereographicCamera(
+    "stereographic-off-center": StereographicCamera(
         200, 150, 60.0, (90.5, 80.25), theta_max_rad=math.radians(95.0)
     ),
     "equisolid-full-sphere": EquisolidCamera(360, 360, 85.0, (179.5, 179.5)),
-    "equisolid-off-centre": EquisolidCamera(
+    "equisolid-off-center": EquisolidCamera(
         300, 200, 90.0, (140.25, 110.5), theta_max_rad=math.radians(105.0)
     ),
     "orthographic-full": OrthographicCamera(300, 300, 145.3, (149.5, 149.5)),
-    "orthographic-off-centre": OrthographicCamera(
+    "orthographic-off-center": OrthographicCamera(
         200, 150, 100.0, (110.25, 70.5), theta_max_rad=math.radians(70.0)
     ),
     "kannala-brandt-tum-vi": KannalaBrandtCamera(
@@ -120,7 +120,7 @@ CAMERA_EXAMPLES = {
     ),
     "f-theta-inverse-to-its-end": FThetaInverseCamera(300, 300, (149.5, 149.5), (0.02, 0.0, -3e-7)),
     "parabolic": ParabolicCamera(360, 360, 140.0, (179.5, 179.5)),
-    "parabolic-off-centre": ParabolicCamera(
+    "parabolic-off-center": ParabolicCamera(
         300, 200, 70.0, (120.25, 110.5), theta_max_rad=math.radians(140.0)
     ),
     "ocamcalib-fisheye": OcamcalibCamera(
@@ -145,10 +145,10 @@ CAMERA_EXAMPLES = {
     "gazebo-id": GazeboCamera(200, 200, 45.0, (99.5, 99.5), 1.0, 1.0, 0.0, "id"),
     "planar": PlanarCamera(300, 200, 140.0, (140.5, 99.5)),
     "elliptic": EllipticCamera(320, 320, 420.0, (159.5, 159.5), eccentricity=0.7),
-    "elliptic-off-centre": EllipticCamera(
+    "elliptic-off-center": EllipticCamera(
         300, 200, 900.0, (130.25, 110.5), eccentricity=0.9, theta_max_rad=math.radians(75.0)
     ),
-    # coefficients of the size that Azure Kinect's colour camera has
+    # coefficients of the size that Azure Kinect's color camera has
     "rational-polynomial-kinect": RationalPolynomialCamera(
         320, 180, (151.4, 151.3), (159.2, 91.6),
         (0.45, -2.62, 6.5e-4, -2.3e-4, 1.52, 0.33, -2.44, 1.44),

@@ -23,7 +23,7 @@ LENSES = {
     ),
     "equirectangular": OmniCamera(EquirectangularCamera(480, 240), polygons=None),
 }
-# Where viewpoints are in scenes to compare in, from and to, in metres.
+# Where viewpoints are in scenes to compare in, from and to, in meters.
 FREE_M = {
     "mapping": ((-3.0, -8.0, 0.4), (10.0, 12.0, 2.0)),
     WAREHOUSE: ((-3.0, -5.0, 0.4), (3.0, 5.0, 2.0)),
@@ -147,7 +147,7 @@ def free_poses(oracle, count, low_m, high_m, seed=1):
 
 
 def next_pose(now):
-    """0.3 m ahead and to the left, turned by 4°, as a robot's next picture may be."""
+    """0.3 m ahead and to the left, turned by 4°, as a robot's next image may be."""
     return now @ pose((0.28, 0.1, 0.0), yaw_deg=4.0)
 
 

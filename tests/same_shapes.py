@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 # Stored in steps of 1e-5 m. Processors round sines differently in the last bit: where that leads to
-# another step, a vertex is merged with its neighbour or not, and origins of meshes move a little.
+# another step, a vertex is merged with its neighbor or not, and origins of meshes move a little.
 CLOSE_M = 5e-5
 
 

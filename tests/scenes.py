@@ -1,4 +1,4 @@
-"""Scenes of tests: small ones whose colours can be computed, and a real one where it is."""
+"""Scenes of tests: small ones whose colors can be computed, and a real one where it is."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def room_hit(origin, directions):
 
 
 def room():
-    """A box seen from inside whose vertex colours are linear in position."""
+    """A box seen from inside whose vertex colors are linear in position."""
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = signs * ROOM_HALF_M
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

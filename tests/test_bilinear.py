@@ -14,9 +14,9 @@ def test_a_plane_is_interpolated_exactly():
 
 
 def test_the_border_is_clamped_and_masked():
-    picture = np.arange(6.0).reshape(2, 3)
+    image = np.arange(6.0).reshape(2, 3)
     positions = np.array([[-1.0, 0.0], [2.0, 1.0], [2.5, 1.0]])
-    np.testing.assert_array_equal(sample(picture, positions), [0.0, 5.0, 5.0])
-    _, weights, inside = corner_and_weights(positions, picture.shape)
+    np.testing.assert_array_equal(sample(image, positions), [0.0, 5.0, 5.0])
+    _, weights, inside = corner_and_weights(positions, image.shape)
     np.testing.assert_array_equal(inside, [False, True, False])
     np.testing.assert_allclose(weights.sum(axis=0), 1.0)

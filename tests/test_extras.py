@@ -140,7 +140,7 @@ def test_other_systems_than_linux_have_no_opengl(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
-def test_pictures_meshes_and_scans_need_no_extra(tmp_path):
+def test_images_meshes_and_scans_need_no_extra(tmp_path):
     (tmp_path / "a.obj").write_text("v -2 0 2\nv 2 0 2\nv 0 3 -2\nf 1 2 3\n")
     done = _run(
         tmp_path,

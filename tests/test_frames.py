@@ -23,7 +23,7 @@ def test_no_frame_is_mirrored():
     ],
 )
 def test_faces_look_as_their_names_say(name, right, down, forward):
-    """Positions of the rig's directions (x forward, y left, z up) in a face's picture."""
+    """Positions of the rig's directions (x forward, y left, z up) in a face's image."""
     index = FACE_NAMES.index(name)
     assert face_index(forward) == index
     np.testing.assert_allclose(face_tangents(forward, index), (0, 0))

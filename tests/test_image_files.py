@@ -12,15 +12,15 @@ from omnisim.core.files.image_files import read_channels, read_image, write_chan
 from omnisim.ground_truth.frame import Frame
 
 METADATA = {"camera": {"k": 11.546}, "scene": 'käse "quoted" & <odd>', "pose": [[1.0, 0.1], [0, 1]]}
-PICTURE = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
+IMAGE = np.random.default_rng(0).integers(0, 256, (24, 32, 3), dtype=np.uint8)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".tiff", ".PNG"])
 def test_lossless_formats_keep_every_value(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
-    write_image(path, PICTURE, METADATA)
+    write_image(path, IMAGE, METADATA)
     pixels, metadata = read_image(path)
-    np.testing.assert_array_equal(pixels, PICTURE)
+    np.testing.assert_array_equal(pixels, IMAGE)
     assert metadata == METADATA
 
 
@@ -45,17 +45,17 @@ def test_exr_holds_linear_floats_past_white(tmp_path):
 
 
 def test_no_partial_file_is_left(tmp_path):
-    write_image(tmp_path / "a.png", PICTURE)
-    write_image(tmp_path / "a.png", PICTURE[::-1])
+    write_image(tmp_path / "a.png", IMAGE)
+    write_image(tmp_path / "a.png", IMAGE[::-1])
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
-    np.testing.assert_array_equal(read_image(tmp_path / "a.png")[0], PICTURE[::-1])
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png")[0], IMAGE[::-1])
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".exr"])
-def test_full_disk_leaves_the_old_picture(tmp_path, monkeypatch, suffix):
+def test_full_disk_leaves_the_old_image(tmp_path, monkeypatch, suffix):
     path = tmp_path / f"a{suffix}"
-    picture = PICTURE.astype(np.float32) if suffix == ".exr" else PICTURE
-    write_image(path, picture)
+    image = IMAGE.astype(np.float32) if suffix == ".exr" else IMAGE
+    write_image(path, image)
     before = path.read_bytes()
 
     def until_full(target, data):
@@ -63,24 +63,24 @@ def test_full_disk_leaves_the_old_picture(tmp_path, monkeypatch, suffix):
             file.write(data[: len(data) // 2])
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    # the only place where a picture meets the disk: OpenImageIO encodes into memory
+    # the only place where an image meets the disk: OpenImageIO encodes into memory
     monkeypatch.setattr(Path, "write_bytes", until_full)
     with pytest.raises(OutputError, match=rf"a\{suffix}: cannot be written: No space left"):
-        write_image(path, picture[::-1])
+        write_image(path, image[::-1])
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
     assert path.read_bytes() == before
 
 
 def test_unknown_format_missing_folder_folder_as_file(tmp_path):
-    with pytest.raises(OutputError, match=r"a\.gif: unknown picture format: .*got '\.gif'"):
-        write_image(tmp_path / "a.gif", PICTURE)
-    with pytest.raises(OutputError, match=r"unknown picture format: .*got ''"):
-        write_image(tmp_path / "a", PICTURE)
+    with pytest.raises(OutputError, match=r"a\.gif: unknown image format: .*got '\.gif'"):
+        write_image(tmp_path / "a.gif", IMAGE)
+    with pytest.raises(OutputError, match=r"unknown image format: .*got ''"):
+        write_image(tmp_path / "a", IMAGE)
     with pytest.raises(OutputError, match="does not exist: create it first"):
-        write_image(tmp_path / "none" / "a.png", PICTURE)
+        write_image(tmp_path / "none" / "a.png", IMAGE)
     (tmp_path / "b.png").mkdir()
     with pytest.raises(OutputError, match=r"b\.png: is a folder"):
-        write_image(tmp_path / "b.png", PICTURE)
+        write_image(tmp_path / "b.png", IMAGE)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
@@ -88,30 +88,30 @@ def test_folder_without_write_permission(tmp_path):
     tmp_path.chmod(0o500)
     try:
         with pytest.raises(OutputError, match="cannot be written to"):
-            write_image(tmp_path / "a.png", PICTURE)
+            write_image(tmp_path / "a.png", IMAGE)
     finally:
         tmp_path.chmod(0o700)
 
 
 def test_kernel_folder_cannot_be_written_to():
     with pytest.raises(OutputError, match="cannot be written"):
-        write_image(Path("/proc/a.png"), PICTURE)
+        write_image(Path("/proc/a.png"), IMAGE)
 
 
 def test_wrong_pixels_for_the_format(tmp_path):
     with pytest.raises(OutputError, match="expected float32 pixels, got uint8"):
-        write_image(tmp_path / "a.exr", PICTURE)
+        write_image(tmp_path / "a.exr", IMAGE)
     frame = Frame(np.zeros((2, 2, 4), np.uint8), None, {})
     with pytest.raises(OutputError, match="rendered with linear=True"):
         frame.save(tmp_path / "a.exr")
 
 
-def test_foreign_pictures_have_no_metadata(tmp_path):
+def test_foreign_images_have_no_metadata(tmp_path):
     from PIL import Image
 
-    Image.fromarray(PICTURE).save(tmp_path / "a.png")
+    Image.fromarray(IMAGE).save(tmp_path / "a.png")
     pixels, metadata = read_image(tmp_path / "a.png")
-    np.testing.assert_array_equal(pixels, PICTURE)
+    np.testing.assert_array_equal(pixels, IMAGE)
     assert metadata is None
     (tmp_path / "empty.png").write_bytes(b"")
     with pytest.raises(OutputError, match=r"empty\.png: cannot be read"):
@@ -122,16 +122,16 @@ def test_foreign_pictures_have_no_metadata(tmp_path):
 
 def test_link_stays_a_link(tmp_path):
     (tmp_path / "a.png").symlink_to("real.png")
-    write_image(tmp_path / "a.png", PICTURE)
+    write_image(tmp_path / "a.png", IMAGE)
     assert (tmp_path / "a.png").is_symlink()
-    np.testing.assert_array_equal(read_image(tmp_path / "real.png")[0], PICTURE)
+    np.testing.assert_array_equal(read_image(tmp_path / "real.png")[0], IMAGE)
 
 
 def test_name_at_the_limit_of_the_file_system(tmp_path):
-    write_image(tmp_path / ("a" * 251 + ".png"), PICTURE)
+    write_image(tmp_path / ("a" * 251 + ".png"), IMAGE)
     assert len(list(tmp_path.iterdir())) == 1
     with pytest.raises(OutputError, match="File name too long"):
-        write_image(tmp_path / ("a" * 252 + ".png"), PICTURE)
+        write_image(tmp_path / ("a" * 252 + ".png"), IMAGE)
 
 
 def test_deeply_nested_description_is_no_metadata(tmp_path):
@@ -153,14 +153,14 @@ def _channels():
 def test_channels_come_back_by_name(tmp_path):
     path = tmp_path / "a.exr"
     channels = _channels()
-    write_channels(path, channels, METADATA, {"depth": "range in metres", "scale": 2.5, "n": 3})
+    write_channels(path, channels, METADATA, {"depth": "range in meters", "scale": 2.5, "n": 3})
     found = read_channels(path)
     assert set(found.values) == set(channels)
     for name, values in channels.items():
         assert found.values[name].dtype == np.float32
         np.testing.assert_array_equal(found.values[name], values.astype(np.float32))
     assert found.metadata == METADATA
-    assert found.attributes["depth"] == "range in metres"
+    assert found.attributes["depth"] == "range in meters"
     assert (found.attributes["scale"], found.attributes["n"]) == (2.5, 3)
     assert [one.name for one in tmp_path.iterdir()] == ["a.exr"]
 
@@ -186,14 +186,14 @@ def test_other_files_are_no_channels(tmp_path):
     path = tmp_path / "a.exr"
     with pytest.raises(OutputError, match="cannot be read"):
         read_channels(path)
-    path.write_text("no picture")
+    path.write_text("no image")
     with pytest.raises(OutputError, match="cannot be read"):
         read_channels(path)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".exr"])
-def test_equal_pictures_are_equal_bytes(tmp_path, suffix):
-    """Equal pictures make equal files: OpenEXR's writer would note when it wrote."""
+def test_equal_images_are_equal_bytes(tmp_path, suffix):
+    """Equal images make equal files: OpenEXR's writer would note when it wrote."""
     kind = np.float32 if suffix == ".exr" else np.uint8
     write_image(tmp_path / f"a{suffix}", np.ones((2, 2, 3), kind))
     assert b"capDate" not in (tmp_path / f"a{suffix}").read_bytes()

@@ -17,7 +17,7 @@ from tests.rendering.camera.degradations.test_gpu_equals_reference import EXAMPL
 
 PACKAGE = Path(omnisim.__file__).parent
 EFFECTS = [field.name for field in dataclasses.fields(Degradation)]
-# Random, of several pictures, or with an encoder: compared by tests of their own.
+# Random, of several images, or with an encoder: compared by tests of their own.
 NOT_ONE_STEP = {"shutter", "exposure", "noise", "encoding", "jpeg"}
 
 
@@ -39,7 +39,7 @@ def test_readme_counts_models_and_formats():
     assert f" {len(FORMATS)} calibration formats" in text
 
 
-def test_each_degradation_has_its_export_its_example_and_its_picture():
+def test_each_degradation_has_its_export_its_example_and_its_image():
     parts = {**degradations.preset("bad-day").parts, "encoding": degradations.Encoding()}
     kinds = {name: type(part).__name__ for name, part in parts.items()}
     assert set(kinds) == set(EFFECTS)

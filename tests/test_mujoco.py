@@ -50,7 +50,7 @@ def test_frames_follow_the_bodies_of_the_simulation(simulation):
             valid = frame.valid & (ranges_m < 100.0)
             errors_m = np.abs(frame.channels["range"][valid] - ranges_m[valid])
             is_right = errors_m <= np.maximum(1e-3, 1e-3 * ranges_m[valid])
-            assert is_right.mean() > 0.997  # at silhouettes of so small a picture
+            assert is_right.mean() > 0.997  # at silhouettes of so small an image
             assert (camera.geom_ids(frame)[valid] == geoms[valid]).mean() > 0.997
             assert frame.metadata["world_from_base"] == pose((0.0, 0.0, 0.8)).tolist()
             seen.append(frame.rgb)

@@ -25,7 +25,7 @@ from omnisim.core.poses import (
 
 
 def _quaternions():
-    """Random ones, half turns about every axis, and the neighbourhood of both and of none."""
+    """Random ones, half turns about every axis, and the neighborhood of both and of none."""
     rng = np.random.default_rng(0)
     random = rng.normal(size=(2000, 4))
     axes = np.concatenate((np.eye(3), rng.normal(size=(200, 3))))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchmarks.embree_rays import EmbreeRays
 from benchmarks.peers.hit_colors import HitColors
-from benchmarks.peers.peer import CAMERA, Peer, PicturePeer
+from benchmarks.peers.peer import CAMERA, ImagePeer, Peer
 from omnisim.scene.model import Scene
 
 MOST_LAYERS = 16  # surfaces on one ray that something behind is seen through
@@ -29,8 +29,8 @@ class EmbreeGeometry(Peer):
         return self._rays.cast(world_from_rig)
 
 
-class EmbreeColors(PicturePeer):
-    """Picture by ray casting: hits lit and textured in NumPy.
+class EmbreeColors(ImagePeer):
+    """Image by ray casting: hits lit and textured in NumPy.
 
     A ray continues behind holes, backs of single-sided surfaces, and glass.
 
@@ -38,7 +38,7 @@ class EmbreeColors(PicturePeer):
         rays: one per pixel.
     """
 
-    name = "Embree, colour"
+    name = "Embree, color"
 
     def __init__(self, scene: Scene):
         self.rays = EmbreeRays(scene, CAMERA)
@@ -47,7 +47,7 @@ class EmbreeColors(PicturePeer):
         self._background = np.array(scene.background, dtype=np.float32)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Picture (height, width, 3)."""
+        """Image (height, width, 3)."""
         origins_m, directions = self.rays.aim(world_from_rig)
         total = np.zeros_like(directions)
         rays = np.arange(len(total))

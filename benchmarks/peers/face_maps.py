@@ -1,4 +1,4 @@
-"""From square faces side by side to the mirror's picture, by OpenCV's remap."""
+"""From square faces side by side to the mirror's image, by OpenCV's remap."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class FaceMaps:
     """Remap tables from pixels to texels of the faces; made once.
 
     Args:
-        camera: of the picture.
+        camera: of the image.
         face_px: size of a face.
         faces: number of faces side by side, in the order of `omnisim.core.cube.FACE_NAMES`.
     """
@@ -33,12 +33,12 @@ class FaceMaps:
         self._outside = ~self.valid
 
     def remap(self, faces: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Picture (height, width, 3), bilinear; black where it is not valid."""
+        """Image (height, width, 3), bilinear; black where it is not valid."""
         import cv2
 
-        picture = cv2.remap(faces, *self._maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
-        picture[self._outside] = 0
-        return picture
+        image = cv2.remap(faces, *self._maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
+        image[self._outside] = 0
+        return image
 
 
 def _texels(
@@ -58,7 +58,7 @@ def _texels(
 def _fine_bands(
     face_px: int, faces: int
 ) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]]:
-    """Remap tables of the finer picture that the reference is averaged from, by bands of rows."""
+    """Remap tables of the finer image that the reference is averaged from, by bands of rows."""
     import dataclasses
 
     fine = CAMERA.scaled(CAPTURES)

@@ -24,7 +24,7 @@ SHADERS = Path(__file__).parent / "shaders"
 NEAR_M = 0.05
 SRGB8_ALPHA8 = 0x8C43
 FRAMEBUFFER_SRGB = 0x8DB9
-# 90° wide and high, y of the clip space down the picture, depth reversed and without an end.
+# 90° wide and high, y of the clip space down the image, depth reversed and without an end.
 CLIP_FROM_FACE: NDArray[np.float64] = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, NEAR_M], [0.0, 0.0, 1.0, 0.0]]
 )
@@ -37,7 +37,7 @@ def peer_program(context: moderngl.Context, vertex: str, fragment: str) -> moder
 
 
 def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """Texture of 8-bit sRGB colours with bilinear lookups in linear light."""
+    """Texture of 8-bit sRGB colors with bilinear lookups in linear light."""
     texture = context.texture(size, 4, internal_format=SRGB8_ALPHA8)
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = False
@@ -82,13 +82,13 @@ class ObjectDrawer:
         self._viewpoint_from_mesh = placement.viewpoint_from_mesh
         self._viewpoint_matrices = columns_first(placement.viewpoint_from_mesh)
         self._normal_matrices = columns_first(placement.normal_from_mesh)
-        self.centres_m = placement.centres_m
+        self.centers_m = placement.centers_m
         for program in self._used:
             program.set_viewpoint(viewpoint_m)
 
     def back_to_front(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
         """Objects from back to front, as blended ones are drawn."""
-        distances = np.linalg.norm(self.centres_m[indices], axis=1)
+        distances = np.linalg.norm(self.centers_m[indices], axis=1)
         return indices[np.argsort(-distances, kind="stable")]
 
     def front_to_back(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -10,7 +10,7 @@ from benchmarks.peers.embree import EmbreeColors, EmbreeGeometry
 from benchmarks.peers.gazebo import GazeboWay
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.paper import PaperWay
-from benchmarks.peers.peer import SENSOR, Peer, PicturePeer
+from benchmarks.peers.peer import SENSOR, ImagePeer, Peer
 from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -22,7 +22,7 @@ FAST, DEFAULT = "omnisim, fast", "omnisim, default"
 PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, unlit"
 PAPER, GAZEBO = PaperWay.name, GazeboWay.name
 EMBREE, EMBREE_COLOR = EmbreeGeometry.name, EmbreeColors.name
-# Ours at other settings: texels to a side of the picture's finest pixels, at 2 × 2 captures.
+# Ours at other settings: texels to a side of the image's finest pixels, at 2 × 2 captures.
 BETWEEN = {f"omnisim, {texels:g} texels": texels for texels in (0.45, 0.6, 0.8, 1.3, 1.7)}
 # From the quickest to the best.
 LADDER = (*list(BETWEEN)[:3], FAST, *list(BETWEEN)[3:], DEFAULT)
@@ -76,9 +76,9 @@ class Field(Closing):
             raise
 
     @property
-    def pictures(self) -> dict[str, PicturePeer]:
-        """Racers that make a picture, by name."""
-        return {name: peer for name, peer in self.peers.items() if isinstance(peer, PicturePeer)}
+    def images(self) -> dict[str, ImagePeer]:
+        """Racers that make an image, by name."""
+        return {name: peer for name, peer in self.peers.items() if isinstance(peer, ImagePeer)}
 
     def close(self) -> None:
         """Release the racers' resources."""

@@ -19,7 +19,7 @@ from benchmarks.peers.face_target import (
     peer_program,
     srgb_texture,
 )
-from benchmarks.peers.peer import CAMERA, PicturePeer
+from benchmarks.peers.peer import CAMERA, ImagePeer
 from omnisim.rendering.opengl.gl_functions import gl_function
 from omnisim.rendering.opengl.uniforms import columns_first, uniform
 from omnisim.scene.model import Scene
@@ -44,7 +44,7 @@ FACE_FROM_CUBE: NDArray[np.float64] = np.array(
 _SIDES: NDArray[np.float64] = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]], dtype=float)
 
 
-class GazeboWay(PicturePeer):
+class GazeboWay(ImagePeer):
     """One texture to draw into, one cube map to look up."""
 
     name = "Gazebo's way"
@@ -61,9 +61,7 @@ class GazeboWay(PicturePeer):
         self._cube.filter = (moderngl.LINEAR, moderngl.LINEAR)
         camera = CAMERA
         size = (camera.width_px, camera.height_px)
-        self._picture = context.framebuffer(
-            [context.texture(size, 4, internal_format=SRGB8_ALPHA8)]
-        )
+        self._image = context.framebuffer([context.texture(size, 4, internal_format=SRGB8_ALPHA8)])
         self._pixels = np.empty((camera.height_px, camera.width_px, 3), dtype=np.uint8)
         program = peer_program(context, "whole_target.vert", "warp.frag")
         for name, value in camera.uniforms().items():
@@ -99,19 +97,19 @@ class GazeboWay(PicturePeer):
                 self._cube.glo, _CUBE_MAP, 0, 0, 0, layer,
                 FACE_PX, FACE_PX, 1,
             )  # fmt: skip
-        self._picture.use()
+        self._image.use()
         context.enable_direct(FRAMEBUFFER_SRGB)
         context.enable_direct(_CUBE_MAP_SEAMLESS)
         self._cube.use(0)
         self._warp.render(moderngl.TRIANGLES, vertices=3)
         context.disable_direct(FRAMEBUFFER_SRGB)
         context.disable_direct(_CUBE_MAP_SEAMLESS)
-        self._picture.read_into(self._pixels, components=3)
+        self._image.read_into(self._pixels, components=3)
         return self._pixels.copy()
 
 
 def _boxes_m(drawing: ObjectDrawer) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres and half extents (n, 3) of the objects' axis-aligned bounding boxes, world."""
+    """Centers and half extents (n, 3) of the objects' axis-aligned bounding boxes, world."""
     middles, halves = [], []
     for draw in drawing.draws:
         low, high = draw.mesh.positions.min(axis=0), draw.mesh.positions.max(axis=0)

@@ -1,4 +1,4 @@
-"""Colours at the hits of rays: base colour, texture and light, in NumPy.
+"""Colors at the hits of rays: base color, texture and light, in NumPy.
 
 No `matmul`: BLAS would use threads, and the race is on one thread.
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float32]
 
 
 class HitColors:
-    """Colours of points on a scene's triangles; tables are made once."""
+    """Colors of points on a scene's triangles; tables are made once."""
 
     def __init__(self, scene: Scene):
         geometry = build_geometry(scene)
@@ -141,7 +141,7 @@ class _TextureTable:
         self._rows = np.array(rows, dtype=np.int32)
 
     def lookup(self, textures: NDArray[np.int_], coordinates: Floats) -> Floats:
-        """Bilinear colours (n, 4) at coordinates (n, 2) of textures (n,)."""
+        """Bilinear colors (n, 4) at coordinates (n, 2) of textures (n,)."""
         first, width, height, clamp_u, clamp_v = self._rows[textures].T
         columns = _linear_weights(coordinates[:, 0], width, clamp_u)
         rows = _linear_weights(coordinates[:, 1], height, clamp_v)

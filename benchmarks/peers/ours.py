@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers.peer import PicturePeer
+from benchmarks.peers.peer import ImagePeer
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.cube_backend import CubeCamera
 from omnisim.rendering.stage import Stage
 
 
-class Omnisim(PicturePeer):
+class Omnisim(ImagePeer):
     """Renderer of omnisim on a stage."""
 
     def __init__(self, stage: Stage, sensor: OmniCamera, name: str, unlit: bool = False):

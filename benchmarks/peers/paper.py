@@ -18,7 +18,7 @@ from benchmarks.peers.face_target import (
     peer_program,
     srgb_texture,
 )
-from benchmarks.peers.peer import CAMERA, PicturePeer
+from benchmarks.peers.peer import CAMERA, ImagePeer
 from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.unfolding import unfold
 from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
@@ -29,7 +29,7 @@ FACE_PX = 360
 FACES = tuple(range(5))  # all but the one that looks up
 
 
-class PaperWay(PicturePeer):
+class PaperWay(ImagePeer):
     """Five framebuffers, no culling, no sorting; then the mesh of 1024 polygons."""
 
     name = "the paper's way"
@@ -43,12 +43,12 @@ class PaperWay(PicturePeer):
         self.triangles = len(FACES) * int(self._drawing.counts.sum())
         camera = CAMERA
         self._size = (camera.width_px, camera.height_px)
-        self._picture = context.framebuffer(
+        self._image = context.framebuffer(
             [context.texture(self._size, 4, internal_format=SRGB8_ALPHA8)]
         )
         self._pixels = np.empty((camera.height_px, camera.width_px, 4), dtype=np.uint8)
         self._program = peer_program(context, "mirror.vert", "mirror.frag")
-        self._program["u_picture_size_px"] = self._size
+        self._program["u_image_size_px"] = self._size
         self._program["u_focal_length_px"] = camera.focal_length_px
         self._program["u_principal_point_px"] = camera.principal_point_px
         self._program["u_face"] = 0
@@ -95,12 +95,12 @@ class PaperWay(PicturePeer):
         order = np.concatenate((drawing.opaque, drawing.back_to_front(drawing.blended)))
         for face, target in zip(FACES, self._targets, strict=True):
             drawing.draw_face(target, FACE_FROM_RIG[face] @ world_from_rig[:3, :3].T, order)
-        self._picture.use()
-        self._picture.clear()
+        self._image.use()
+        self._image.clear()
         context.enable_direct(FRAMEBUFFER_SRGB)
         for texture, part in zip(self._textures, self._parts, strict=True):
             texture.use(0)
             part.render(moderngl.TRIANGLES)
         context.disable_direct(FRAMEBUFFER_SRGB)
-        self._picture.read_into(self._pixels, components=4)
+        self._image.read_into(self._pixels, components=4)
         return self._pixels.copy()

@@ -38,12 +38,12 @@ class Peer(Closing):
         """Release resources; most hold none that the context does not end with."""
 
 
-class PicturePeer(Peer):
-    """A peer whose frame is a picture."""
+class ImagePeer(Peer):
+    """A peer whose frame is an image."""
 
     @abstractmethod
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Picture (height, width, 3 or 4), sRGB, first row at the top, from a pose (4, 4)."""
+        """Image (height, width, 3 or 4), sRGB, first row at the top, from a pose (4, 4)."""
 
 
 def mirror_rays(camera: HyperbolicCamera) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

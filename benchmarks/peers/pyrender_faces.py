@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.peers.face_maps import FaceMaps, averaged, linear_from_levels
-from benchmarks.peers.peer import CAMERA, PicturePeer
+from benchmarks.peers.peer import CAMERA, ImagePeer
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.scene.model import AlphaMode, Scene
-from omnisim.validation.oracles.pyrender_rasteriser import (
+from omnisim.validation.oracles.pyrender_rasterizer import (
     FAR_M,
     NEAR_M,
     OPTICAL_FROM_PYRENDER,
@@ -33,7 +33,7 @@ FACES = tuple(range(5))  # all but the one that looks up
 REFERENCE_FACE_PX = 4 * FACE_PX  # each texel of four samples, as pyrender always has
 
 
-class PyrenderFaces(PicturePeer):
+class PyrenderFaces(ImagePeer):
     """Five faces by pyrender in a context of its own, and remap tables for OpenCV."""
 
     def __init__(self, scene: Scene, lit: bool, device: int | None = None):
@@ -56,7 +56,7 @@ class PyrenderFaces(PicturePeer):
         return self._maps.remap(self._faces)
 
     def reference(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Picture from faces four times as large, with 8 × 8 samples per pixel."""
+        """Image from faces four times as large, with 8 × 8 samples per pixel."""
         size = REFERENCE_FACE_PX
         self._renderer.viewport_width = self._renderer.viewport_height = size
         faces = np.empty((size, len(FACES) * size, 3), dtype=np.uint8)

@@ -18,7 +18,7 @@ from benchmarks.peers.peer import CAMERA
 from benchmarks.peers.quality import CAPTURES, psnr_db, references
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.rendering.rays.depth_limits import DepthLimits
-from omnisim.rendering.rays.picture import RayPicture
+from omnisim.rendering.rays.image import RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene, load_scene
@@ -30,25 +30,25 @@ COMPARED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_C
 
 
 def by_embree(scene: Scene, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Picture (height, width, 3) of 64 rays per pixel, averaged in linear light."""
+    """Image (height, width, 3) of 64 rays per pixel, averaged in linear light."""
     samples = CAMERA.scaled(CAPTURES)
-    picture = RayPicture(RayScene(scene), samples, None, CAPTURES, DepthLimits(0.0, math.inf))
-    return srgb8_from_linear(picture.render(world_from_rig, ObjectState())[..., :3])
+    image = RayImage(RayScene(scene), samples, None, CAPTURES, DepthLimits(0.0, math.inf))
+    return srgb8_from_linear(image.render(world_from_rig, ObjectState())[..., :3])
 
 
 def main(scene: str) -> None:
-    """Print the PSNR of each racer's picture against both references."""
+    """Print the PSNR of each racer's image against both references."""
     with Stage(load_scene(scene, sky=NO_SKY, baked=NO_BAKED_LIGHT)) as stage:
         pose = race_poses(stage, POSES)[LOOKED_AT]
         ours = references(stage, pose[None])[0]
         theirs = by_embree(stage.scene, pose)
         with Field(stage) as racers:
-            pictures = {name: racers.pictures[name].render(pose) for name in COMPARED}
+            images = {name: racers.images[name].render(pose) for name in COMPARED}
     print(f"{scene}: our reference against Embree's: {psnr_db(ours, theirs):.1f} dB")
-    for name, picture in pictures.items():
+    for name, image in images.items():
         print(
-            f"{name:20} against ours {psnr_db(picture, ours):.1f} dB, "
-            f"against Embree's {psnr_db(picture, theirs):.1f} dB"
+            f"{name:20} against ours {psnr_db(image, ours):.1f} dB, "
+            f"against Embree's {psnr_db(image, theirs):.1f} dB"
         )
 
 

@@ -1,4 +1,4 @@
-"""Fill rate: pixels per second of a constant colour and of texture lookups."""
+"""Fill rate: pixels per second of a constant color and of texture lookups."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.probes.probe import CONSTANT, FULL_SCREEN, Probe, repeated
 
-BYTES, HALVES_AND_DEPTH = "constant colour, RGBA8", "constant colour, RGBA16F, depth test"
+BYTES, HALVES_AND_DEPTH = "constant color, RGBA8", "constant color, RGBA16F, depth test"
 SRGB, ATLAS = "sRGB texture", "RGBA16F atlas"
 _SRGB8_ALPHA8 = 0x8C43
 _TEXTURE_PX = 1024
@@ -18,7 +18,7 @@ _LOOKUPS = {
     "bilinear": (1.0, (moderngl.LINEAR, moderngl.LINEAR)),
     "trilinear": (2.0**0.5, (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)),
 }
-# As scenes are textured: the level follows from the lookups of neighbouring pixels.
+# As scenes are textured: the level follows from the lookups of neighboring pixels.
 _TEXTURE = """
 #version 430 core
 uniform sampler2D u_texture;
@@ -45,7 +45,7 @@ def lookup_name(texture: str, how: str) -> str:
 
 
 def fill_probes(context: moderngl.Context, side_px: int) -> list[Probe]:
-    """Probes of constant colours and lookups, over squares of a side."""
+    """Probes of constant colors and lookups, over squares of a side."""
     with context:
         constant = context.program(vertex_shader=FULL_SCREEN, fragment_shader=CONSTANT)
         works = {

@@ -18,7 +18,7 @@ def readback_name(components: int, side_px: int) -> str:
 
 
 def readback_probes(context: moderngl.Context) -> list[Probe]:
-    """Probes of pictures with and without alpha, of two sizes, into allocated memory."""
+    """Probes of images with and without alpha, of two sizes, into allocated memory."""
     return [
         repeated(
             context,

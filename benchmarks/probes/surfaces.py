@@ -23,7 +23,7 @@ from omnisim.scene.model import Instance, Material, Mesh, Texture
 HALF_M = 3.0
 _REPEATS = 4.0  # of the texture along a wall: finer than the texels, so that two levels are read
 _TEXTURE_PX = 256
-# Of the picture: half a million texels, on a GPU up to eight million.
+# Of the image: half a million texels, on a GPU up to eight million.
 _SIDE_PX, _LARGEST_SIDE_PX = 512, 2048
 _LEAST_SECONDS = 5e-3  # Python's calls are some tenths of a millisecond
 

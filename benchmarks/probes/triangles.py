@@ -50,7 +50,7 @@ OUTSIDE, WITHOUT_AREA = "triangles, outside", "triangles, without area"
 
 
 def triangle_probes(context: moderngl.Context) -> list[Probe]:
-    """Probes of visible triangles, and of those that are culled by side, by the picture's edges and
+    """Probes of visible triangles, and of those that are culled by side, by the image's edges and
     by area."""  # fmt: skip
     vertices, triangles = _grid()
     with context:
@@ -93,7 +93,7 @@ def triangle_probes(context: moderngl.Context) -> list[Probe]:
 
 
 def _grid() -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """A square of small triangles over the picture, counter-clockwise, neighbours in a row."""
+    """A square of small triangles over the image, counter-clockwise, neighbors in a row."""
     line = np.linspace(-1.0, 1.0, _SIDE + 1, dtype=np.float32)
     x, y = np.meshgrid(line, line)
     vertices = np.zeros(x.size, dtype=_RECORD)

@@ -258,7 +258,7 @@ def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
         bounds.append(Measure(name, row["growth_mib"], bound=MOST_GROWTH_MIB))
     for row in _of_kind(rows, "start-up"):
         if row["what"] == CACHED:
-            bounds.append(Measure("start to first picture, s", row["seconds"], bound=MOST_START_S))
+            bounds.append(Measure("start to first image, s", row["seconds"], bound=MOST_START_S))
     return bounds
 
 

@@ -40,7 +40,7 @@ def drive_figure(report: dict[str, Any]) -> Figure:
             )  # fmt: skip
         collected = np.flatnonzero(series["collector"])
         axes.plot(
-            collected, series["frame"][collected], "v", color=style.GREY, markersize=4,
+            collected, series["frame"][collected], "v", color=style.GRAY, markersize=4,
             label="the collector ran",
         )  # fmt: skip
         axes.set_ylim(bottom=0.0)
@@ -51,7 +51,7 @@ def drive_figure(report: dict[str, Any]) -> Figure:
         style.label_axes(below, "", "frame", "× median")
         for name, label, color in (
             ("all threads", "constant work, all threads", style.ORANGE),
-            ("one thread", "one thread", style.GREY),
+            ("one thread", "one thread", style.GRAY),
             ("processor", "the frame's processor time", style.BLUE),
         ):
             values = series[name]

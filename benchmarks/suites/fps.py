@@ -54,7 +54,7 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
 
     Args:
         options: how often and where.
-        sizes_px: of the square pictures; the first is the one whose bound is asked for.
+        sizes_px: of the square images; the first is the one whose bound is asked for.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
@@ -183,7 +183,7 @@ def _frame(
 
 
 def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
-    """Mean geometric error of each mesh, as a share of the picture's width."""
+    """Mean geometric error of each mesh, as a share of the image's width."""
     mirror = mirror_camera(vehicle.camera().sensor).mirror
     errors = {
         str(polygons): mesh_error(mirror, polygons, rim_radius_px=0.5).mean_px

@@ -13,7 +13,7 @@ from omnisim.validation.plots import style
 EXACT_AT = 2**14  # where the exact mirror stands on the axis of polygons
 COLORS = {"fast": style.BLUE, "default": style.ORANGE}
 MARKERS = {360: "o", 1024: "s"}
-LEVELS = {"no sensor": (style.GREY, "-"), "lms200": (style.GREEN, "--")}
+LEVELS = {"no sensor": (style.GRAY, "-"), "lms200": (style.GREEN, "--")}
 NAMES = {"no sensor": "view alone, no sensor", "lms200": "view and LMS200"}
 
 

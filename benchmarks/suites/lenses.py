@@ -1,7 +1,7 @@
-"""Cost of a lens: a frame by every camera model, from the same faces, in the same picture.
+"""Cost of a lens: a frame by every camera model, from the same faces, in the same image.
 
-The frames differ by the cost of a model's rays: faces, picture and readback are the same. The
-texels that a picture looks up differ with its lens, and with them the cost of lookups, a little.
+The frames differ by the cost of a model's rays: faces, image and readback are the same. The
+texels that an image looks up differ with its lens, and with them the cost of lookups, a little.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def run(options: Options) -> dict[str, Any]:
         "lenses", options, context, rows,
         [Measure(f"{worst['lens']} to {cheapest}, the cheapest", worst["ratio"], bound=MOST)],
         scene=scene.name,
-        picture_px=SIZE_PX,
+        image_px=SIZE_PX,
         supersampling=SUPERSAMPLING,
         face_px=FACE_SIZE_PX,
         cheapest=cheapest,
@@ -107,7 +107,7 @@ def figure(report: dict[str, Any]) -> Figure:
     """Ratios to the cheapest with their intervals, and the bound."""
     rows = report["rows"]
     drawn, axes = style.plot(
-        f"A frame through each lens, {report['picture_px']}², same faces", "times the cheapest", ""
+        f"A frame through each lens, {report['image_px']}², same faces", "times the cheapest", ""
     )
     for at, row in enumerate(rows):
         axes.plot([row["ratio_low"], row["ratio_high"]], [at, at], color=style.BLUE, linewidth=2.5)
@@ -122,7 +122,7 @@ def figure(report: dict[str, Any]) -> Figure:
 def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
     buffers = SceneBuffers(context, scene)
     fine = SIZE_PX * SUPERSAMPLING
-    # the faces of a picture of the whole sphere: every lens finds all its directions there
+    # the faces of an image of the whole sphere: every lens finds all its directions there
     whole = EquidistantCamera(fine, fine, 0.5 * fine / math.pi, _middle(fine))
     cube = CubePass(
         buffers,
@@ -133,13 +133,13 @@ def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
     pipelines = {}
     for camera in CAMERA_EXAMPLES.values():
         if camera.model_name not in pipelines:
-            lens = _in_picture(camera, fine)
+            lens = _in_image(camera, fine)
             pipelines[camera.model_name] = Pipeline(cube, PixelMap(context, lens), SUPERSAMPLING)
     return pipelines
 
 
-def _in_picture(camera: CentralCamera, size_px: int) -> CentralCamera:
-    """Camera scaled to the picture, its principal point in the middle."""
+def _in_image(camera: CentralCamera, size_px: int) -> CentralCamera:
+    """Camera scaled to the image, its principal point in the middle."""
     scaled = camera.scaled(size_px / max(camera.width_px, camera.height_px))
     assert dataclasses.is_dataclass(scaled)
     changes: dict[str, Any] = {"width_px": size_px, "height_px": size_px}

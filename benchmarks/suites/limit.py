@@ -7,10 +7,10 @@ parts, each at its probe's rate:
 
 - the texels of the virtual cameras, each shaded once, as fast as those of an empty room with the
   scene's lights;
-- the triangles that were submitted: those that the picture shows as fast as small triangles that
-  are seen, all others as fast as triangles that turn away or are outside of the picture;
+- the triangles that were submitted: those that the image shows as fast as small triangles that
+  are seen, all others as fast as triangles that turn away or are outside of the image;
 - for each sample of the mirror one bilinear lookup in an atlas of half floats;
-- the bytes of the picture, read.
+- the bytes of the image, read.
 
 It is no bound of physics: what is drawn twice and what Python does count as to be saved, but that a
 texel is shaded does not, and probe and frame are interleaved on a machine with other load, too.
@@ -60,7 +60,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
 
     Args:
         options: how often and where.
-        size_px: of the picture; None: the paper's.
+        size_px: of the image; None: the paper's.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded.
@@ -90,7 +90,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
         with context:  # others have been current since
             return make_report(
                 "limit", options, context, rows, _bounds(rows),
-                picture_px=paper.model.width_px,
+                image_px=paper.model.width_px,
             )  # fmt: skip
 
 
@@ -180,7 +180,7 @@ def _bounds(rows: Sequence[dict[str, Any]]) -> list[Measure]:
         Measure(f"the processor's ms {what}: {row['scene']}", row[key], bound=most)
         for what, key, most in (
             (f"a frame of {FRAME_PX}²", "frame_ms", MOST_FRAME_MS),
-            (f"a picture of {BATCH_PX}² in a batch of {BATCH}", "batched_ms", MOST_BATCHED_MS),
+            (f"an image of {BATCH_PX}² in a batch of {BATCH}", "batched_ms", MOST_BATCHED_MS),
         )
         for row in idle
     ] + [

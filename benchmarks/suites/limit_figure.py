@@ -13,7 +13,7 @@ _COLORS = {
     "virtual_cameras": style.BLUE,
     "capture": style.ORANGE,
     "readback": style.GREEN,
-    "around": style.GREY,
+    "around": style.GRAY,
 }
 _WORDS = {
     "virtual_cameras": "virtual cameras",
@@ -35,7 +35,7 @@ def limit_figure(report: dict[str, Any]) -> Figure:
     """Figure of the suite `limit`."""
     rows = [row for row in report["rows"] if row["kind"] == "frame"]
     figure, axes = style.plot(
-        f"Where a frame of {report['picture_px']}² goes, and the least it needs on this machine",
+        f"Where a frame of {report['image_px']}² goes, and the least it needs on this machine",
         "milliseconds", "", height_in=1.6 + 0.75 * len(rows),
     )  # fmt: skip
     for at, row in enumerate(rows):

@@ -34,9 +34,9 @@ class LimitedFrame:
         frame: to be timed.
         counts: of its draws.
         texels: of its virtual cameras: samples without overdraw.
-        triangles_seen: triangles that its picture shows.
-        mirror_px, captured_px: valid pixels of its picture, and of the supersampled one.
-        picture_bytes: to read back.
+        triangles_seen: triangles that its image shows.
+        mirror_px, captured_px: valid pixels of its image, and of the supersampled one.
+        image_bytes: to read back.
         taken_apart: seconds of its parts, by round.
     """
 
@@ -48,7 +48,7 @@ class LimitedFrame:
     triangles_seen: int
     mirror_px: int
     captured_px: int
-    picture_bytes: int
+    image_bytes: int
     taken_apart: list[PartSeconds]
 
     @classmethod
@@ -71,8 +71,8 @@ class LimitedFrame:
             camera: at the setting.
         """
         frame = RepeatedFrame.at_start(stage, camera)
-        picture = frame.render()
-        mirror_px = int(np.count_nonzero(picture[..., 3]))
+        image = frame.render()
+        mirror_px = int(np.count_nonzero(image[..., 3]))
         in_room = RepeatedFrame.at_start(room, camera)
         texels = in_room.count().virtual_cameras.samples
         in_room.renderer.close()
@@ -86,7 +86,7 @@ class LimitedFrame:
         )
         return cls(
             name, setting, frame, frame.count(), texels, seen,
-            mirror_px, mirror_px * camera.supersampling**2, picture.nbytes, [],
+            mirror_px, mirror_px * camera.supersampling**2, image.nbytes, [],
         )  # fmt: skip
 
     @property
@@ -176,5 +176,5 @@ class LimitedFrame:
             + least(unseen, triangles.TURNED_AWAY)
             + least(max(0, faces.triangles - inside), triangles.OUTSIDE),
             "lookups": least(self.captured_px, fill.lookup_name(fill.ATLAS, "bilinear")),
-            "readback": least(self.picture_bytes, readback.readback_name(4, readback.SIDES_PX[0])),
+            "readback": least(self.image_bytes, readback.readback_name(4, readback.SIDES_PX[0])),
         }

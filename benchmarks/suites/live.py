@@ -1,6 +1,6 @@
-"""Live page: pictures a second while driving, and times from a wish to its picture.
+"""Live page: images a second while driving, and times from a wish to its image.
 
-The server is the command itself, in a process of its own; the client asks for the next picture as
+The server is the command itself, in a process of its own; the client asks for the next image as
 soon as it has one, as a page does, but does not draw it.
 """
 
@@ -54,15 +54,15 @@ def run(options: Options) -> dict[str, Any]:
         rates = {name: _rate(client, views) for name, views in VIEWS.items()}
         client.send("views", names=[])
         client.rest()
-        keys = [_key_ms(client) for _ in _rounds(options, "key to picture")]
+        keys = [_key_ms(client) for _ in _rounds(options, "key to image")]
         mirrors = [
             _mirror_ms(client, 8.0 + 0.1 * at) for at in _rounds(options, "change of the mirror")
         ]
     rows = [
         *({"what": name, "unit": "1/s", **rate} for name, rate in rates.items()),
-        _row("key to picture", keys),
+        _row("key to image", keys),
         _row("change of the mirror", mirrors),
-        {"what": "first picture", "unit": "s", "value": first_s},
+        {"what": "first image", "unit": "s", "value": first_s},
         {"what": "page", "unit": "kB", "value": page_bytes() / 1e3},
     ]
     context = open_context(options.device)
@@ -115,7 +115,7 @@ class _Client:
         self._socket.send(json.dumps({"type": message_type, **content}))
 
     def frame(self) -> dict[str, Any]:
-        """Ask for the next picture, and wait for it.
+        """Ask for the next image, and wait for it.
 
         Raises:
             BenchmarkError: the server reports an error.
@@ -131,7 +131,7 @@ class _Client:
                 return message
 
     def rest(self) -> dict[str, Any]:
-        """Wait for the fine picture."""
+        """Wait for the fine image."""
         while not (frame := self.frame())["is_fine"]:
             pass
         return frame
@@ -162,7 +162,7 @@ def _rounds(options: Options, what: str) -> Iterator[int]:
 
 
 def _rate(client: _Client, views: tuple[str, ...]) -> dict[str, float]:
-    """Pictures a second while a key is held, on a circle, and processor time of each."""
+    """Images a second while a key is held, on a circle, and processor time of each."""
     client.send("views", names=views)
     client.rest()
     count, begin_s, processor_s = 0, time.perf_counter(), client.processor_s
@@ -178,7 +178,7 @@ def _rate(client: _Client, views: tuple[str, ...]) -> dict[str, float]:
 
 
 def _key_ms(client: _Client) -> float:
-    """Time from a key to the first picture of another place."""
+    """Time from a key to the first image of another place."""
     client.send("turn", yaw_deg=1.0)  # or nothing new would be there to wait for
     before = client.rest()
     begin_s = time.perf_counter()
@@ -192,7 +192,7 @@ def _key_ms(client: _Client) -> float:
 
 
 def _mirror_ms(client: _Client, k: float) -> float:
-    """Time from a value of the mirror to its picture."""
+    """Time from a value of the mirror to its image."""
     begin_s = time.perf_counter()
     client.send("set", path="sensor.mirror.k", value=k)
     client.frame()
@@ -211,14 +211,14 @@ def _row(what: str, times_ms: list[float]) -> dict[str, Any]:
 def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
     found = {row["what"]: float(row["value"]) for row in rows}
     rates = [
-        Measure(f"pictures a second, {name}", found[name], bound=least, at_least=True)
+        Measure(f"images a second, {name}", found[name], bound=least, at_least=True)
         for name, least in LEAST_RATES.items()
     ]
     return [
         *rates,
-        Measure("key to picture, median ms", found["key to picture"], bound=MOST_KEY_MS),
+        Measure("key to image, median ms", found["key to image"], bound=MOST_KEY_MS),
         Measure("change of the mirror, median ms", found["change of the mirror"],
                 bound=MOST_MIRROR_MS),
-        Measure("command to first picture, s", found["first picture"], bound=MOST_FIRST_S),
+        Measure("command to first image, s", found["first image"], bound=MOST_FIRST_S),
         Measure("page, kB", found["page"], bound=MOST_PAGE_KB),
     ]  # fmt: skip

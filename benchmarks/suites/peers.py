@@ -1,9 +1,9 @@
-"""Race: the same frame by other renderers' methods, and the quality of each picture.
+"""Race: the same frame by other renderers' methods, and the quality of each image.
 
 360 × 360 px of the paper's mirror from poses on a path through each scene, without baked light,
 which no other racer has.
 benchmarks/peers/README.md names the racers and how they differ from the originals. Speed counts
-only at equal quality: a peer races against the quickest of our settings whose picture is no worse.
+only at equal quality: a peer races against the quickest of our settings whose image is no worse.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ TRUTHS = {
     field.PYRENDER_FLAT: "64 samples, unlit",
     field.UNLIT: "64 samples, unlit",
 }
-# Flat pictures are compared with ours without lights.
+# Flat images are compared with ours without lights.
 UNLIT_DEFAULT = "omnisim, default, unlit"
-# Who makes no picture is as good as who asks for as much: one ray a pixel.
+# Who makes no image is as good as who asks for as much: one ray a pixel.
 AS_GOOD_AS = {field.EMBREE: field.EMBREE_COLOR}
 Quality = dict[str, dict[int, float]]  # dB by racer, then by number of the pose
 
@@ -86,7 +86,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
                 bounds += _bounds(name, timings, quality, as_good)
             report = make_report(
                 "peers", options, stage.context, rows, bounds,
-                picture_px=CAMERA.width_px,
+                image_px=CAMERA.width_px,
                 theta_max_deg=float(np.degrees(CAMERA.mirror.theta_max_rad)),
                 poses=poses,
             )  # fmt: skip
@@ -98,7 +98,7 @@ def lines(report: dict[str, Any]) -> list[str]:
     text = []
     for scene in dict.fromkeys(row["scene"] for row in report["rows"]):
         text.append(
-            f"{scene}, {report['picture_px']}², {report['poses']} poses; times ours that is as good"
+            f"{scene}, {report['image_px']}², {report['poses']} poses; times ours that is as good"
         )
         text.append(
             f"  {'':20} {'p50':>9} {'p95':>9} {'p99':>9}   {'× ours (95 %)':22} {'cpu':>6} "
@@ -137,15 +137,15 @@ def _timings(
 def _quality(
     stage: Stage, racers: Field, path: NDArray[np.float64], looked_at: int, options: Options
 ) -> Quality:
-    """PSNR of every racer with a picture."""
+    """PSNR of every racer with an image."""
     numbers = np.arange(looked_at) * len(path) // looked_at
     few = numbers[:: -(-len(numbers) // LOOKED_AT_BY_PYRENDER)]
     lit = dict(zip(numbers, references(stage, path[numbers]), strict=True))
     unlit = dict(zip(few, references(stage, path[few], unlit=True), strict=True))
     quality: Quality = {}
-    pictures = list(racers.pictures.items())
-    for at in options.progress(range(len(pictures)), "peers: quality", len(pictures)):
-        name, peer = pictures[at]
+    images = list(racers.images.items())
+    for at in options.progress(range(len(images)), "peers: quality", len(images)):
+        name, peer = images[at]
         if name == field.PYRENDER and isinstance(peer, PyrenderFaces):
             against = {number: peer.reference(path[number]) for number in few}
         else:
@@ -159,7 +159,7 @@ def _quality(
 
 
 def _as_good(name: str, quality: Quality) -> str:
-    """Our quickest setting whose picture is no worse than a racer's; our best, if none is."""
+    """Our quickest setting whose image is no worse than a racer's; our best, if none is."""
     if name in field.LADDER or name == field.UNLIT:
         return field.FAST
     if name == field.PYRENDER_FLAT:

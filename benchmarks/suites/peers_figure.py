@@ -19,9 +19,9 @@ ROOM_DB = 2.0
 
 
 def peers_figure(report: dict[str, Any]) -> Figure:
-    """A panel for each scene; who makes no picture is a line."""
+    """A panel for each scene; who makes no image is a line."""
     scenes = list(dict.fromkeys(row["scene"] for row in report["rows"]))
-    title = f"The same frame, {report['picture_px']}², by others' ways"
+    title = f"The same frame, {report['image_px']}², by others' ways"
     figure, axes_of = panels(report, title, len(scenes), share_y=True)
     raced = [row for row in report["rows"] if row["missing"] is None]
     levels = [row["psnr_db"] for row in raced if row["psnr_db"] is not None]
@@ -36,9 +36,9 @@ def peers_figure(report: dict[str, Any]) -> Figure:
     axes_of[0].set_ylabel("PSNR in dB against 64 samples a pixel")
     text = (
         "bars: the worst pose; line: ours by texels a pixel; "
-        "hollow: another picture, without lights or by pyrender's own"
+        "hollow: another image, without lights or by pyrender's own"
     )
-    figure.supxlabel(text, fontsize=8, color=style.GREY)
+    figure.supxlabel(text, fontsize=8, color=style.GRAY)
     return figure
 
 
@@ -46,12 +46,12 @@ def _draw(axes: Axes, rows: list[dict[str, Any]]) -> None:
     ladder = [row for row in rows if row["racer"] in field.LADDER]
     text = [(row["p50_ms"], row["psnr_db"]) for row in ladder]
     axes.plot(*zip(*text, strict=True), ".-", color=OURS, linewidth=0.8, alpha=0.6)
-    pictures = sorted(
+    images = sorted(
         (row for row in rows if row["psnr_db"] is not None and row["racer"] not in field.BETWEEN),
         key=lambda row: row["psnr_db"],
     )
-    heights = _apart(np.array([row["psnr_db"] for row in pictures]), axes.get_ylim())
-    for row, height in zip(pictures, heights, strict=True):
+    heights = _apart(np.array([row["psnr_db"] for row in images]), axes.get_ylim())
+    for row, height in zip(images, heights, strict=True):
         color = OURS if row["racer"].startswith("omnisim") else THEIRS
         point = (row["p50_ms"], row["psnr_db"])
         axes.plot([point[0]] * 2, [row["psnr_worst_db"], point[1]], color=color, linewidth=1.0)

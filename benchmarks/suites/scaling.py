@@ -1,10 +1,10 @@
-"""Cost of a frame by triangles of the scene, pixels of the picture, and cameras.
+"""Cost of a frame by triangles of the scene, pixels of the image, and cameras.
 
 All at the fast setting, captured exactly. The scene that grows is a town whose houses are equally
-detailed, seen from a street; there Embree casts the same picture's rays, on one thread, and races
-against the quickest of our settings whose picture is no worse than that of a ray a pixel. The other
+detailed, seen from a street; there Embree casts the same image's rays, on one thread, and races
+against the quickest of our settings whose image is no worse than that of a ray a pixel. The other
 two are measured in one scene: `soccer`, or the first that is asked for; there also batches of small
-pictures, beside the same pictures one after the other.
+images, beside the same images one after the other.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SETTING, SIZE_PX, SCENE = "fast", 360, "soccer"
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000)
 SIZES_PX = (128, 256, 512, 1024, 2048)
 CAMERAS = (1, 2, 4, 8, 16, 32, 64)
-BATCHES, BATCH_PX = (1, 2, 4, 8, 16, 32, 64, 128, 256), 84  # pictures, and their side
+BATCHES, BATCH_PX = (1, 2, 4, 8, 16, 32, 64, 128, 256), 84  # images, and their side
 HELD_BATCH, MOST_BATCH_RATIO = 64, 0.6  # of the time of single frames
 LARGE, LEAST = 1_000_000, 1.0  # as large as towns are that the bound is asked for
 OURS, AS_GOOD, EMBREE = "omnisim", "omnisim, as good as a ray a pixel", "embree"
@@ -66,14 +66,14 @@ def run(
     batches: Sequence[int] = BATCHES,
 ) -> dict[str, Any]:
     """Time frames that grow in four ways; `passed` where Embree is never faster up to a million
-    triangles, and a batch of 64 pictures is quicker than so many frames.
+    triangles, and a batch of 64 images is quicker than so many frames.
 
     Args:
         options: how often and where.
         triangles: about how many the towns have.
-        sizes_px: of the square pictures.
+        sizes_px: of the square images.
         cameras: how many there are at once.
-        batches: how many small pictures are taken at once.
+        batches: how many small images are taken at once.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
@@ -96,7 +96,7 @@ def run(
         rows += _of_batches(stage, along, batches, _slowest(options))
         bounds += [
             Measure(
-                f"a batch of {row['cameras']} pictures of {BATCH_PX}² to single frames",
+                f"a batch of {row['cameras']} images of {BATCH_PX}² to single frames",
                 row["batch_ratio"],
                 bound=MOST_BATCH_RATIO,
             )
@@ -122,8 +122,8 @@ def lines(report: dict[str, Any]) -> list[str]:
             line += f"   {row['ms_a_camera']:.1f} ms a camera"
         if row["against"] == "batch":
             line += (
-                f"   {row['pictures_per_second']:.0f} pictures/s batched, "
-                f"{row['single_pictures_per_second']:.0f} one after the other: "
+                f"   {row['images_per_second']:.0f} images/s batched, "
+                f"{row['single_images_per_second']:.0f} one after the other: "
                 f"{row['batch_ratio']:.2f} × "
                 f"({row['batch_ratio_low']:.2f} – {row['batch_ratio_high']:.2f}), "
                 f"processor {row['batch_processor_ratio']:.2f} ×"
@@ -192,16 +192,14 @@ def _of_sizes(
         for size_px in sizes_px:
             renderer = renderers.enter_context(stage.open(_sensor(size_px)))
             variants[str(size_px)] = _frame(stage, [(renderer.render, eyes)])
-        timings = _time(variants, options, "size of the picture")
-    return [
-        _row("picture", stage, timings, str(size_px), picture_px=size_px) for size_px in sizes_px
-    ]
+        timings = _time(variants, options, "size of the image")
+    return [_row("image", stage, timings, str(size_px), image_px=size_px) for size_px in sizes_px]
 
 
 def _of_cameras(
     stage: Stage, eyes: NDArray[np.float64], cameras: Sequence[int], options: Options
 ) -> list[dict[str, Any]]:
-    """Cameras on one stage that follow each other; a frame is a picture of every one."""
+    """Cameras on one stage that follow each other; a frame is an image of every one."""
     with ExitStack() as renderers:
         takes = [
             (
@@ -219,7 +217,7 @@ def _of_cameras(
 def _of_batches(
     stage: Stage, eyes: NDArray[np.float64], batches: Sequence[int], options: Options
 ) -> list[dict[str, Any]]:
-    """Small pictures in batches, and one after the other by the same renderer."""
+    """Small images in batches, and one after the other by the same renderer."""
     with stage.open(_sensor(BATCH_PX)) as renderer:
         variants: dict[str, Callable[[], None]] = {}
         for count in batches:
@@ -228,13 +226,12 @@ def _of_batches(
             variants[f"{count} single"] = _frame(
                 stage, [(renderer.render, [pose]) for pose in poses]
             )
-        timings = _time(variants, options, "pictures in a batch")
+        timings = _time(variants, options, "images in a batch")
     return [
         {
             **_row("batch", stage, timings, f"{count} batched", BATCH_PX, count),
-            "pictures_per_second": count * timings.frames_per_second(f"{count} batched").median,
-            "single_pictures_per_second": count
-            * timings.frames_per_second(f"{count} single").median,
+            "images_per_second": count * timings.frames_per_second(f"{count} batched").median,
+            "single_images_per_second": count * timings.frames_per_second(f"{count} single").median,
             **timings.ratio(f"{count} batched", f"{count} single").flat("batch_ratio"),
             **timings.processor_ratio(f"{count} batched", f"{count} single").flat(
                 "batch_processor_ratio"
@@ -282,13 +279,13 @@ def _time(variants: dict[str, Callable[[], None]], options: Options, what: str) 
 
 
 def _row(
-    against: str, stage: Stage, timings: Timings, variant: str, picture_px: int = SIZE_PX,
+    against: str, stage: Stage, timings: Timings, variant: str, image_px: int = SIZE_PX,
     cameras: int = 1,
 ) -> dict[str, Any]:  # fmt: skip
     return {
         "against": against,
         "triangles": stage.scene.triangle_count,
-        "picture_px": picture_px,
+        "image_px": image_px,
         "cameras": cameras,
         **timings.row(variant),
         "rounds": len(timings.seconds[variant]),
@@ -299,8 +296,8 @@ def _what(row: dict[str, Any]) -> str:
     """Description of a row."""
     if row["against"] == "triangles":
         return f"{row['triangles']} triangles"
-    if row["against"] == "picture":
-        return f"{row['picture_px']}²"
+    if row["against"] == "image":
+        return f"{row['image_px']}²"
     if row["against"] == "batch":
-        return f"{row['cameras']} of {row['picture_px']}²"
+        return f"{row['cameras']} of {row['image_px']}²"
     return "1 camera" if row["cameras"] == 1 else f"{row['cameras']} cameras"

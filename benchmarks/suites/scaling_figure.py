@@ -1,4 +1,4 @@
-"""Cost of a frame as the scene, the picture and the number of cameras grow, and batches."""
+"""Cost of a frame as the scene, the image and the number of cameras grow, and batches."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def scaling_figure(report: dict[str, Any]) -> Figure:
     """Bars reach from the median to the 95th percentile."""
     rows_of = {
         against: [row for row in report["rows"] if row["against"] == against]
-        for against in ("triangles", "picture", "cameras", "batch")
+        for against in ("triangles", "image", "cameras", "batch")
     }
     title = f"What a frame costs, {report['setting']}"
     figure, (town, pixels, cameras, *batches) = panels(report, title, 3 + bool(rows_of["batch"]))
-    small = rows_of["triangles"][0]["picture_px"]
+    small = rows_of["triangles"][0]["image_px"]
     style.label_axes(town, f"A town, {small}²", "triangles in the scene", "ms a frame")
     _times(town, rows_of["triangles"], "triangles", "omnisim", style.BLUE)
     raced = [row for row in rows_of["triangles"] if "embree_ratio" in row]
@@ -31,20 +31,20 @@ def scaling_figure(report: dict[str, Any]) -> Figure:
         )  # fmt: skip
         town.plot(
             [row["triangles"] for row in raced], [row["embree_p50_ms"] for row in raced], "s--",
-            color=style.ORANGE, label="Embree's rays, one thread, no colours",
+            color=style.ORANGE, label="Embree's rays, one thread, no colors",
         )  # fmt: skip
         town.legend(frameon=False, fontsize=9)
     town.set_xscale("log")
     town.xaxis.set_major_formatter(EngFormatter(sep=" "))
-    style.label_axes(pixels, f"One camera in {report['scene']}", "side of the picture (px)", "")
-    _times(pixels, rows_of["picture"], "picture_px", "omnisim", style.BLUE)
+    style.label_axes(pixels, f"One camera in {report['scene']}", "side of the image (px)", "")
+    _times(pixels, rows_of["image"], "image_px", "omnisim", style.BLUE)
     plain_log(pixels.xaxis, base=2)
     style.label_axes(cameras, f"Cameras of {small}² in {report['scene']}", "cameras", "")
     counts = [row["cameras"] for row in rows_of["cameras"]]
-    pictures = [row["cameras"] * row["fps"] for row in rows_of["cameras"]]
-    cameras.plot(counts, pictures, "o-", color=style.GREEN)
-    cameras.set_ylabel("pictures per second, of all cameras")
-    cameras.set_ylim(0.0, 1.25 * max(pictures))
+    images = [row["cameras"] * row["fps"] for row in rows_of["cameras"]]
+    cameras.plot(counts, images, "o-", color=style.GREEN)
+    cameras.set_ylabel("images per second, of all cameras")
+    cameras.set_ylim(0.0, 1.25 * max(images))
     plain_log(cameras.xaxis, base=2)
     for axes in batches:
         _batches(axes, rows_of["batch"])
@@ -62,12 +62,12 @@ def _times(axes: Axes, rows: list[dict[str, Any]], key: str, label: str, color: 
 
 
 def _batches(axes: Axes, rows: list[dict[str, Any]]) -> None:
-    side_px = rows[0]["picture_px"]
-    style.label_axes(axes, f"Pictures of {side_px}²", "pictures at once", "pictures per second")
+    side_px = rows[0]["image_px"]
+    style.label_axes(axes, f"Images of {side_px}²", "images at once", "images per second")
     counts = [row["cameras"] for row in rows]
     for key, label, line in (
-        ("pictures_per_second", "in a batch", "o-"),
-        ("single_pictures_per_second", "one after the other", "s--"),
+        ("images_per_second", "in a batch", "o-"),
+        ("single_images_per_second", "one after the other", "s--"),
     ):
         axes.plot(counts, [row[key] for row in rows], line, color=style.GREEN, label=label)
     axes.set_ylim(0.0)

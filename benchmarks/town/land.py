@@ -24,7 +24,7 @@ class Plots:
     Attributes:
         position_m: (n, 3) of the houses' middles, world.
         side: (n,) of the street: 1, whose houses look along −y, or −1.
-        block: (n,) number of the block of neighbours that a plot belongs to.
+        block: (n,) number of the block of neighbors that a plot belongs to.
         random: (n, 5) numbers from 0 to 1, which a plot keeps in every town.
     """
 

@@ -17,10 +17,10 @@ _PLAIN = {
 
 
 def town_materials() -> dict[str, tuple[Material, float]]:
-    """Every material by name, and how many metres its texture is wide."""
+    """Every material by name, and how many meters its texture is wide."""
     random = np.random.default_rng(_SEED)
     made = {name: (Material(name, (*color, 1.0)), 1.0) for name, color in _PLAIN.items()}
-    pictures = {
+    images = {
         "brick": (_courses(random, (150, 74, 56), (176, 168, 156), 16, 32), 1.0),
         "cream plaster": (_rough(random, (226, 212, 178), 6.0), 2.0),
         "white plaster": (_rough(random, (232, 232, 226), 5.0), 2.0),
@@ -35,7 +35,7 @@ def town_materials() -> dict[str, tuple[Material, float]]:
         "leaves": (_rough(random, (58, 100, 46), 26.0), 1.0),
         "bark": (_rough(random, (98, 78, 60), 14.0), 0.6),
     }
-    for name, (pixels, width_m) in pictures.items():
+    for name, (pixels, width_m) in images.items():
         made[name] = (Material(name, texture=Texture(pixels)), width_m)
     return made
 
@@ -49,7 +49,7 @@ def _rgba(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:
 def _rough(
     random: np.random.Generator, color: tuple[int, int, int], sigma: float
 ) -> NDArray[np.uint8]:
-    """A colour with grains, fine and coarse."""
+    """A color with grains, fine and coarse."""
     grain = random.normal(0.0, sigma, (SIDE_PX, SIDE_PX))
     coarse = random.normal(0.0, sigma, (SIDE_PX // 8, SIDE_PX // 8)).repeat(8, 0).repeat(8, 1)
     return _rgba(np.array(color) + (grain + 0.6 * coarse)[..., None])

@@ -1,4 +1,4 @@
-"""Quads by material, with texture coordinates in metres."""
+"""Quads by material, with texture coordinates in meters."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 class Submesh(NamedTuple):
     """Triangles of one material."""
 
-    positions: NDArray[np.float32]  # (n, 3), metres
-    texture_coordinates: NDArray[np.float32]  # (n, 2), metres
+    positions: NDArray[np.float32]  # (n, 3), meters
+    texture_coordinates: NDArray[np.float32]  # (n, 2), meters
     triangles: NDArray[np.uint32]  # (m, 3)
 
 

@@ -4,7 +4,7 @@
 # folder are on a file system that all machines see.
 #SBATCH --cpus-per-task=1
 #SBATCH --mem=2G
-export LP_NUM_THREADS=1  # of Mesa's rasteriser: a task draws on its own core
+export LP_NUM_THREADS=1  # of Mesa's rasterizer: a task draws on its own core
 number=$SLURM_ARRAY_TASK_ID
 shards=${3:-$SLURM_ARRAY_TASK_COUNT}
 while [ "$number" -lt "$shards" ]; do

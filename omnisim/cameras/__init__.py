@@ -5,7 +5,7 @@ A model is two files with one stem, `cameras/<model>.py` (NumPy, float64, the re
 `tests/camera_examples.py`, over which one contract test runs; and its class in this file.
 Conventions, for all models:
 
-- Pixels are (u, v), u right and v down, (0, 0) at the centre of the top left one.
+- Pixels are (u, v), u right and v down, (0, 0) at the center of the top left one.
 - Rays are unit directions in the optical frame (x right, y down, z forward), from the effective
   viewpoint. `omnisim.core.coordinate_frames` has all frames.
 - A pixel outside the domain, or a direction that the camera cannot see, has `valid` False and

@@ -26,10 +26,10 @@ class Rays(NamedTuple):
 
 
 class Pixels(NamedTuple):
-    """Positions in the picture."""
+    """Positions in the image."""
 
     positions_px: NDArray[np.float64]  # (..., 2): u right, v down
-    valid: NDArray[np.bool_]  # (...,): the direction is seen, inside or outside the picture
+    valid: NDArray[np.bool_]  # (...,): the direction is seen, inside or outside the image
 
 
 @runtime_checkable
@@ -37,8 +37,8 @@ class CentralCamera(Protocol):
     """A camera all of whose rays meet in one effective viewpoint; immutable and hashable.
 
     Attributes:
-        width_px, height_px: size of the picture.
-        principal_point_px: (u, v) of the optical frame's z axis, in the picture or beside it.
+        width_px, height_px: size of the image.
+        principal_point_px: (u, v) of the optical frame's z axis, in the image or beside it.
         model_name: stem of the model's files, `cameras/<model>.py` and
             `shaders/camera/<model>.glsl`.
         rig_from_optical: (3, 3) orientation in a level rig: looking ahead, or up into its mirror.
@@ -66,7 +66,7 @@ class CentralCamera(Protocol):
     def __hash__(self) -> int: ...
 
     def scaled(self, scale: float) -> Self:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
+        """The same view in an image `scale` times as large; sizes are rounded."""
         ...
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
@@ -82,7 +82,7 @@ class CentralCamera(Protocol):
         ...
 
     def parameters(self) -> CameraParameters:
-        """Model and parameters by name, as JSON can hold them, for the picture's metadata."""
+        """Model and parameters by name, as JSON can hold them, for the image's metadata."""
         ...
 
 
@@ -109,7 +109,7 @@ def pixels_of_points(
 
     Args:
         camera: the camera.
-        points_m: in metres; directions, where `is_finite` is false.
+        points_m: in meters; directions, where `is_finite` is false.
         is_finite: (n,), false for points at infinity.
     """
     if not isinstance(camera, NonCentralCamera):
@@ -148,7 +148,7 @@ def summary(camera: CentralCamera) -> str:
 
 @runtime_checkable
 class CameraSensor(Protocol):
-    """A sensor that takes its pictures by a camera model, such as an `OmniCamera`."""
+    """A sensor that takes its images by a camera model, such as an `OmniCamera`."""
 
     @property
     def model(self) -> CentralCamera: ...  # noqa: D102
@@ -183,6 +183,6 @@ def _as_vectors(values: ArrayLike, length: int, expected: str) -> NDArray[np.flo
 
 
 def pixel_grid(width_px: int, height_px: int) -> NDArray[np.float64]:
-    """Centres (height, width, 2) of all pixels of a picture."""
+    """Centers (height, width, 2) of all pixels of an image."""
     u, v = np.meshgrid(np.arange(width_px, dtype=np.float64), np.arange(height_px))
     return np.stack((u, v.astype(np.float64)), axis=-1)

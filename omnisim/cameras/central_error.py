@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 class CentralError(NamedTuple):
-    """Error of a central model for points at one distance from its viewpoint, over a picture."""
+    """Error of a central model for points at one distance from its viewpoint, over an image."""
 
     distance_m: float  # may be infinite
     mean_px: float

@@ -8,7 +8,7 @@ polynomial of θ, is `f_theta`.
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | coefficients | rad/pxⁿ | k1 … kn, at most 8; 1/k1 > 0 is the focal length |
 | theta_max_deg | degrees | 95 to 110 |
 
@@ -41,8 +41,8 @@ class FThetaInverseCamera(RadialCamera):
     """A fisheye lens with a polynomial from radius to angle.
 
     Attributes:
-        width_px, height_px: size of the picture.
-        principal_point_px: (u, v) of the optical axis in the picture.
+        width_px, height_px: size of the image.
+        principal_point_px: (u, v) of the optical axis in the image.
         coefficients: k1 … kn.
         theta_max_rad: angle from the axis where the domain ends at the latest.
 
@@ -58,7 +58,7 @@ class FThetaInverseCamera(RadialCamera):
     pixels_per_plane = 1.0  # the plane is in pixels
 
     def scaled(self, scale: float) -> FThetaInverseCamera:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
+        """The same view in an image `scale` times as large; sizes are rounded."""
         powers = range(1, 1 + len(self.coefficients))
         shrunk = tuple(k / scale**n for k, n in zip(self.coefficients, powers, strict=True))
         return dataclasses.replace(super().scaled(scale), coefficients=shrunk)

@@ -18,13 +18,13 @@ class FisheyeCamera(FocalCamera, RadialCamera):
     """A fisheye lens with r/f a function of θ alone, seen up to θ_max.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_length_px: focal length f; near the axis as many pixels to a radian.
-        principal_point_px: (u, v) of the optical axis in the picture.
+        principal_point_px: (u, v) of the optical axis in the image.
         theta_max_rad: angle from the axis where the domain ends.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, a centre that is not finite, or
+        OpticsError: a size or focal length that is not positive, a center that is not finite, or
             θ_max outside the lens's own limits.
     """
 

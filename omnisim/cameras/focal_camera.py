@@ -16,15 +16,15 @@ LARGEST_PX = 1e15
 
 @dataclass(frozen=True)
 class FocalCamera(ParametricCamera):
-    """Size, focal length and principal point of a picture; the model is up to the subclass.
+    """Size, focal length and principal point of an image; the model is up to the subclass.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_length_px: focal length.
-        principal_point_px: (u, v) of the optical frame's z axis in the picture.
+        principal_point_px: (u, v) of the optical frame's z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a centre that is not finite.
+        OpticsError: a size or focal length that is not positive, or a center that is not finite.
     """
 
     focal_length_px: float
@@ -37,7 +37,7 @@ class FocalCamera(ParametricCamera):
 
     @property
     def pixels_per_plane(self) -> float:
-        """Pixels to a unit of the normalised plane."""
+        """Pixels to a unit of the normalized plane."""
         return self.focal_length_px
 
     def uniforms(self) -> Uniforms:
@@ -50,15 +50,15 @@ class FocalCamera(ParametricCamera):
 
 @dataclass(frozen=True)
 class TwoFocalCamera(ParametricCamera):
-    """A `FocalCamera` with a focal length along each axis of the picture, as calibrations have.
+    """A `FocalCamera` with a focal length along each axis of the image, as calibrations have.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_lengths_px: (fx, fy), along u and along v.
-        principal_point_px: (u, v) of the optical frame's z axis in the picture.
+        principal_point_px: (u, v) of the optical frame's z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a centre that is not finite.
+        OpticsError: a size or focal length that is not positive, or a center that is not finite.
     """
 
     focal_lengths_px: tuple[float, float]
@@ -80,7 +80,7 @@ class TwoFocalCamera(ParametricCamera):
 
     @property
     def pixels_per_plane(self) -> tuple[float, float]:
-        """Pixels to a unit of the normalised plane, along u and along v."""
+        """Pixels to a unit of the normalized plane, along u and along v."""
         return self.focal_lengths_px
 
     def uniforms(self) -> Uniforms:

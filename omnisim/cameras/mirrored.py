@@ -73,12 +73,12 @@ class MirroredCamera:
 
     @property
     def width_px(self) -> int:
-        """Width of the picture."""
+        """Width of the image."""
         return self.lens.width_px
 
     @property
     def height_px(self) -> int:
-        """Height of the picture."""
+        """Height of the image."""
         return self.lens.height_px
 
     @property
@@ -88,7 +88,7 @@ class MirroredCamera:
 
     @property
     def principal_point_px(self) -> tuple[float, float]:
-        """(u, v) of the axis in the picture."""
+        """(u, v) of the axis in the image."""
         return self.lens.principal_point_px
 
     @property
@@ -97,7 +97,7 @@ class MirroredCamera:
         return self.lens.domain_limit_rad
 
     def scaled(self, scale: float) -> MirroredCamera:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
+        """The same view in an image `scale` times as large; sizes are rounded."""
         return dataclasses.replace(self, lens=self.lens.scaled(scale))
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:

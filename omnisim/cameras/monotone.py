@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Coefficients = Sequence[float] | NDArray[np.floating[Any]]
 
-LARGEST_RADIUS_PX = 1e12  # far beyond any picture
+LARGEST_RADIUS_PX = 1e12  # far beyond any image
 _EPS = float(np.finfo(float).eps)
 MAX_STEPS = 100  # bisection alone needs some sixty
 
@@ -25,7 +25,7 @@ def solve_increasing(
     """Arguments (...,) in [low, high] where `function`, increasing there, has `values` (...,).
 
     Values out of reach give the nearest end. The search begins at the values themselves: in the
-    units of the normalised plane they are near. A slope of 0 at an end, where a lens folds, only
+    units of the normalized plane they are near. A slope of 0 at an end, where a lens folds, only
     makes it slower.
     """
     found = np.clip(values, low, high).ravel()

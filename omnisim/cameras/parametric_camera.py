@@ -39,10 +39,10 @@ class ParametricCamera(ABC):
     """A camera model: all of it but the projection, from the fields of the subclass.
 
     Fields are of the types that `_READERS` lists. A field whose name ends in `_rad` is given in
-    degrees, under a key that ends in `_deg`; one that ends in `_px` is a length in the picture.
+    degrees, under a key that ends in `_deg`; one that ends in `_px` is a length in the image.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         model_name: stem of the model's files.
         largest_theta_rad: upper limit of the parameter θ_max, where the model has one.
         added_later: parameters that older images' metadata lack; their defaults hold there.
@@ -103,13 +103,13 @@ class ParametricCamera(ABC):
         """Values of the uniforms of `shaders/camera/<model>.glsl`."""
 
     def scaled(self, scale: float) -> Self:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
+        """The same view in an image `scale` times as large; sizes are rounded."""
         changes: dict[str, Any] = {}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if field.name in ("width_px", "height_px"):
                 changes[field.name] = round(value * scale)
-            elif field.name == "principal_point_px":  # from the first pixel's centre
+            elif field.name == "principal_point_px":  # from the first pixel's center
                 changes[field.name] = tuple((one + 0.5) * scale - 0.5 for one in value)
             elif field.name.endswith("_px"):
                 changes[field.name] = _map(lambda one: one * scale, value)
@@ -148,7 +148,7 @@ class ParametricCamera(ABC):
         return cls(**values)
 
     def parameters(self) -> CameraParameters:
-        """Model and parameters by name, for the picture's metadata."""
+        """Model and parameters by name, for the image's metadata."""
         named: CameraParameters = {"model": self.model_name}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)

@@ -1,6 +1,6 @@
-"""Bases of models that project rays onto a normalised plane, a scaled and shifted picture.
+"""Bases of models that project rays onto a normalized plane, a scaled and shifted image.
 
-`PlaneCamera` has the picture, its subclass the plane. `RadialCamera` is such a subclass for
+`PlaneCamera` has the image, its subclass the plane. `RadialCamera` is such a subclass for
 radially symmetric lenses: it needs only r(θ) and θ(r).
 """
 
@@ -22,19 +22,19 @@ EDGE_RAD = 1e-12
 
 
 class PlanePoints(NamedTuple):
-    """Points of the normalised plane."""
+    """Points of the normalized plane."""
 
     positions: NDArray[np.float64]  # (..., 2): x right, y down, in focal lengths
     valid: NDArray[np.bool_]  # (...,)
 
 
 class PlaneCamera(ParametricCamera):
-    """Pixels to rays and back, by way of the normalised plane; a mixin beside the parameters."""
+    """Pixels to rays and back, by way of the normalized plane; a mixin beside the parameters."""
 
     @property
     @abstractmethod
     def pixels_per_plane(self) -> float | tuple[float, float]:
-        """Pixels to a unit of the normalised plane."""
+        """Pixels to a unit of the normalized plane."""
 
     @abstractmethod
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:

@@ -1,7 +1,7 @@
 """The unified model's sphere in its α form, which EUCM and the double sphere build upon.
 
 A point p on the unit sphere goes to (x, y)/(α + (1 − α) z). With ξ = α/(1 − α) that is Geyer and
-Mei's projection from a point ξ above the sphere's centre, in a picture 1 + ξ times as large.
+Mei's projection from a point ξ above the sphere's center, in an image 1 + ξ times as large.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays
 
-MAX_RADIUS = 1e6  # on the normalised plane, where nothing else ends it: a direction at its limit
+MAX_RADIUS = 1e6  # on the normalized plane, where nothing else ends it: a direction at its limit
 
 
 def cosine_limit(alpha: float) -> float:
@@ -22,7 +22,7 @@ def cosine_limit(alpha: float) -> float:
 
 
 def plane_limit(alpha: float) -> float:
-    """Largest radius on the normalised plane: 1/√(2α − 1) where the picture would fold over."""
+    """Largest radius on the normalized plane: 1/√(2α − 1) where the image would fold over."""
     return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
 
 

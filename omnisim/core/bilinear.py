@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 def corner_and_weights(
     positions_px: NDArray[np.floating[Any]], shape: tuple[int, int]
 ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
-    """Upper left of the four neighbours of positions, and their weights.
+    """Upper left of the four neighbors of positions, and their weights.
 
     Args:
         positions_px: (..., 2), u right and v down.
-        shape: height and width of the picture.
+        shape: height and width of the image.
 
     Returns:
-        Flat index (...) into the picture, weights (4, ...), and a mask (...): all four neighbours
-        are in the picture.
+        Flat index (...) into the image, weights (4, ...), and a mask (...): all four neighbors
+        are in the image.
     """
     height, width = shape
     last = (width - 1, height - 1)
-    # a view of the picture itself must not lose its border to rounding
+    # a view of the image itself must not lose its border to rounding
     inside = np.all((positions_px >= -1e-6) & (positions_px <= np.add(last, 1e-6)), axis=-1)
     safe = np.clip(np.where(inside[..., None], positions_px, 0.0), 0.0, last)
     first = np.minimum(np.floor(safe), (max(width - 2, 0), max(height - 2, 0))).astype(np.intp)
@@ -35,22 +35,22 @@ def corner_and_weights(
 
 
 def interpolate(
-    picture: NDArray[Any], corner: NDArray[np.intp], weights: NDArray[np.float32]
+    image: NDArray[Any], corner: NDArray[np.intp], weights: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Values (...) of a picture (height, width) between neighbours, see `corner_and_weights`."""
-    flat, width = picture.reshape(-1), picture.shape[1]
+    """Values (...) of an image (height, width) between neighbors, see `corner_and_weights`."""
+    flat, width = image.reshape(-1), image.shape[1]
     values = np.zeros(corner.shape)
     for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
         values += weight * flat.take(corner + step, mode="clip")
     return values
 
 
-def sample(picture: NDArray[Any], positions_px: ArrayLike) -> NDArray[np.float64]:
-    """Values (...) of a picture (height, width) at positions (..., 2), u right and v down.
+def sample(image: NDArray[Any], positions_px: ArrayLike) -> NDArray[np.float64]:
+    """Values (...) of an image (height, width) at positions (..., 2), u right and v down.
 
     Past the border the nearest border's value.
     """
-    height, width = picture.shape
+    height, width = image.shape
     positions = np.clip(np.asarray(positions_px, dtype=np.float64), 0.0, (width - 1, height - 1))
     corner, weights, _ = corner_and_weights(positions, (height, width))
-    return interpolate(picture, corner, weights)
+    return interpolate(image, corner, weights)

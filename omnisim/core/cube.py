@@ -29,7 +29,7 @@ FACE_FROM_RIG: NDArray[np.float64] = np.array(
     dtype=np.float64,
 )
 
-# The unfolded cube as one picture: column and row of each face in a 3 × 2 grid. A cell shows a
+# The unfolded cube as one image: column and row of each face in a 3 × 2 grid. A cell shows a
 # little more than its face, so that filters at the face's edge do not reach into the next cell.
 CELL_TANGENT = 1.0 + 1.0 / 32.0  # at the cell's edge; the face's edge is at 1
 LAYOUT_COLUMNS, LAYOUT_ROWS = 3, 2
@@ -56,7 +56,7 @@ def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.flo
 
 
 def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Unfold faces (size, size, 3) into one picture, two rows of three, as the texture coordinates
+    """Unfold faces (size, size, 3) into one image, two rows of three, as the texture coordinates
     of an exported mirror expect them.
 
     Cells of faces that were not drawn are black; smaller faces are enlarged to the largest. The
@@ -71,10 +71,10 @@ def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
     border = math.ceil(0.5 * (CELL_TANGENT - 1.0) * largest)
     size = round(2.0 * border / (CELL_TANGENT - 1.0))  # so that the border is whole pixels
     cell = size + 2 * border
-    picture = np.zeros((LAYOUT_ROWS * cell, LAYOUT_COLUMNS * cell, 3), dtype=np.uint8)
+    image = np.zeros((LAYOUT_ROWS * cell, LAYOUT_COLUMNS * cell, 3), dtype=np.uint8)
     for name, face in faces.items():
         column, row = LAYOUT_CELLS[FACE_NAMES.index(name)]
         nearest = np.clip(np.arange(-border, size + border), 0, size - 1) * face.shape[0] // size
-        area = picture[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell]
+        area = image[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell]
         area[:] = face[nearest[:, None], nearest]
-    return picture
+    return image

@@ -54,7 +54,7 @@ class RunError(OmnisimError):
 
 
 class OutputError(OmnisimError):
-    """A picture, mesh, scan or plot that cannot be written, or read back."""
+    """An image, mesh, scan or plot that cannot be written, or read back."""
 
 
 class PlanError(OmnisimError):
@@ -62,7 +62,7 @@ class PlanError(OmnisimError):
 
 
 class LocalizationError(OmnisimError):
-    """Colours, landmarks, measurements or times that cannot localize a robot."""
+    """Colors, landmarks, measurements or times that cannot localize a robot."""
 
 
 class CalibrationError(OmnisimError):

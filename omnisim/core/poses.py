@@ -27,7 +27,7 @@ def pose(
     pitch_deg: float = 0.0,
     yaw_deg: float = 0.0,
 ) -> NDArray[np.float64]:
-    """Pose (4, 4) parent_from_child from a position in metres and angles in degrees.
+    """Pose (4, 4) parent_from_child from a position in meters and angles in degrees.
 
     Raises:
         OmnisimError: a position that is not three finite numbers, or an angle that is not finite.
@@ -36,7 +36,7 @@ def pose(
     angles_deg = (roll_deg, pitch_deg, yaw_deg)
     if position.shape != (3,) or not np.all(np.abs(position) < LARGEST_M):  # false for NaN, too
         raise OmnisimError(
-            f"position {position.tolist()}: expected three finite numbers in metres "
+            f"position {position.tolist()}: expected three finite numbers in meters "
             f"below {LARGEST_M:g}"
         )
     if not all(math.isfinite(angle) for angle in angles_deg):

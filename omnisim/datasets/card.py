@@ -28,31 +28,31 @@ def write_card(folder: Path, manifest: Manifest) -> None:
     """
     samples = Shards(folder, manifest)
     step = max(1, len(samples) // EXAMPLES)
-    pictures = [samples.picture(row) for row in range(0, len(samples), step)[:EXAMPLES]]
-    height = max(one.shape[0] for one in pictures) + GAP_PX
-    width = max(one.shape[1] for one in pictures) + GAP_PX
-    rows = -(-len(pictures) // EXAMPLE_COLUMNS)
-    columns = min(EXAMPLE_COLUMNS, len(pictures))
+    images = [samples.image(row) for row in range(0, len(samples), step)[:EXAMPLES]]
+    height = max(one.shape[0] for one in images) + GAP_PX
+    width = max(one.shape[1] for one in images) + GAP_PX
+    rows = -(-len(images) // EXAMPLE_COLUMNS)
+    columns = min(EXAMPLE_COLUMNS, len(images))
     sheet = np.full((rows * height, columns * width, 3), 255, dtype=np.uint8)
-    for index, picture in enumerate(pictures):
+    for index, image in enumerate(images):
         row, column = divmod(index, columns)
         top, left = row * height, column * width
-        sheet[top : top + picture.shape[0], left : left + picture.shape[1]] = picture[..., :3]
+        sheet[top : top + image.shape[0], left : left + image.shape[1]] = image[..., :3]
     write_image(folder / EXAMPLE, sheet)
     write_text(folder / "README.md", _text(manifest))
 
 
 def _text(manifest: Manifest) -> str:
     statistics = manifest.statistics
-    licence = manifest.licence or "unknown"
+    license = manifest.license or "unknown"
     channels = ", ".join(manifest.channels) or "none"
     parts = [
-        f"---\nlicense: {licence}\npretty_name: {manifest.title}\n---\n",
+        f"---\nlicense: {license}\npretty_name: {manifest.title}\n---\n",
         f"# {manifest.title}\n",
         f"{statistics.samples} samples in {len(manifest.shards)} shards, "
         f"{manifest.size_bytes / 1e6:.1f} MB. Rendered by omnisim {__version__}.\n",
         f"![Examples]({EXAMPLE})\n",
-        f"Licence: {licence}. Channels of ground truth: {channels}. Samples drawn again: "
+        f"License: {license}. Channels of ground truth: {channels}. Samples drawn again: "
         f"{statistics.redrawn}.\n",
         "Each `shard-*.tar` has the samples one after the other, in WebDataset's layout: files of "
         "one sample begin with its number. `NUMBER.json` has camera, calibration and pose, "

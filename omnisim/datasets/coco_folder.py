@@ -58,7 +58,7 @@ class _Split:
 
 
 def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = None) -> Iterator[int]:
-    """Write the pictures and boxes of a data set, whole or not at all; yield after each sample.
+    """Write the images and boxes of a data set, whole or not at all; yield after each sample.
 
     Raises:
         PlanError: a data set without the channel instance, or without the visible shares that
@@ -76,10 +76,10 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
         (target / IMAGES).mkdir()
         for row in range(len(shards)):
             with shards.damage_named(row), shards.files(row) as files:
-                for picture in shards.pictures(files):
-                    split = splits[settings.split_of(int(picture.name.partition(".")[0]))]
-                    picture.rename(target / IMAGES / picture.name)
-                    boxes = json.loads((files / f"{picture.stem}.coco.json").read_text("utf-8"))
+                for image in shards.images(files):
+                    split = splits[settings.split_of(int(image.name.partition(".")[0]))]
+                    image.rename(target / IMAGES / image.name)
+                    boxes = json.loads((files / f"{image.stem}.coco.json").read_text("utf-8"))
                     _check_shares(boxes, settings.limits)
                     _add(split, boxes, count, classes, settings)
                     count += 1
@@ -106,7 +106,7 @@ def _add(
     classes: dict[str, int],
     settings: CocoSettings,
 ) -> None:
-    """Add a picture and the annotations of its objects that are large enough."""
+    """Add an image and the annotations of its objects that are large enough."""
     (image,) = boxes["images"]
     split.images.append(image | {"id": image_id})
     names = {one["id"]: one["name"] for one in boxes["categories"]}
@@ -128,7 +128,7 @@ def _add(
 def _content(shards: Shards, split: _Split, classes: dict[str, int]) -> dict[str, Any]:
     return {
         "info": {"description": shards.manifest.title},
-        "licenses": [{"id": 1, "name": shards.manifest.licence or "unknown"}],
+        "licenses": [{"id": 1, "name": shards.manifest.license or "unknown"}],
         "images": split.images,
         "categories": [
             {"id": number, "name": name, "supercategory": ""} for name, number in classes.items()

@@ -22,14 +22,14 @@ class Manifest:
 
     Attributes:
         title: of the data set.
-        licence: of the data set, or None.
+        license: of the data set, or None.
         plan: fingerprint of the plan.
         channels: of ground truth.
         shards: by number.
     """
 
     title: str
-    licence: str | None
+    license: str | None
     plan: str
     channels: tuple[str, ...]
     shards: tuple[ShardSummary, ...]
@@ -51,7 +51,7 @@ class Manifest:
         """Manifest, as JSON can hold it."""
         return {
             "title": self.title,
-            "licence": self.licence,
+            "license": self.license,
             "plan": self.plan,
             "channels": list(self.channels),
             "bytes": self.size_bytes,
@@ -77,7 +77,7 @@ def read_manifest(folder: Path) -> Manifest:
     path = folder / MANIFEST
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        title, licence = str(content["title"]), content["licence"]
+        title, license = str(content["title"]), content["license"]
         plan, channels = str(content["plan"]), tuple(map(str, content["channels"]))
         count = len(content["shards"])
         if not count:
@@ -96,7 +96,7 @@ def read_manifest(folder: Path) -> Manifest:
                 f"{folder}: shard {number} is missing or damaged: `omnisim generate` makes it again"
             )
     shards = tuple(shard for shard in found if shard is not None)
-    return Manifest(title, None if licence is None else str(licence), plan, channels, shards)
+    return Manifest(title, None if license is None else str(license), plan, channels, shards)
 
 
 def check_hashes(folder: Path, manifest: Manifest) -> Iterator[ShardSummary]:

@@ -1,6 +1,6 @@
 """Samples of a data set as recordings, which are written in the formats of other tools.
 
-These formats hold the pictures of one scene by the same cameras. A data set of several scenes or
+These formats hold the images of one scene by the same cameras. A data set of several scenes or
 rigs becomes a folder for each: `soccer/fisheye`.
 """
 
@@ -32,7 +32,7 @@ from omnisim.runs.run_manifest import MANIFEST_FORMAT, parse_manifest
 from omnisim.sensors.calibration_file import parse_mount
 from omnisim.sensors.sensor_names import folder_name
 
-SAME = 1e-6  # metres and radians: a camera's pose on its base, computed from two others
+SAME = 1e-6  # meters and radians: a camera's pose on its base, computed from two others
 
 
 class _Files:
@@ -45,23 +45,23 @@ class _Files:
 
     def __init__(self, shards: Shards, folder: Path):
         self._shards, self._folder, self._row = shards, folder, -1
-        self._pictures: dict[str, Path] = {}
+        self._images: dict[str, Path] = {}
 
-    def picture(self, row: int, camera: str) -> Path:
-        """Picture of a sample by the name of its camera; its channels are beside it."""
+    def image(self, row: int, camera: str) -> Path:
+        """Image of a sample by the name of its camera; its channels are beside it."""
         if row != self._row:
             self._row = -1
             shutil.rmtree(self._folder, ignore_errors=True)
             self._folder.mkdir()
-            found = self._shards.pictures(self._shards.extract(row, self._folder))
-            self._pictures = {path.stem.partition(".")[2] or "camera": path for path in found}
+            found = self._shards.images(self._shards.extract(row, self._folder))
+            self._images = {path.stem.partition(".")[2] or "camera": path for path in found}
             self._row = row
-        if camera not in self._pictures:
+        if camera not in self._images:
             raise PlanError(
-                f"{self._shards.folder}: sample {row}: expected a picture of {camera}: its shard "
+                f"{self._shards.folder}: sample {row}: expected an image of {camera}: its shard "
                 "is damaged"
             )
-        return self._pictures[camera]
+        return self._images[camera]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +71,9 @@ class _SampleCamera(RecordedCamera):
     files: _Files
     rows: Sequence[int]
 
-    def picture_file(self, step: int) -> Path:
-        """File of the picture of a step."""
-        return self.files.picture(self.rows[step], self.name)
+    def image_file(self, step: int) -> Path:
+        """File of the image of a step."""
+        return self.files.image(self.rows[step], self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,31 +148,31 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
     numbers, poses = [], []
     for row, content in zip(group.rows, group.contents, strict=True):
         with shards.damage_named(row):
-            pictures: dict[str, dict[str, Any]] = dict(content["pictures"])
-            first = first or pictures
+            images: dict[str, dict[str, Any]] = dict(content["images"])
+            first = first or images
             numbers.append(float(content["number"]))
-            poses.append(pictures[next(iter(first))]["world_from_base"])
-            for name, picture in first.items():
-                found, mount = pictures[name], _mount(pictures[name])
+            poses.append(images[next(iter(first))]["world_from_base"])
+            for name, image in first.items():
+                found, mount = images[name], _mount(images[name])
                 known = mounts.setdefault(name, mount)
-                if found["camera"] != picture["camera"] or np.abs(mount - known).max() > SAME:
+                if found["camera"] != image["camera"] or np.abs(mount - known).max() > SAME:
                     raise PlanError(
                         f"{shards.folder}: sample {content['number']}: {name} is not as in sample "
                         f"{numbers[0]:.0f}: expected cameras that do not vary, as this format has "
-                        "one calibration for all pictures"
+                        "one calibration for all images"
                     )
     run = _run(shards, group, list(first))
     cameras = []
-    for name, picture in first.items():
-        camera = parse_mount(picture | {"base_from_optical": mounts[name]}, run.path / name)
+    for name, image in first.items():
+        camera = parse_mount(image | {"base_from_optical": mounts[name]}, run.path / name)
         cameras.append(_SampleCamera(run, name, camera, files, group.rows))
     return Recording(run, Trajectory(np.array(numbers), np.array(poses)), None, tuple(cameras))
 
 
-def _mount(picture: dict[str, Any]) -> NDArray[np.float64]:
-    """Pose (4, 4) of a picture's camera on its base."""
-    world_from_base = check_pose(picture["world_from_base"])
-    found: NDArray[np.float64] = inverse(world_from_base) @ np.array(picture["world_from_optical"])
+def _mount(image: dict[str, Any]) -> NDArray[np.float64]:
+    """Pose (4, 4) of an image's camera on its base."""
+    world_from_base = check_pose(image["world_from_base"])
+    found: NDArray[np.float64] = inverse(world_from_base) @ np.array(image["world_from_optical"])
     return found
 
 

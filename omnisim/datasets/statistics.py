@@ -1,4 +1,4 @@
-"""Statistics of a shard's pictures: what a data set's card counts."""
+"""Statistics of a shard's images: what a data set's card counts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from omnisim.ground_truth.frame import Frame
 
 BRIGHTNESS_BINS = 16
-# Edges of the histogram of ranges, metres: ten to a decade, 0.1 m to 1 km.
+# Edges of the histogram of ranges, meters: ten to a decade, 0.1 m to 1 km.
 RANGE_EDGES_M = np.logspace(-1.0, 3.0, 41)
 
 
@@ -37,7 +37,7 @@ class Statistics:
     ranges: Counter[int] = field(default_factory=Counter)
 
     def add_frame(self, frame: Frame) -> None:
-        """Count the pixels of a picture."""
+        """Count the pixels of an image."""
         levels = frame.rgb[frame.valid].mean(axis=1).astype(np.intp) * BRIGHTNESS_BINS // 256
         self.brightness.update(_counts(levels, BRIGHTNESS_BINS))
         if "range" in frame.channels:

@@ -30,12 +30,12 @@ class OrientedBox:
     """Oriented bounding box in some frame.
 
     Attributes:
-        centre_m: (3,), in the frame.
+        center_m: (3,), in the frame.
         rotation: (3, 3) frame_from_box: its columns are the box's axes.
         size_m: (3,) along its axes, edge to edge.
     """
 
-    centre_m: NDArray[np.float64]
+    center_m: NDArray[np.float64]
     rotation: NDArray[np.float64]
     size_m: NDArray[np.float64]
 
@@ -50,34 +50,34 @@ class OrientedBox:
 
     def __repr__(self) -> str:
         size = " × ".join(f"{one:.4g}" for one in self.size_m)
-        centre = ", ".join(f"{one:.4g}" for one in self.centre_m)
-        return short_repr(self, f"{size} m", f"at ({centre}) m")
+        center = ", ".join(f"{one:.4g}" for one in self.center_m)
+        return short_repr(self, f"{size} m", f"at ({center}) m")
 
     def transformed(self, pose: NDArray[np.float64]) -> OrientedBox:
         """Box in another frame, by the pose (4, 4) other_from_frame."""
         rotation = pose[:3, :3]
-        centre_m = rotation @ self.centre_m + pose[:3, 3]
-        return OrientedBox(centre_m, rotation @ self.rotation, self.size_m)
+        center_m = rotation @ self.center_m + pose[:3, 3]
+        return OrientedBox(center_m, rotation @ self.rotation, self.size_m)
 
     def within(self, outer: OrientedBox) -> OrientedBox:
         """Part inside of another box of the same axes."""
-        offset_m = (self.centre_m - outer.centre_m) @ self.rotation
+        offset_m = (self.center_m - outer.center_m) @ self.rotation
         half_m = 0.5 * outer.size_m
         low = np.clip(offset_m - 0.5 * self.size_m, -half_m, half_m)
         high = np.clip(offset_m + 0.5 * self.size_m, -half_m, half_m)
-        centre_m = outer.centre_m + self.rotation @ (0.5 * (low + high))
-        return OrientedBox(centre_m, self.rotation, high - low)
+        center_m = outer.center_m + self.rotation @ (0.5 * (low + high))
+        return OrientedBox(center_m, self.rotation, high - low)
 
     @property
     def corners_m(self) -> NDArray[np.float64]:
         """Corners (8, 3); those of the numbers i and j share an edge where i ^ j is 1, 2 or 4."""
         signs = np.array(list(product((-0.5, 0.5), repeat=3)))
-        return self.centre_m + (signs * self.size_m) @ self.rotation.T
+        return self.center_m + (signs * self.size_m) @ self.rotation.T
 
 
 @dataclass(frozen=True, eq=False)
 class InstanceBox:
-    """Boxes of an instance in a picture, world frame.
+    """Boxes of an instance in an image, world frame.
 
     Attributes:
         label: of the instance.
@@ -101,7 +101,7 @@ def visible_boxes(
     labels: Labels,
     full: Mapping[int, OrientedBox],
 ) -> tuple[InstanceBox, ...]:
-    """Boxes of the instances in a picture, by rising ID.
+    """Boxes of the instances in an image, by rising ID.
 
     Args:
         positions_m: (height, width, 3), the channel `position`.
@@ -130,13 +130,13 @@ def boxes_json(
     file_name: str,
     metadata: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Boxes of one picture in both frames, as JSON can hold them.
+    """Boxes of one image in both frames, as JSON can hold them.
 
     Args:
         boxes: world frame.
         labels: names of the classes.
-        file_name: of the picture.
-        metadata: of the picture, with the camera's pose.
+        file_name: of the image.
+        metadata: of the image, with the camera's pose.
     """
     world_from_optical = np.array(metadata["world_from_optical"])
     names = {label.id: label.name for label in labels.classes}
@@ -168,7 +168,7 @@ def _in_frames(box: OrientedBox, frames: Mapping[str, NDArray[np.float64]]) -> d
     for name, pose in frames.items():
         there = box.transformed(pose)
         found[name] = {
-            "centre_m": there.centre_m.tolist(),
+            "center_m": there.center_m.tolist(),
             "quaternion_xyzw": quaternion_from_rotation(there.rotation[None])[0].tolist(),
         }
     return found

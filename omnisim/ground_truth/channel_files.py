@@ -1,4 +1,4 @@
-"""Sidecar files of an 8-bit picture: one file per channel, in standard formats.
+"""Sidecar files of an 8-bit image: one file per channel, in standard formats.
 
     frame.range.png             16 bits: 0 outside of the camera, 65535: nothing is hit; a step is
                                 1 mm, or, to hold what is beyond 65.534 m, 2, 5, 10 mm …: see JSON
@@ -48,25 +48,25 @@ FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _LARGEST
 _RANGE_ABOUT = (
     "length of the ray from the effective viewpoint, in steps, at least 1; the scale is this "
-    "picture's own"
+    "image's own"
 )
 
 
 def write_sidecars(
-    picture: Path,
+    image: Path,
     channels: Mapping[str, NDArray[Any]],
     labels: Labels | None,
     metadata: Mapping[str, Any],
     has_ray: NDArray[np.bool_],
     channel_format: ChannelFormat = ChannelFormat.AUTO,
 ) -> None:
-    """Write files for each channel beside the picture, and their description.
+    """Write files for each channel beside the image, and their description.
 
     Args:
-        picture: its path.
+        image: its path.
         channels: by name.
         labels: of the IDs of classes and instances.
-        metadata: the picture's.
+        metadata: the image's.
         has_ray: (height, width), false outside of the lens or the mirror.
         channel_format: of the files; those of an EXR's layers are not written here.
 
@@ -77,14 +77,14 @@ def write_sidecars(
     for name, values in channels.items():
         channel = CHANNELS[name]
         described[name] = {"unit": channel.unit, "about": channel.about}
-        if channel_format is not ChannelFormat.NPY and not is_float_format(picture):
+        if channel_format is not ChannelFormat.NPY and not is_float_format(image):
             if name == "range":
-                files, scale = _write_ranges(picture, values, has_ray)
+                files, scale = _write_ranges(image, values, has_ray)
             else:
-                files, scale = _write(picture, name, values, labels, metadata)
+                files, scale = _write(image, name, values, labels, metadata)
             described[name] = {"files": files} | described[name] | scale
         if channel_format is not ChannelFormat.AUTO:
-            path = sidecar_path(picture, f"{name}.npy")
+            path = sidecar_path(image, f"{name}.npy")
             write_npy(path, values)
             described[name]["npy"] = {
                 "file": path.name,
@@ -95,32 +95,32 @@ def write_sidecars(
     content = dict(metadata) | {"channels": described}
     if labels is not None:
         content["labels"] = labels.to_json()
-    write_json(sidecar_path(picture, "channels.json"), content)
+    write_json(sidecar_path(image, "channels.json"), content)
 
 
-def write_boxes(picture: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
-    """Write the instances' boxes beside the picture, where there is the channel instance.
+def write_boxes(image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
+    """Write the instances' boxes beside the image, where there is the channel instance.
 
     Raises:
         OutputError: the file cannot be written.
     """
     if labels is not None and "instance" in channels:
-        content = coco_image(channels["instance"], labels, picture.name)
-        write_json(sidecar_path(picture, "coco.json"), content)
+        content = coco_image(channels["instance"], labels, image.name)
+        write_json(sidecar_path(image, "coco.json"), content)
 
 
-def limit_boxes(picture: Path, limits: BoxLimits, shares: Mapping[int, float]) -> None:
-    """Add visible shares to the boxes beside a picture, and leave out those beyond limits.
+def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> None:
+    """Add visible shares to the boxes beside an image, and leave out those beyond limits.
 
     Args:
-        picture: its path.
+        image: its path.
         limits: of the boxes that stay.
         shares: of the instances by ID; empty: they are not known.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    path = sidecar_path(picture, "coco.json")
+    path = sidecar_path(image, "coco.json")
     content = json.loads(path.read_text(encoding="utf-8"))
     for one in content["annotations"]:
         if one["instance_id"] in shares:
@@ -131,30 +131,30 @@ def limit_boxes(picture: Path, limits: BoxLimits, shares: Mapping[int, float]) -
 
 
 def write_previews(
-    picture: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None
+    image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None
 ) -> list[Path]:
-    """Write false-colour pictures of the channels beside the picture, and return their paths.
+    """Write false-color images of the channels beside the image, and return their paths.
 
     Raises:
         OutputError: a file cannot be written.
     """
     files = []
     for name, values in channels.items():
-        files.append(sidecar_path(picture, f"{name}.preview.png"))
+        files.append(sidecar_path(image, f"{name}.preview.png"))
         write_image(files[-1], preview(name, values, labels))
     return files
 
 
-def sidecar_path(picture: Path, ending: str) -> Path:
+def sidecar_path(image: Path, ending: str) -> Path:
     """Path of a sidecar: `frame.png` and `range.png` make `frame.range.png`."""
-    return picture.with_name(f"{picture.stem}.{ending}")
+    return image.with_name(f"{image.stem}.{ending}")
 
 
-def is_sidecar_name(picture: Path, path: Path) -> bool:
-    """Tell whether the channels of a picture may write a file of this name."""
-    if path.resolve().parent != picture.resolve().parent:
+def is_sidecar_name(image: Path, path: Path) -> bool:
+    """Tell whether the channels of an image may write a file of this name."""
+    if path.resolve().parent != image.resolve().parent:
         return False
-    stem, _, ending = path.name.partition(f"{picture.stem}.")
+    stem, _, ending = path.name.partition(f"{image.stem}.")
     is_ours = ending in _SIDECARS or ending.partition(".")[0] in CHANNELS
     return not stem and is_ours
 
@@ -172,7 +172,7 @@ def range_steps_per_m(ranges_m: NDArray[Any]) -> float:
 
 
 def _write_ranges(
-    picture: Path, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
+    image: Path, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
 ) -> tuple[list[str], dict[str, Any]]:
     """Write ranges as a PNG; return its name, and the scale and meaning of its numbers."""
     steps_per_m = range_steps_per_m(ranges_m)
@@ -180,7 +180,7 @@ def _write_ranges(
     steps = np.rint(steps_per_m * np.where(hit, ranges_m, 0.0))
     # 0 stands for outside: what is hit is at least a step away
     steps = np.where(hit, np.maximum(steps, 1), np.where(has_ray, _NOTHING_HIT, 0))
-    path = sidecar_path(picture, "range.png")
+    path = sidecar_path(image, "range.png")
     write_numbers(path, steps.astype(np.uint16))
     return [path.name], {
         "about": _RANGE_ABOUT,
@@ -215,14 +215,14 @@ _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]
 
 
 def _write(
-    picture: Path,
+    image: Path,
     name: str,
     values: NDArray[Any],
     labels: Labels | None,
     metadata: Mapping[str, Any],
 ) -> tuple[list[str], dict[str, Any]]:
     """Write one channel; return its files' names, and the scale of their numbers."""
-    path = sidecar_path(picture, f"{name}.png")
+    path = sidecar_path(image, f"{name}.png")
     scale: dict[str, int] = {}
     if name in _NUMBERS:
         encode, scale = _NUMBERS[name]
@@ -247,6 +247,6 @@ def _ids(
 ) -> NDArray[np.uint8 | np.uint16]:
     if ids.max(initial=0) > _LARGEST:
         raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_LARGEST}: expected .exr")
-    # by the scene's labels, not the picture's: all pictures of a scene have the same depth
+    # by the scene's labels, not the image's: all images of a scene have the same depth
     few = name == "semantic" and labels is not None and labels.classes[-1].id < 256
     return ids.astype(np.uint8 if few else np.uint16)

@@ -1,7 +1,7 @@
 """Channels of ground truth by name: contents, units, and layers in files.
 
-Each belongs to the ray of the pixel's centre, from the effective viewpoint: exactly, never averaged
-over the pixel, never blended with its neighbours. The picture's own colours are averages.
+Each belongs to the ray of the pixel's center, from the effective viewpoint: exactly, never averaged
+over the pixel, never blended with its neighbors. The image's own colors are averages.
 
 A masked surface counts where it is not a hole, a blended one where its alpha is at least 0.5:
 behind clear glass the channels show what is behind it.
@@ -49,7 +49,7 @@ class Channel:
         unit: of the numbers; empty: none.
         about: its contents, also where nothing is hit.
         empty: number where the pixel has no ray.
-        other: picture that it also depends on: "next", "previous", or empty.
+        other: image that it also depends on: "next", "previous", or empty.
     """
 
     name: ChannelName
@@ -94,7 +94,7 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "albedo", tuple(f"albedo.{color}" for color in "RGB"), "float32", "",
-            "base colour without any light, linear RGB; 0: nothing is hit",
+            "base color without any light, linear RGB; 0: nothing is hit",
         ),
         Channel(
             "roughness", ("roughness",), "float32", "",
@@ -123,41 +123,41 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "flow", ("flow.U", "flow.V"), "float32", "px",
-            "from the pixel to where its point is in the next picture, u right, v down; of "
-            "nothing's direction where nothing is hit; NaN: the next picture's lens cannot see it",
+            "from the pixel to where its point is in the next image, u right, v down; of "
+            "nothing's direction where nothing is hit; NaN: the next image's lens cannot see it",
             math.nan, "next",
         ),
         Channel(
             "occluded", ("occluded",), "uint8", "",
-            "the point in the next picture: 0 visible, 1 hidden, 2 outside of it, 255 the pixel "
+            "the point in the next image: 0 visible, 1 hidden, 2 outside of it, 255 the pixel "
             "sees nothing",
             255, "next",
         ),
         Channel(
             "flow_backward", ("flow_backward.U", "flow_backward.V"), "float32", "px",
-            "from the pixel to where its point was in the previous picture, otherwise as flow",
+            "from the pixel to where its point was in the previous image, otherwise as flow",
             math.nan, "previous",
         ),
         Channel(
             "occluded_backward", ("occluded_backward",), "uint8", "",
-            "the point in the previous picture, otherwise as occluded",
+            "the point in the previous image, otherwise as occluded",
             255, "previous",
         ),
         Channel(
             "scene_flow", _xyz("scene_flow"), "float32", "m",
-            "motion of the point until the next picture, world frame: 0 on the static scene; "
+            "motion of the point until the next image, world frame: 0 on the static scene; "
             "NaN: nothing is hit",
             math.nan, "next",
         ),
         Channel(
             "scene_flow_camera", _xyz("scene_flow_camera"), "float32", "m",
-            "the same relative to the camera: the point in the next picture's optical frame, less "
+            "the same relative to the camera: the point in the next image's optical frame, less "
             "the point in this one's",
             math.nan, "next",
         ),
         Channel(
             "valid", ("valid",), "uint8", "",
-            "1: the pixel's centre has a ray; 0: it is outside of the lens or the mirror",
+            "1: the pixel's center has a ray; 0: it is outside of the lens or the mirror",
         ),
     )
 }  # fmt: skip

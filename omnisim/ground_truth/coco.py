@@ -17,9 +17,9 @@ from omnisim.ground_truth.label_names import Labels
 
 _ABOUT = (
     "Boxes and areas are those of the instance's visible pixels, nothing more: what is hidden is "
-    "not in them. Straight edges are curved in an omnidirectional picture, so a box holds more "
+    "not in them. Straight edges are curved in an omnidirectional image, so a box holds more "
     "that is not the instance's than in a perspective one; and what stands across the seam of a "
-    "picture that goes all around has a box as wide as the picture. Box: x, y, width, height in "
+    "image that goes all around has a box as wide as the image. Box: x, y, width, height in "
     "pixels from the corner of the first one."
 )
 VISIBLE_SHARE = "visible_share"  # of an annotation, where it is known
@@ -52,12 +52,12 @@ class BoxLimits:
 def coco_image(
     instances: NDArray[np.integer[Any]], labels: Labels, file_name: str, image_id: int = 0
 ) -> dict[str, Any]:
-    """COCO data of one picture.
+    """COCO data of one image.
 
     Args:
         instances: (height, width), the channel.
         labels: of the instances.
-        file_name: of the picture.
+        file_name: of the image.
         image_id: its number.
     """
     height, width = instances.shape
@@ -126,7 +126,7 @@ def _whole(
 
 
 def merged(parts: Sequence[Mapping[str, Any]], labels: Labels) -> dict[str, Any]:
-    """COCO data of several pictures in one; their image IDs have to differ."""
+    """COCO data of several images in one; their image IDs have to differ."""
     return _whole(
         labels,
         [image for part in parts for image in part["images"]],

@@ -1,4 +1,4 @@
-"""Frames: a rendered picture with metadata and ground truth."""
+"""Frames: a rendered image with metadata and ground truth."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from omnisim.ground_truth.npy import ChannelFormat
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A picture, first row at the top.
+    """An image, first row at the top.
 
     Attributes:
         rgba: (height, width, 4) uint8, sRGB; alpha is 255 where the camera sees something.
@@ -39,7 +39,7 @@ class Frame:
         channels: ground truth by name, (height, width) or (height, width, n), where it was asked
             for; see `omnisim.ground_truth.CHANNELS`. A notebook shows their previews.
         labels: of the IDs of classes and instances, or None: no channels.
-        has_ray: (height, width), false where a pixel's centre is outside of the lens or the mirror,
+        has_ray: (height, width), false where a pixel's center is outside of the lens or the mirror,
             or None: no channels.
         boxes_3d: oriented boxes of the visible instances, where they were asked for.
     """
@@ -68,12 +68,12 @@ class Frame:
         )
 
     def _repr_png_(self) -> bytes:
-        """PNG file of the picture, as notebooks show it."""
+        """PNG file of the image, as notebooks show it."""
         return png_bytes(self.rgb)
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """Colours (height, width, 3) uint8, sRGB; black where the camera sees nothing."""
+        """Colors (height, width, 3) uint8, sRGB; black where the camera sees nothing."""
         return self.rgba[..., :3]
 
     @property
@@ -89,13 +89,13 @@ class Frame:
         and `<stem>.boxes_3d.json`.
 
         Args:
-            path: of the picture.
-            previews: also write the channels in colours, `<stem>.range.preview.png` and so on.
+            path: of the image.
+            previews: also write the channels in colors, `<stem>.range.preview.png` and so on.
             channel_format: "npy": each channel's array in `<stem>.range.npy` and so on, in place of
                 the files above, with `<stem>.channels.json`; "both"; or "auto": the files above.
 
         Raises:
-            OutputError: an unknown format, EXR without a linear picture, or a file that cannot
+            OutputError: an unknown format, EXR without a linear image, or a file that cannot
                 be written.
         """
         path, files = Path(path), ChannelFormat.parse(channel_format)
@@ -103,7 +103,7 @@ class Frame:
             write_image(path, self.rgb, self.metadata)
         elif self.linear is None:
             raise OutputError(
-                f"{path}: EXR holds linear colours: expected a frame rendered with linear=True"
+                f"{path}: EXR holds linear colors: expected a frame rendered with linear=True"
             )
         elif self.channels and files is not ChannelFormat.NPY:
             write_exr(path, self.channels, self.labels, self.metadata, self.linear)

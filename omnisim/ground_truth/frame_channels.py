@@ -1,4 +1,4 @@
-"""Channels of a frame by name, which notebooks show in false colours."""
+"""Channels of a frame by name, which notebooks show in false colors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class FrameChannels(dict[str, NDArray[Any]]):
 
     Args:
         channels: the arrays.
-        labels: of classes and instances, for the colours of their previews.
+        labels: of classes and instances, for the colors of their previews.
     """
 
     def __init__(self, channels: Mapping[str, NDArray[Any]], labels: Labels | None = None):

@@ -1,4 +1,4 @@
-"""Hits of the rays of a picture's pixels."""
+"""Hits of the rays of an image's pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Labels: names and colours of the IDs of classes and instances."""
+"""Labels: names and colors of the IDs of classes and instances."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ClassLabel:
     Attributes:
         id: in the channel.
         name: of the class.
-        color: 8-bit sRGB, for pictures.
+        color: 8-bit sRGB, for images.
     """
 
     id: int
@@ -57,13 +57,13 @@ class Labels:
         classes: by rising id; without `NOTHING`.
         instances: IDs 1, 2, and so on; without `NOTHING`.
         source: of the classes: "table", or "names" of the instances.
-        unlabelled: names in no class of the table.
+        unlabeled: names in no class of the table.
     """
 
     classes: tuple[ClassLabel, ...]
     instances: tuple[InstanceLabel, ...]
     source: str
-    unlabelled: tuple[str, ...] = ()
+    unlabeled: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return short_repr(
@@ -80,7 +80,7 @@ class Labels:
 
     @cached_property
     def class_colors(self) -> NDArray[np.uint8]:
-        """Colours (largest id + 1, 3) of the classes; black where there is none."""
+        """Colors (largest id + 1, 3) of the classes; black where there is none."""
         colors = np.zeros((max((c.id for c in self.classes), default=0) + 1, 3), dtype=np.uint8)
         for label in self.classes:
             colors[label.id] = label.color
@@ -93,9 +93,9 @@ class Labels:
                 "the scene has no labels: classes are the instances' names without numbers; "
                 "a [[labels]] table in its TOML, or --labels FILE, says better",
             )
-        if self.unlabelled:
-            count, first = len(self.unlabelled), self.unlabelled[0]
-            return (f"no label for {count} instances, such as {first!r}: they are 'unlabelled'",)
+        if self.unlabeled:
+            count, first = len(self.unlabeled), self.unlabeled[0]
+            return (f"no label for {count} instances, such as {first!r}: they are 'unlabeled'",)
         return ()
 
     @classmethod
@@ -146,7 +146,7 @@ def _color(values: Any) -> tuple[int, int, int]:
 
 
 def distinct_color(number: int) -> tuple[int, int, int]:
-    """A colour, 8-bit sRGB, unlike those of the numbers beside it; always the same."""
+    """A color, 8-bit sRGB, unlike those of the numbers beside it; always the same."""
     hue = (0.08 + number * _GOLDEN) % 1.0
     saturation, value = 0.55 + 0.15 * (number % 3), 0.95 - 0.18 * (number // 3 % 3)
     red, green, blue = colorsys.hsv_to_rgb(hue, saturation, value)

@@ -1,4 +1,4 @@
-"""Legends of the false colours of channels."""
+"""Legends of the false colors of channels."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _AXES = {
     "position": "x, y, z modulo 1 m as red, green, blue",
     "normals": "x, y, z of the world as red, green, blue",
     "normals_camera": "x, y, z of the camera as red, green, blue",
-    "albedo": "base colour without light",
+    "albedo": "base color without light",
     "flow": "direction as hue, length as saturation",
     "flow_backward": "direction as hue, length as saturation",
-    "scene_flow": "x, y, z as red, green, blue; grey at rest",
-    "scene_flow_camera": "x, y, z as red, green, blue; grey at rest",
+    "scene_flow": "x, y, z as red, green, blue; gray at rest",
+    "scene_flow_camera": "x, y, z as red, green, blue; gray at rest",
 }
 _OCCLUSION_NAMES = {0: "visible", 1: "hidden", 2: "outside"}
 

@@ -16,9 +16,9 @@ from omnisim.core.files.atomic_file import atomic_write
 
 
 class ChannelFormat(StrEnum):
-    """File formats of a picture's channels."""
+    """File formats of an image's channels."""
 
-    AUTO = "auto"  # layers of an EXR; beside other pictures PNG, EXR and FLO
+    AUTO = "auto"  # layers of an EXR; beside other images PNG, EXR and FLO
     NPY = "npy"
     BOTH = "both"
 

@@ -1,4 +1,4 @@
-"""False colours of channels: for display, not for measuring."""
+"""False colors of channels: for display, not for measuring."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ NEAR_TO_FAR = np.array(
     [[253, 250, 160], [251, 176, 51], [226, 84, 62], [142, 36, 106], [56, 22, 100], [12, 10, 44]]
 )
 OCCLUSION = {0: (60, 150, 90), 1: (220, 60, 50), 2: (235, 190, 60)}  # visible, occluded, outside
-_OFF_M = 0.37  # floors and walls like to be at whole metres, where the pattern jumps
+_OFF_M = 0.37  # floors and walls like to be at whole meters, where the pattern jumps
 _HUES = np.array([colorsys.hsv_to_rgb(hue / 256, 1.0, 1.0) for hue in range(257)])
 
 
 def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> NDArray[np.uint8]:
-    """False colours (height, width, 3) uint8, sRGB, of a channel; black where there is nothing.
+    """False colors (height, width, 3) uint8, sRGB, of a channel; black where there is nothing.
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
-    and blue below. Position: a pattern of metres. Normals: x, y, z as red, green, blue. Roughness
-    and metalness: dark at 0, white at 1; light emitted as in the picture, clipped. Flow:
+    and blue below. Position: a pattern of meters. Normals: x, y, z as red, green, blue. Roughness
+    and metalness: dark at 0, white at 1; light emitted as in the image, clipped. Flow:
     direction as hue, root of the length as saturation, full at the 95th percentile. Scene
-    flow: x, y, z as red, green, blue, grey at rest, full at the 99th percentile. Occlusion: green
+    flow: x, y, z as red, green, blue, gray at rest, full at the 99th percentile. Occlusion: green
     visible, red occluded, yellow outside.
     """
     if name == "semantic" and labels is not None:
@@ -38,7 +38,7 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
 
 
 def range_limits(distances: NDArray[Any]) -> tuple[float, float]:
-    """Ranges in the brightest and the darkest colour of their preview; 1 m where none is finite."""
+    """Ranges in the brightest and the darkest color of their preview; 1 m where none is finite."""
     near, far = np.exp(_log_limits(distances)).tolist()
     return near, far
 
@@ -53,7 +53,7 @@ def _log_limits(distances: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def signed_limit(values: NDArray[Any]) -> float:
-    """Size of the value in the full colours of the preview of z."""
+    """Size of the value in the full colors of the preview of z."""
     seen = np.isfinite(values)
     if not seen.any():
         return 1.0
@@ -100,8 +100,8 @@ def _normals(normals: NDArray[Any]) -> NDArray[np.uint8]:
 
 def _shares(shares: NDArray[Any]) -> NDArray[np.uint8]:
     # black stands for nothing
-    grey = np.where(np.isnan(shares), 0.0, 40.0 + 215.0 * np.clip(shares, 0.0, 1.0))
-    return np.repeat(np.rint(grey)[..., None], 3, axis=-1).astype(np.uint8)
+    gray = np.where(np.isnan(shares), 0.0, 40.0 + 215.0 * np.clip(shares, 0.0, 1.0))
+    return np.repeat(np.rint(gray)[..., None], 3, axis=-1).astype(np.uint8)
 
 
 def _ids(ids: NDArray[Any]) -> NDArray[np.uint8]:

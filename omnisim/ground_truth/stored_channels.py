@@ -1,4 +1,4 @@
-"""Channels read back from the files of a picture: layers of EXR files, arrays and sidecars."""
+"""Channels read back from the files of an image: layers of EXR files, arrays and sidecars."""
 
 from __future__ import annotations
 
@@ -20,39 +20,39 @@ from omnisim.ground_truth.flow_files import read_flo
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import read_npy
 
-# Values that two files of one picture have in common.
+# Values that two files of one image have in common.
 _IDENTITY = ("scene", "camera", "world_from_base", "world_from_optical")
 
 
 class StoredChannels:
-    """Channels beside a picture or inside of it, whichever way `Frame.save` or a drive wrote them.
+    """Channels beside an image or inside of it, whichever way `Frame.save` or a drive wrote them.
 
     Arrays and EXR files have them exactly, PNG files in the steps that their description states.
 
     Args:
-        picture: its path.
-        metadata: the picture's; files of another picture are refused.
+        image: its path.
+        metadata: the image's; files of another image are refused.
 
     Attributes:
         names: of the channels that are there, in their order.
 
     Raises:
-        OutputError: a file that cannot be read, or of another picture.
+        OutputError: a file that cannot be read, or of another image.
     """
 
-    def __init__(self, picture: Path, metadata: Mapping[str, Any]):
-        self._picture = picture
+    def __init__(self, image: Path, metadata: Mapping[str, Any]):
+        self._image = image
         self._layers: dict[str, NDArray[np.float32]] = {}
         self._described: dict[str, dict[str, Any]] = {}
         self._tables: list[Any] = []
-        step = sidecar_path(picture, "channels.exr")  # as a drive has it
-        for path in (picture if is_float_format(picture) else step,):
+        step = sidecar_path(image, "channels.exr")  # as a drive has it
+        for path in (image if is_float_format(image) else step,):
             if path.is_file() and path.suffix.lower() == ".exr":
                 found = read_channels(path)
                 _check_identity(path, found.metadata or {}, metadata)
                 self._layers = found.values
                 self._tables.append((found.metadata or {}).get("labels"))
-        description = sidecar_path(picture, "channels.json")
+        description = sidecar_path(image, "channels.json")
         if description.is_file():
             content = _read_json(description)
             _check_identity(description, content, metadata)
@@ -79,14 +79,14 @@ class StoredChannels:
             OutputError: a damaged table.
         """
         tables = [table for table in self._tables if table]
-        run = self._picture.parent.parent
+        run = self._image.parent.parent
         if not tables and (run / "manifest.json").is_file() and (run / "labels.json").is_file():
             tables.append(_read_json(run / "labels.json"))
-        return _labels(tables[0], self._picture) if tables else None
+        return _labels(tables[0], self._image) if tables else None
 
     def _is_inside(self, name: str) -> bool:
-        """Layer of the picture itself, which is never older than the picture."""
-        return is_float_format(self._picture) and CHANNELS[name].layers[0] in self._layers
+        """Layer of the image itself, which is never older than the image."""
+        return is_float_format(self._image) and CHANNELS[name].layers[0] in self._layers
 
     def read(self, names: Collection[str]) -> dict[str, NDArray[Any]]:
         """Read channels by name.
@@ -97,7 +97,7 @@ class StoredChannels:
         for name in names:
             if name not in self.names:
                 there = ", ".join(self.names) or "none"
-                raise OutputError(f"{self._picture}: channel {name!r}: not there; it has {there}")
+                raise OutputError(f"{self._image}: channel {name!r}: not there; it has {there}")
         return {name: self._read(name) for name in names}
 
     def _read(self, name: str) -> NDArray[Any]:
@@ -115,19 +115,19 @@ class StoredChannels:
             raise
         except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
             raise OutputError(
-                f"{self._picture}: channel {name!r}: its file is missing or damaged"
+                f"{self._image}: channel {name!r}: its file is missing or damaged"
             ) from None
         dtype = np.dtype(CHANNELS[name].dtype)
         if dtype.kind == "u" and not np.all((values >= 0) & (values <= np.iinfo(dtype).max)):
-            raise OutputError(f"{self._picture}: channel {name!r}: expected {dtype}")
+            raise OutputError(f"{self._image}: channel {name!r}: expected {dtype}")
         typed: NDArray[Any] = values.astype(dtype, copy=False)
         return typed
 
     def _beside(self, name: object) -> Path:
-        """Path of a file beside the picture; a ValueError, where that is no file's name."""
+        """Path of a file beside the image; a ValueError, where that is no file's name."""
         if not isinstance(name, str) or not name.isprintable():
             raise ValueError(name)
-        return self._picture.with_name(name)
+        return self._image.with_name(name)
 
 
 def _from_layers(name: str, layers: Mapping[str, NDArray[np.float32]]) -> NDArray[Any]:
@@ -162,7 +162,7 @@ def _check_identity(path: Path, found: Mapping[str, Any], metadata: Mapping[str,
     for key in _IDENTITY:
         if key in metadata and found.get(key) != metadata[key]:
             raise OutputError(
-                f"{path}: {key}: differs from the picture's: these are channels of another picture"
+                f"{path}: {key}: differs from the image's: these are channels of another image"
             )
 
 
@@ -176,8 +176,8 @@ def _read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def _labels(table: Any, picture: Path) -> Labels:
+def _labels(table: Any, image: Path) -> Labels:
     try:
         return Labels.from_json(table)
     except (KeyError, TypeError, ValueError):
-        raise OutputError(f"{picture}: its table of labels is damaged") from None
+        raise OutputError(f"{image}: its table of labels is damaged") from None

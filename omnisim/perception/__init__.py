@@ -1,1 +1,1 @@
-"""Perception: views unwarped from omnidirectional pictures, colour models and landmarks."""
+"""Perception: views unwarped from omnidirectional images, color models and landmarks."""

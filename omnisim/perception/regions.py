@@ -1,4 +1,4 @@
-"""Connected regions of one colour in a panorama, whose right edge is its left edge again."""
+"""Connected regions of one color in a panorama, whose right edge is its left edge again."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> l
     colored = np.flatnonzero(classes.any(axis=1))
     if not len(colored):
         return []
-    above = int(colored[0])  # rows above and below without any colour are not looked at
+    above = int(colored[0])  # rows above and below without any color are not looked at
     doubled = wrapped_around(classes[above : int(colored[-1]) + 1])
     # the middle of each thing is within one turn that starts a quarter from the left
     first = width // 4

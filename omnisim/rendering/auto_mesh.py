@@ -1,4 +1,4 @@
-"""Polygons of a mirror's mesh that keep the picture right to a tenth of a pixel."""
+"""Polygons of a mirror's mesh that keep the image right to a tenth of a pixel."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MAX_TRACED_POLYGONS = 1 << 18  # beyond, an optical system's mesh takes longer 
 
 
 def auto_polygons(camera: CentralCamera) -> int | None:
-    """Fewest polygons with an error of at most `MAX_ERROR_PX` anywhere in a camera's picture.
+    """Fewest polygons with an error of at most `MAX_ERROR_PX` anywhere in a camera's image.
 
     Returns:
         None: exact, as no mesh is fine enough, or there is no mirror with a mesh.
@@ -43,7 +43,7 @@ def most_polygons(camera: CentralCamera) -> int | None:
 
 
 def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
-    """Largest error of a mesh anywhere in a camera's picture, with that of its outline and of
+    """Largest error of a mesh anywhere in a camera's image, with that of its outline and of
     rasterization; exact: 0."""  # fmt: skip
     if polygons is not None and isinstance(camera, NonCentralCamera):
         from omnisim.cameras.optics.mesh_error import SystemMeshErrors
@@ -56,7 +56,7 @@ def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
 
 
 def _shown(camera: HyperbolicCamera) -> Annulus:
-    """Circles around the mirror's axis between which the picture lies."""
+    """Circles around the mirror's axis between which the image lies."""
     first = -0.5 - np.asarray(camera.principal_point_px)
     last = first + (camera.width_px, camera.height_px)
     nearest = np.clip(0.0, first, last)

@@ -1,4 +1,4 @@
-"""Contract of back ends: what makes a scene's pictures and hits, whatever way.
+"""Contract of back ends: what makes a scene's images and hits, whatever way.
 
 A back end is two classes and a `HitSource`: the scene's side, of which a stage has one, and each
 camera's. `omnisim.rendering.shared_scene` opens them by name.
@@ -35,7 +35,7 @@ class CameraSetup:
 
     Attributes:
         sensor: the camera.
-        unlit: show plain base colours.
+        unlit: show plain base colors.
         hidden: parts of the vehicle that it does not see.
         seed: of its noise.
         vehicles: names of the objects that are bodies of vehicles.
@@ -63,12 +63,12 @@ class LabelCache:
 
 
 def seen_background(scene: Scene, unlit: bool) -> tuple[float, float, float]:
-    """Linear RGB where nothing is hit: behind fog, which plain base colours have none of."""
+    """Linear RGB where nothing is hit: behind fog, which plain base colors have none of."""
     return scene.background if unlit else scene.lighting.background(scene.background)
 
 
 class CameraBackend(ABC):
-    """Makes the pictures of one camera, and finds the hits of its rays."""
+    """Makes the images of one camera, and finds the hits of its rays."""
 
     def __init__(self, world: SceneBackend, setup: CameraSetup):
         self.world, self.setup = world, setup
@@ -99,12 +99,12 @@ class CameraBackend(ABC):
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
     ) -> Callable[[], None] | None:
-        """Start to take pictures from poses, at rest; here one after the other.
+        """Start to take images from poses, at rest; here one after the other.
 
         Args:
-            poses: of each picture.
+            poses: of each image.
             out: (n, height, width, 3 or 4), contiguous.
-            frame_number: of the first picture.
+            frame_number: of the first image.
 
         Returns:
             Wait until `out` is filled, as it also is by the next batch; None: it is.
@@ -120,7 +120,7 @@ class CameraBackend(ABC):
 
     @abstractmethod
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Pictures (size, size, 3) of virtual cameras, linear, by name.
+        """Images (size, size, 3) of virtual cameras, linear, by name.
 
         Raises:
             GraphicsError: it has none.
@@ -153,7 +153,7 @@ class RangeFinder(Protocol):
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
 
 
 class BeamCaster(Protocol):

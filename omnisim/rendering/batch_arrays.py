@@ -1,4 +1,4 @@
-"""Arrays of a batch: pictures and channels of ground truth, made here or the caller's."""
+"""Arrays of a batch: images and channels of ground truth, made here or the caller's."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels
 
-PICTURES = {"rgb": 3, "rgba": 4}  # numbers of a pixel
+IMAGES = {"rgb": 3, "rgba": 4}  # numbers of a pixel
 
 
 def check_contents(names: Collection[str]) -> tuple[str, ...]:
-    """Pictures and channels of these names: pictures first, then in the order of `CHANNELS`.
+    """Images and channels of these names: images first, then in the order of `CHANNELS`.
 
     Raises:
-        OutputError: an unknown name, a text in place of names, or both pictures.
+        OutputError: an unknown name, a text in place of names, or both images.
     """
     if isinstance(names, str):
         return check_channels(names)  # refuses it
-    pictures = [name for name in PICTURES if name in names]
-    if len(pictures) == len(PICTURES):
+    images = [name for name in IMAGES if name in names]
+    if len(images) == len(IMAGES):
         raise OutputError("channels: expected one of rgb and rgba, got both")
-    return (*pictures, *check_channels(name for name in names if name not in PICTURES))
+    return (*images, *check_channels(name for name in names if name not in IMAGES))
 
 
 def batch_arrays(
@@ -37,7 +37,7 @@ def batch_arrays(
 
     Args:
         names: as `check_contents` gives them.
-        size: number, height and width of the pictures.
+        size: number, height and width of the images.
         out: of the caller, by name; a single array is that of the only name; None: new ones.
 
     Raises:
@@ -58,8 +58,8 @@ def batch_arrays(
 
 def _layout(name: str, size: tuple[int, int, int]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of an array."""
-    if name in PICTURES:
-        return (*size, PICTURES[name]), np.dtype(np.uint8)
+    if name in IMAGES:
+        return (*size, IMAGES[name]), np.dtype(np.uint8)
     channel = CHANNELS[name]
     parts = len(channel.layers)
     return (*size, parts) if parts > 1 else size, np.dtype(channel.dtype)

@@ -1,4 +1,4 @@
-"""Batches: pictures and ground truth of many states of the world, drawn together."""
+"""Batches: images and ground truth of many states of the world, drawn together."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omnisim.core.poses import check_poses
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.backend import CameraBackend
-from omnisim.rendering.batch_arrays import PICTURES, batch_arrays, check_contents
+from omnisim.rendering.batch_arrays import IMAGES, batch_arrays, check_contents
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_renderer import SensorRenderer
@@ -89,7 +89,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         previous_states: States | None = None,
         frame_number: int = 0,
     ) -> NDArray[np.uint8] | dict[str, NDArray[Any]]:
-        """Render pictures (n, height, width, 3) uint8, sRGB, of n states in one submission.
+        """Render images (n, height, width, 3) uint8, sRGB, of n states in one submission.
 
         They are those of n single frames, byte for byte. Memory is bounded: many are drawn slice
         by slice. Arrays are contiguous and writeable, as DLPack needs them.
@@ -97,11 +97,11 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         Args:
             states: n, each as for `render`; poses are quickest as one array (n, 4, 4).
             channels: names of channels of ground truth, and "rgb" or "rgba"; the result is then
-                arrays (n, height, width, …) by name. None: the picture alone.
+                arrays (n, height, width, …) by name. None: the image alone.
             out: arrays to fill and return, by name; or that of the only name.
             next_states: n, which flow and scene flow need.
             previous_states: n, for backward flow.
-            frame_number: of the first picture; noise differs from picture to picture. The world is
+            frame_number: of the first image; noise differs from image to image. The world is
                 at rest in each.
 
         Raises:
@@ -128,7 +128,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         previous_states: States | None = None,
         frame_number: int = 0,
     ) -> PendingBatch:
-        """Begin to render a batch, see `render_batch`, and do not wait for its pictures.
+        """Begin to render a batch, see `render_batch`, and do not wait for its images.
 
         Several cameras of a stage, of a rig or of a team, are drawn together so: begin with each,
         then take each `PendingBatch.result`. A renderer's next batch ends the one before.
@@ -144,7 +144,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         truth = {name: array for name, array in arrays.items() if name in CHANNELS}
         end: Callable[[], None] | None = None
         with self._current() as passes:
-            for array in (arrays[name] for name in PICTURES if name in arrays):
+            for array in (arrays[name] for name in IMAGES if name in arrays):
                 end = passes.begin_batch(poses, array, frame_number)
             if truth:
                 fill_channels(passes, truth, poses, others)
@@ -158,7 +158,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
     def _other_poses(
         self, names: Collection[str], states: Mapping[str, States | None]
     ) -> dict[str, list[ScenePoses]]:
-        """Poses of the "next" and the "previous" pictures that channels of some names need."""
+        """Poses of the "next" and the "previous" images that channels of some names need."""
         given = {other: some for other, some in states.items() if some is not None}
         needed = needed_others([name for name in names if name in CHANNELS], given, "states")
         return {other: self._batch_poses(given[other]) for other in needed}
@@ -203,8 +203,8 @@ def fill_channels(
     Args:
         passes: of the camera.
         arrays: by the channels' names.
-        poses: of each picture.
-        others: those of the "next" and the "previous" pictures, where channels need them.
+        poses: of each image.
+        others: those of the "next" and the "previous" images, where channels need them.
     """
     truth = passes.ground_truth(arrays)
     for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):
@@ -213,11 +213,11 @@ def fill_channels(
 
 
 def needed_others(names: Collection[str], given: Collection[str], what: str) -> list[str]:
-    """Other pictures that channels of these names depend on: "next", "previous".
+    """Other images that channels of these names depend on: "next", "previous".
 
     Args:
         names: of channels.
-        given: other pictures whose states are.
+        given: other images whose states are.
         what: ending of the argument's name.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Back end of virtual cameras: OpenGL draws the faces of a cube, and samples pictures from them."""
+"""Back end of virtual cameras: OpenGL draws the faces of a cube, and samples images from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.near_plane import near_plane_m, scene_size_m
 from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
 from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
-from omnisim.rendering.opengl.capture.picture_pass import RemapPass
+from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.context import (
     check_process,
@@ -44,7 +44,7 @@ from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.hit_batches import HitBatches
-from omnisim.rendering.opengl.pipeline import Pipeline, check_picture_size
+from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
 from omnisim.rendering.readback import ScenePoses
@@ -168,7 +168,7 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
 
 
 def _advice(sensor: OmniCamera, largest_px: int) -> str:
-    """Quality to choose for a picture that is too large at a finer one; empty: none helps."""
+    """Quality to choose for an image that is too large at a finer one; empty: none helps."""
     fast = QUALITIES["fast"]
     side_px = max(sensor.model.width_px, sensor.model.height_px)
     is_finer = (sensor.supersampling, sensor.texels_per_pixel) > fast
@@ -185,7 +185,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         sensor, context = setup.sensor, drawn.buffers.context
         camera = sensor.supersampled_model
         try:
-            check_picture_size(context, camera.width_px, camera.height_px)
+            check_image_size(context, camera.width_px, camera.height_px)
             density = sensor.texels_per_pixel / sensor.supersampling
             plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
             self.cube = self._cube_pass(plan)
@@ -207,7 +207,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
     ) -> Callable[[], None] | None:
-        """Start to take pictures, those of an ideal camera together."""
+        """Start to take images, those of an ideal camera together."""
         if self.batches is None:
             return super().begin_batch(poses, out, frame_number)
         self.batches.begin(poses, out)
@@ -215,18 +215,18 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
 
     @cached_property
     def batches(self) -> BatchPipeline | None:
-        """Pipeline of many pictures; None: they are degraded, or too large for it."""
-        picture_pass = self._pipeline.picture_pass
-        if self._degraded is not None or not isinstance(picture_pass, RemapPass):
+        """Pipeline of many images; None: they are degraded, or too large for it."""
+        image_pass = self._pipeline.image_pass
+        if self._degraded is not None or not isinstance(image_pass, RemapPass):
             return None
         pipeline = self._pipeline
-        return BatchPipeline(pipeline.context, self.cube, picture_pass, pipeline.size_px)
+        return BatchPipeline(pipeline.context, self.cube, image_pass, pipeline.size_px)
 
     def _make_hits(self, details: HitDetails) -> CubeHits:
         return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Pictures (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
+        """Images (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
         cube = self.whole_cube
         cube.render(*poses)
         return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
@@ -271,7 +271,7 @@ class CubeHits(DrawnHits):
     def batch_hits(
         self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Iterator[Hits]:
-        """Intersect the rays of many pictures, drawn together."""
+        """Intersect the rays of many images, drawn together."""
         return self._batches.hits(poses, details)
 
     @cached_property

@@ -58,7 +58,7 @@ class HitSource(ABC):
     def batch_hits(
         self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Iterator[Hits]:
-        """Cast all rays of each picture, in order; here one after the other."""
+        """Cast all rays of each image, in order; here one after the other."""
         for one in poses:
             yield self.hits(one, details)
 

@@ -7,7 +7,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend, seen_background
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
@@ -126,7 +126,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         degradation = self._sensor.degradation
         if degradation.is_ideal:
             return
-        geometry = PictureGeometry.of_camera(self._sensor.model)
+        geometry = ImageGeometry.of_camera(self._sensor.model)
         passes = DegradationPass(
             pipeline.context,
             (geometry.width_px, geometry.height_px),

@@ -37,7 +37,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
     The virtual cameras stand at the point nearest to all rays; each sample looks up range until it
     has met its own surface. Samples in doubt are cast as rays, where those are installed, or keep
-    what they found last; the picture's metadata counts them.
+    what they found last; the image's metadata counts them.
 
     Raises:
         GraphicsError: several samples a texel, or past the GPU's limits.
@@ -53,7 +53,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         context = drawn.buffers.context
         self._rays: RayScene | None = None
         colors = _rays_by_color(sensor)
-        directions, origins_m = colors[len(colors) // 2].centres()
+        directions, origins_m = colors[len(colors) // 2].centers()
         every = slice(None, None, max(1, len(directions) // 10_000))
         viewpoint_m = common_point(origins_m[every], directions[every])
         colors = [rays.seen_from(viewpoint_m) for rays in colors]
@@ -158,5 +158,5 @@ def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:
     cameras = sensor.model.by_color()
     rays = [sample_rays(one, sensor.supersampling, sensor.mesh_polygons) for one in cameras]
     if not all(one.shown.any() for one in rays):
-        raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
+        raise GraphicsError("camera: no pixel of the image sees anything of the scene")
     return rays

@@ -1,4 +1,4 @@
-"""Back end of rays: Embree casts one for each sample of a picture; no OpenGL is opened."""
+"""Back end of rays: Embree casts one for each sample of an image; no OpenGL is opened."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from omnisim.rendering.camera.degradations.development import (
     mean_luminance,
 )
 from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.rays.beams import Beams
 from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.image import RayImage
 from omnisim.rendering.rays.lidar_caster import LidarCaster
-from omnisim.rendering.rays.picture import RayPicture
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
@@ -121,19 +121,19 @@ class RayCamera(CameraBackend):
         self._ray_world, self._sensor = world, sensor
         self._limits = DepthLimits(sensor.near_m, sensor.far_m)
         self._hit_source: RayHitSource | None = None
-        self._pictures = self._ray_pictures()
+        self._images = self._ray_images()
         if not sensor.degradation.is_ideal:
             self._degrade(self._develop)
 
     def refresh(self) -> None:
         """Cast rays at what the scene has now."""
-        self._pictures, self._hit_source = self._ray_pictures(), None
+        self._images, self._hit_source = self._ray_images(), None
 
-    def _ray_pictures(self) -> list[RayPicture]:
-        """Picture, or those of R, G and B."""
+    def _ray_images(self) -> list[RayImage]:
+        """Image, or those of R, G and B."""
         sensor, samples = self._sensor, self._sensor.supersampled_model
         return [
-            RayPicture(
+            RayImage(
                 self._ray_world.rays,
                 camera,
                 sensor.mesh_polygons,
@@ -152,15 +152,15 @@ class RayCamera(CameraBackend):
     def _develop(self, frames: SubFrames) -> Readback:
         """Render an image from sub-frames, by the references of the degradations in NumPy."""
         degradation = self._sensor.degradation
-        geometry = PictureGeometry.of_camera(self._sensor.model)
+        geometry = ImageGeometry.of_camera(self._sensor.model)
         ideal = ((self._linear(part.poses), part.row_weights) for part in frames.parts)
         light = exposed(ideal, degradation, geometry)
         exposure = frames.expose(mean_luminance(light) if frames.is_metered else None)
         noise_key = key_of("noise", self.setup.seed)
-        picture = developed(
+        image = developed(
             light, degradation, geometry, exposure.factors, noise_key, exposure.frame_number
         )
-        return _readback(picture, degradation.encoding, frames.linear)
+        return _readback(image, degradation.encoding, frames.linear)
 
     def hit_source(self, details: HitDetails) -> RayHitSource:
         """Source of its ground truth."""
@@ -176,9 +176,9 @@ class RayCamera(CameraBackend):
         """
         raise GraphicsError("faces: back end 'rays' has none: expected 'cube'")
 
-    def _linear(self, poses: ScenePoses) -> LinearPicture:
+    def _linear(self, poses: ScenePoses) -> LinearImage:
         objects = ObjectState(poses.world_from_objects, self.setup.hidden)
-        found = [one.render(poses.world_from_rig, objects) for one in self._pictures]
+        found = [one.render(poses.world_from_rig, objects) for one in self._images]
         if len(found) == 1:
             return found[0]
         red, green, blue = found
@@ -235,6 +235,6 @@ class RayHitSource(HitSource):
         return self._occluded
 
 
-def _readback(picture: LinearPicture, encoding: Encoding | None, linear: bool) -> Readback:
-    floats = np.ascontiguousarray(picture[..., :3]) if linear else None
-    return Readback(eight_bits(picture, encoding), floats)
+def _readback(image: LinearImage, encoding: Encoding | None, linear: bool) -> Readback:
+    floats = np.ascontiguousarray(image[..., :3]) if linear else None
+    return Readback(eight_bits(image, encoding), floats)

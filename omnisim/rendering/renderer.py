@@ -75,7 +75,7 @@ class Renderer(BatchRenderer):
             motion: of the world around the state's time, for motion blur and rolling shutter; None:
                 at rest.
             frame_number: noise differs from frame to frame.
-            exposure_ev: of auto-exposure; None: metered in this picture, as if it had settled.
+            exposure_ev: of auto-exposure; None: metered in this image, as if it had settled.
             boxes_3d: also the oriented boxes of the visible instances.
 
         Raises:
@@ -95,7 +95,7 @@ class Renderer(BatchRenderer):
         with self._current() as passes:
             poses = self._poses_in(now)
             around = None if motion is None else partial(self._poses_at, motion, now)
-            picture, degradation = passes.take(
+            image, degradation = passes.take(
                 FrameRequest(poses, around, linear, frame_number, exposure_ev)
             )
             if names or boxes_3d:
@@ -113,7 +113,7 @@ class Renderer(BatchRenderer):
         for other in needed:
             world_from_base = others[other].world_from_object[self.vehicle]
             metadata[f"{other}_world_from_base"] = world_from_base.tolist()
-        return Frame(picture.rgba, picture.linear, metadata, channels, labels, has_ray, boxes)
+        return Frame(image.rgba, image.linear, metadata, channels, labels, has_ray, boxes)
 
     def _state_or_optical(
         self, state: WorldState | ArrayLike | None, optical: ArrayLike | None
@@ -127,9 +127,9 @@ class Renderer(BatchRenderer):
         return check_pose(optical) @ inverse(self.camera.base_from_optical)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
-        """Pictures (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
+        """Images (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
-        They are drawn for this: a frame draws of each face only the tiles that its picture samples.
+        They are drawn for this: a frame draws of each face only the tiles that its image samples.
 
         Raises:
             GraphicsError: there was no frame yet, or the renderer or its stage is closed.

@@ -16,9 +16,9 @@ class EditableScene(ABC):
     """Base of stages and renderers, whose scene may become another one.
 
     An edit costs what it changes, and a look at each instance; whatever stays is not uploaded
-    again. Instances that were added, moved or recoloured are drawn one by one, with light computed
+    again. Instances that were added, moved or recolored are drawn one by one, with light computed
     in each texel: a new renderer of the same scene bakes it, and rounds the places of their corners
-    otherwise, so that its pictures may differ by a step of 255, and by texels at silhouettes.
+    otherwise, so that its images may differ by a step of 255, and by texels at silhouettes.
     """
 
     @property
@@ -74,9 +74,9 @@ class EditableScene(ABC):
     def recolor(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
     ) -> None:
-        """Give an instance one colour or texture instead of what it had, see `Scene.recolored`.
+        """Give an instance one color or texture instead of what it had, see `Scene.recolored`.
 
         Raises:
-            SceneError: there is none of this name, or a colour or texture that is none.
+            SceneError: there is none of this name, or a color or texture that is none.
         """
         self.scene = self.scene.recolored(name, base_color, texture)

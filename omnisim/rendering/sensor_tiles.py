@@ -24,9 +24,9 @@ def sensor_tiles(
 
     Args:
         sensor: the sensor.
-        camera: its camera model, or that of its finer picture.
+        camera: its camera model, or that of its finer image.
         texels_per_pixel: texels to a side of that camera's finest pixels.
-        face_size_px: texels across the 90° of every face; None: as the picture needs.
+        face_size_px: texels across the 90° of every face; None: as the image needs.
         subdivide: see `plan_tiles`.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Motion of a camera and of dynamic objects during an exposure, and of the picture."""
+"""Motion of a camera and of dynamic objects during an exposure, and of the image."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from omnisim.core.poses import pose_from_rotation
 from omnisim.core.world import Pose
 from omnisim.rendering.readback import ScenePoses
 
-# Assumed distance of the nearest surface, as depth is not known before there is a picture. Nearer
+# Assumed distance of the nearest surface, as depth is not known before there is an image. Nearer
 # surfaces move by more from sub-frame to sub-frame.
 NEAREST_M = 1.0
 # Limits of a camera's motion; within them poses are exact to 1e-9 even through an hour's exposure.
 MAX_MPS, MAX_RADPS = 1e4, 1e3
-GRID = 13  # samples of the motion to a side of the picture
-SPREAD_RAD = 0.3  # from a direction in the picture to the nearest sample of a wide lens
+GRID = 13  # samples of the motion to a side of the image
+SPREAD_RAD = 0.3  # from a direction in the image to the nearest sample of a wide lens
 
 
 Speed = Annotated[Number, Field(ge=-MAX_MPS, le=MAX_MPS)]
@@ -73,10 +73,10 @@ def moved_px(
     poses: Sequence[ScenePoses],
     object_corners_m: Sequence[NDArray[np.float64]] = (),
 ) -> float:
-    """Largest motion in the picture along poses of the camera and the dynamic objects, in pixels.
+    """Largest motion in the image along poses of the camera and the dynamic objects, in pixels.
 
     Args:
-        camera: whose picture it is.
+        camera: whose image it is.
         poses: one after the other.
         object_corners_m: (8, 3) of the box around each dynamic object, in its own frame.
     """
@@ -120,11 +120,11 @@ def _object_px(
     world_from_object: Sequence[Pose],
     corners_m: NDArray[np.float64],
 ) -> float:
-    """Largest motion of an object in the picture, in pixels, from its nearest point on.
+    """Largest motion of an object in the image, in pixels, from its nearest point on.
 
     Args:
-        camera: whose picture it is.
-        seen: directions (n, 3) that are spread over the picture, optical frame.
+        camera: whose image it is.
+        seen: directions (n, 3) that are spread over the image, optical frame.
         world_from_optical: poses of the camera, the middle of its rays' origins at theirs, one
             after the other.
         world_from_object: poses of the object.
@@ -150,22 +150,22 @@ def _object_px(
 def _may_be_seen(
     seen: NDArray[np.float64], corners_m: NDArray[np.float64], optical_from_object: Sequence[Pose]
 ) -> bool:
-    """The sphere around an object comes near any direction (n, 3) of the picture."""
+    """The sphere around an object comes near any direction (n, 3) of the image."""
     middle_m = corners_m.mean(axis=0)
     radius_m = np.linalg.norm(corners_m - middle_m, axis=-1).max()
     for pose in optical_from_object:
-        centre_m = _moved(middle_m, pose)
-        away_m = np.linalg.norm(centre_m)
+        center_m = _moved(middle_m, pose)
+        away_m = np.linalg.norm(center_m)
         if away_m <= radius_m:
             return True
-        angles = np.arccos(np.clip(seen @ centre_m / away_m, -1.0, 1.0))
+        angles = np.arccos(np.clip(seen @ center_m / away_m, -1.0, 1.0))
         if angles.min(initial=np.pi) <= np.arcsin(radius_m / away_m) + SPREAD_RAD:
             return True
     return False
 
 
 def _px_per_rad(camera: CentralCamera) -> float:
-    """Pixels a radian, near the largest in the picture."""
+    """Pixels a radian, near the largest in the image."""
     u = np.linspace(0.0, camera.width_px - 2.0, GRID)
     v = np.linspace(0.0, camera.height_px - 2.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)

@@ -1,7 +1,7 @@
 """Robots: robot files, motion planning and wheel odometry.
 
 Poses are world_from_base (`omnisim.core.coordinate_frames`); turns and headings count
-counter-clockwise, seen from above. Nothing here knows of pictures or of the GPU.
+counter-clockwise, seen from above. Nothing here knows of images or of the GPU.
 """
 
 from omnisim.core.trajectories.odometry import (

@@ -16,7 +16,7 @@ from omnisim.core.trajectories.trajectory import Trajectory, step_lengths_m
 DriveType = Literal["differential", "skid_steer"]
 # Relative to the limits: a trajectory at its limits exceeds them by rounding.
 TOLERANCE = 1e-6
-# Of a step in metres or radians: files print nine digits of positions, times and quaternions.
+# Of a step in meters or radians: files print nine digits of positions, times and quaternions.
 PRINTED = 5e-9
 # Motion that wheels cannot make but recordings have: noise, skidding, slopes under level poses.
 SLACK_M = 0.1  # in all: noise of the poses, which does not add up

@@ -27,7 +27,7 @@ class Trapezoid(Generic[FloatOrArray]):
     """Trapezoidal rates from rest to rest, of one way or of (n,) ways.
 
     Attributes:
-        amount: way in metres or radians, above 0.
+        amount: way in meters or radians, above 0.
         top_rate: reached where there is room for it.
         acceleration: of speeding up and braking.
     """
@@ -89,13 +89,13 @@ class Segment:
     """Leg or turn on the spot, from rest to rest.
 
     Attributes:
-        start: x and y in metres and yaw in radians.
+        start: x and y in meters and yaw in radians.
         move_m: of a leg, or (0, 0).
         turn_rad: of a turn, or 0.
         top_rate, acceleration: of its speed or turn rate.
         start_s: when it begins.
         stretch: of time: it lasts so many times as long as the limits ask for.
-        way: poses by metres or radians on an uneven floor, or None: straight, or about z.
+        way: poses by meters or radians on an uneven floor, or None: straight, or about z.
     """
 
     start: tuple[float, float, float]
@@ -109,12 +109,12 @@ class Segment:
 
     @property
     def planar_amount(self) -> float:
-        """Metres or radians in the floor plan."""
+        """Meters or radians in the floor plan."""
         return math.hypot(*self.move_m) or abs(self.turn_rad)
 
     @property
     def amount(self) -> float:
-        """Metres or radians."""
+        """Meters or radians."""
         return self.planar_amount if self.way is None else self.way.end_s
 
     @property

@@ -40,11 +40,11 @@ class _KinematicsTable(Table):
     type: DriveType
     """Kind of drive."""
     track_m: Length | None = None
-    """Metres between the middles of the tyres; left out: 0.8 of the footprint's width."""
+    """Meters between the middles of the tyres; left out: 0.8 of the footprint's width."""
     wheelbase_m: Length | None = None
-    """Metres between the axles of a skid_steer; left out: half of the footprint's length."""
+    """Meters between the axles of a skid_steer; left out: half of the footprint's length."""
     wheel_diameter_m: Length | None = None
-    """Metres; left out: four times the clearance, or the body's height where that is less."""
+    """Meters; left out: four times the clearance, or the body's height where that is less."""
     max_speed_mps: Limit
     """Largest speed in m/s."""
     max_turn_rate_dps: Limit
@@ -59,19 +59,19 @@ class _OdometryTable(Table):
     """Errors of the wheels' readings."""
 
     distance_scale: Scale = 1.0
-    """Metres reported for a metre driven."""
+    """Meters reported for a meter driven."""
     turn_scale: Scale = 1.0
     """Radians reported for a radian turned: above 1 where wheels skid."""
     drift_deg_per_m: Drift = 0.0
-    """Degrees of turn reported for a metre driven straight: wheels of unequal size."""
+    """Degrees of turn reported for a meter driven straight: wheels of unequal size."""
     distance_noise_m_per_sqrt_m: Noise = 0.0
-    """Standard deviation of the distance after 1 m, metres."""
+    """Standard deviation of the distance after 1 m, meters."""
     turn_noise_deg_per_sqrt_m: Noise = 0.0
     """Standard deviation of the heading after 1 m, degrees."""
     turn_noise_deg_per_sqrt_rad: Noise = 0.0
     """Standard deviation of the heading after a turn of 1 rad, degrees."""
     distance_tick_m: Noise = 0.0
-    """Step of the distance counter in metres; 0: none."""
+    """Step of the distance counter in meters; 0: none."""
     turn_tick_deg: Noise = 0.0
     """Step of the turn counter in degrees; 0: none."""
 
@@ -80,13 +80,13 @@ class _FootprintTable(Table):
     """Footprint about the base."""
 
     length_m: Length
-    """Metres along x."""
+    """Meters along x."""
     width_m: Length
-    """Metres along y."""
+    """Meters along y."""
     height_m: Length
-    """Metres to its highest point, sensors included."""
+    """Meters to its highest point, sensors included."""
     clearance_m: Length | None = None
-    """Metres to its underside: the wheels climb what is lower, the body touches what is higher;
+    """Meters to its underside: the wheels climb what is lower, the body touches what is higher;
     left out: 0.05, or half of the height where that is less."""
 
 
@@ -95,8 +95,8 @@ class _PhysicsTable(Table):
 
     mass_kg: Mass | None = None
     """Kilograms in all; left out: 100 kg/m³ of the footprint's box."""
-    centre_height_m: Length | None = None
-    """Metres from the ground to the centre of mass; left out: a quarter of the height."""
+    center_height_m: Length | None = None
+    """Meters from the ground to the center of mass; left out: a quarter of the height."""
     friction: Friction = 0.8
     """Coefficient of friction between tyres and ground."""
 
@@ -111,7 +111,7 @@ class RobotFile(Table):
     body: Name | None = None
     """Mesh file of the body, relative to this file; left out: invisible."""
     body_offset_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Metres from the base, on the ground, to the origin of the body's file."""
+    """Meters from the base, on the ground, to the origin of the body's file."""
     resources: tuple[Name, ...] = ()
     """Folders of models and packages that the body names, relative to this file."""
     kinematics: _KinematicsTable | None = None
@@ -159,7 +159,7 @@ class Chassis:
 
     Attributes:
         mass_kg: in all.
-        centre_height_m: of the centre of mass, from the ground.
+        center_height_m: of the center of mass, from the ground.
         friction: coefficient between tyres and ground.
         track_m: between the middles of the tyres.
         wheelbase_m: between the axles of a robot that skids.
@@ -167,7 +167,7 @@ class Chassis:
     """
 
     mass_kg: float | None = None
-    centre_height_m: float | None = None
+    center_height_m: float | None = None
     friction: float = 0.8
     track_m: float | None = None
     wheelbase_m: float | None = None

@@ -20,8 +20,8 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
     """Give times to poses (n, 4, 4), from rest at 0 s to rest at the last one.
 
     Each step takes as long as the speed and the turn rate ask for. Then, wherever the mean rates of
-    two neighbouring steps differ by more than the accelerations allow, the faster one is
-    lengthened, until none is left. A neighbour that does not move at all is rest: the robot has to
+    two neighboring steps differ by more than the accelerations allow, the faster one is
+    lengthened, until none is left. A neighbor that does not move at all is rest: the robot has to
     brake before it. Means are all that is known between poses: against `motion_profile`, whose
     speeds are exact, it is faster by less than the time of a step at each top speed.
 
@@ -57,14 +57,14 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
 def _from_rest_or_to_it(amounts: NDArray[np.float64], acceleration: float) -> NDArray[np.float64]:
     """Durations (n,) of steps that start or end at rest, or both; 0 of all others."""
     moves = np.concatenate(((False,), amounts != 0.0, (False,)))
-    rests = (~moves[:-2]).astype(int) + ~moves[2:]  # neighbours at rest: none, one or both
+    rests = (~moves[:-2]).astype(int) + ~moves[2:]  # neighbors at rest: none, one or both
     return np.sqrt(2.0 * rests * np.abs(amounts) / acceleration)
 
 
 def _lengthen(
     durations: NDArray[np.float64], amounts: NDArray[np.float64], accelerations: list[float]
 ) -> None:
-    """Lengthen durations (n,) in place until neighbours' mean rates differ by no more than allowed.
+    """Lengthen durations (n,) in place until neighbors' mean rates differ by no more than allowed.
 
     Args:
         durations: at least what speed and rest ask for.

@@ -214,7 +214,7 @@ def _load_body(robot: Robot) -> Scene | None:
 
             read = without_world(read, path)
         body = _moved(read, robot.body_offset_m)
-        # pictures and fingerprints name the body: not by where this machine has it; it is no scene
+        # images and fingerprints name the body: not by where this machine has it; it is no scene
         # to look around in, and has its middle for a start
         start = default_start(body.bounds_m())
         return body.altered("", name=robot.body, start=start)

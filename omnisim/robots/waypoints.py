@@ -21,7 +21,7 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
     try:
         points = np.array(waypoints_m, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TrajectoryError("waypoints: expected a list of [x, y] in metres") from None
+        raise TrajectoryError("waypoints: expected a list of [x, y] in meters") from None
     if points.shape in ((0,), (1, 2)):
         raise TrajectoryError(f"waypoints: expected at least 2, got {len(points)}")
     if points.ndim != 2 or points.shape[1] != 2:
@@ -30,7 +30,7 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
     if not np.all(finite):
         k = int(np.argmin(finite))
         raise TrajectoryError(
-            f"waypoint {k} {points[k].tolist()}: expected finite numbers in metres"
+            f"waypoint {k} {points[k].tolist()}: expected finite numbers in meters"
         )
     same = np.all(points[1:] == points[:-1], axis=1)
     if np.any(same):

@@ -53,9 +53,9 @@ def find_contacts(scene: Scene, sweep: Sweep, boxes: BodyBoxes) -> tuple[Contact
     if not len(parts):  # all of it is below the clearance
         return ()
     whole = np.array((parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)))
-    centres = poses[:, :3, :3] @ whole.mean(axis=0) + poses[:, :3, 3]
+    centers = poses[:, :3, :3] @ whole.mean(axis=0) + poses[:, :3, 3]
     extents = np.abs(poses[:, :3, :3]) @ (0.5 * (whole[1] - whole[0]))
-    lows, highs = centres - extents, centres + extents
+    lows, highs = centers - extents, centers + extents
     triangles = triangles_within(scene, lows.min(axis=0), highs.max(axis=0))
     bvh = TriangleBvh(triangles.corners_m)
     touched = []  # (pose, instance)

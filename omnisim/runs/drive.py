@@ -72,9 +72,9 @@ class Drive:
         route: path through the scene.
         seed: of the odometry's and the cameras' noise; a scanner's noise has its own, from the
             robot file.
-        unlit: show plain base colours.
+        unlit: show plain base colors.
         device: EGL's number of the GPU, or None.
-        backend: makes pictures and hits.
+        backend: makes images and hits.
         up_axis, meters_per_unit: that the scene was loaded with, for the record, or None.
         resources: folders that it was loaded with, for the record.
         channels: of ground truth, as `check_channels` gives them.

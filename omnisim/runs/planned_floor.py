@@ -58,7 +58,7 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
 
 
 def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Metres (n − 1,) from each pose (n, 4, 4) to the next, of each step's straight distance.
+    """Meters (n − 1,) from each pose (n, 4, 4) to the next, of each step's straight distance.
 
     What a bump within a step adds is not in them: steps are checked by these distances.
     """
@@ -70,5 +70,5 @@ def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDA
 
 
 def _times(segment: Segment, way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (n,) at metres or radians (n,) of a segment's way."""
+    """Times (n,) at meters or radians (n,) of a segment's way."""
     return segment.start_s + segment.trapezoid.times_at(way)

@@ -34,7 +34,7 @@ class RunData:
         scene: that it was driven in.
         odometry: what the wheels reported, from the known start on.
         truth: poses of the base, or None: unknown.
-        steps: how many have their picture.
+        steps: how many have their image.
     """
 
     folder: RunFolder
@@ -63,12 +63,12 @@ class RunData:
         """x, y, yaw (steps, 3), or None: unknown."""
         return None if self.truth is None else planar_poses(self.truth)[: self.steps]
 
-    def picture(self, step: int) -> NDArray[np.uint8]:
-        """Read the picture (height, width, 3) of a step, sRGB.
+    def image(self, step: int) -> NDArray[np.uint8]:
+        """Read the image (height, width, 3) of a step, sRGB.
 
         Raises:
-            OutputError: the picture is damaged.
-            RunError: it is not one of this camera: of another size, or not of 8 bits and 3 colours.
+            OutputError: the image is damaged.
+            RunError: it is not one of this camera: of another size, or not of 8 bits and 3 colors.
         """
         path = self.folder.file(self.camera, step, ".png")
         pixels, _ = read_image(path)
@@ -88,9 +88,9 @@ class RunData:
         caveat = None if self.mount.caveat is None else f"{self.camera}: {self.mount.caveat}"
         return [notice for notice in (self.folder.unfinished(), caveat) if notice is not None]
 
-    def pictures(self) -> Iterator[NDArray[np.uint8]]:
-        """All pictures, one after the other."""
-        return (self.picture(step) for step in range(self.steps))
+    def images(self) -> Iterator[NDArray[np.uint8]]:
+        """All images, one after the other."""
+        return (self.image(step) for step in range(self.steps))
 
 
 def planar_poses(trajectory: Trajectory) -> NDArray[np.float64]:
@@ -107,7 +107,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
         camera: name of a camera; by default the first.
 
     Raises:
-        OmnisimError: no run, no camera, no picture yet, no landmarks, or a damaged file.
+        OmnisimError: no run, no camera, no image yet, no landmarks, or a damaged file.
     """
     run = RunFolder.read(folder)
     name = run.camera(camera)
@@ -124,7 +124,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
         )
     steps = run.steps_done()
     if steps == 0:
-        raise RunError(f"{folder}: has no pictures yet: run its command again to go on")
+        raise RunError(f"{folder}: has no images yet: run its command again to go on")
     if run.manifest.is_rig:
         raise RunError(f"{folder}: expected the run of a robot with wheels, got that of a rig")
     odometry = read_odometry(folder / ODOMETRY)

@@ -1,7 +1,7 @@
 """Folder of a run: its files, which of them are missing, and whether the run may go on.
 
     manifest.json               what made the run: versions, contents, settings, seeds
-    ground_truth.tum            poses of the base (TUM: s, metres, quaternion xyzw)
+    ground_truth.tum            poses of the base (TUM: s, meters, quaternion xyzw)
     odometry.csv                what the wheels report, and dead reckoning by it
     objects/<name>.tum          poses of another vehicle or a dynamic object, at the same times
     states.csv                  true states of the base at all times at which anything is measured
@@ -11,7 +11,7 @@
     <imu>/readings.csv          all readings, and with them in biases.csv the biases
     <camera>/sensor.toml        the camera as it was used
     <camera>/calibration.json   its parameters and its mount on the base
-    <camera>/000000.png ...     a picture a step, with camera and pose inside
+    <camera>/000000.png ...     an image a step, with camera and pose inside
     <scanner>/000000.csv ...    a scan a step
     <lidar>/000000.ply ...      a point cloud a step, or .pcd
 
@@ -21,7 +21,7 @@ Of a rig, which has no wheels, instead of the odometry:
 
 With channels of ground truth also (the first with a lidar, too):
 
-    labels.json                             numbers, names and colours of classes and instances
+    labels.json                             numbers, names and colors of classes and instances
     <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
     <camera>/000000.range.npy ...           or each in its own, by the format npy, with
     <camera>/000000.channels.json ...       their units and what they mean

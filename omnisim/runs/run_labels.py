@@ -1,8 +1,8 @@
-"""Labels of a run's pictures: the ground truth that colour histograms are trained on.
+"""Labels of a run's images: the ground truth that color histograms are trained on.
 
 They come from the run's own channel `instance`, as `omnisim drive ... --also instance` records it:
 the scenes' nodes are named after their landmark, `goal_yellow`, and where it has bands of several
-colours also after those, `beacon_left_yellow_pink`.
+colors also after those, `beacon_left_yellow_pink`.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.landmarks.color_model import Costs
 from omnisim.perception.landmarks.color_training import (
     VALIDATE_EVERY,
-    LabelledPixels,
+    LabeledPixels,
     Training,
     train_colors,
 )
 from omnisim.runs.run_data import RunData
 from omnisim.runs.run_folder import LABELS
 from omnisim.scene.model import Landmark
-from omnisim.sensors.omnicamera.mounted_omnicamera import PICTURE_SUFFIX
+from omnisim.sensors.omnicamera.mounted_omnicamera import IMAGE_SUFFIX
 
-# Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's colour:
+# Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's color:
 # white lines, walls and paper are everywhere.
 LEAST_SATURATION = 0.5
 Track = Callable[[Iterable[int]], Iterable[int]]
 
 
 def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
-    """Names of the saturated colours of landmarks, in alphabetical order."""
+    """Names of the saturated colors of landmarks, in alphabetical order."""
     found = set()
     for landmark in landmarks:
         for band in landmark.bands:
@@ -46,11 +46,11 @@ def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
 
 
 class RunLabels:
-    """Classes of the pixels of a run's pictures.
+    """Classes of the pixels of a run's images.
 
     Args:
         run: with the channel `instance`.
-        colors: names of the landmark colours; their classes are 1, 2, ...
+        colors: names of the landmark colors; their classes are 1, 2, ...
 
     Raises:
         RunError: the run has no such channel, or its table of labels is damaged.
@@ -67,21 +67,21 @@ class RunLabels:
         self._class_of_instance = _class_of_instance(run, colors)
 
     def __call__(self, step: int) -> NDArray[np.uint8]:
-        """Class of each pixel (height, width): 0, or 1 + the index of a colour.
+        """Class of each pixel (height, width): 0, or 1 + the index of a color.
 
         Raises:
             RunError: the step's file has unknown instances.
             OutputError: it is missing or damaged.
         """
-        picture = self._run.folder.file(self._run.camera, step, PICTURE_SUFFIX)
+        image = self._run.folder.file(self._run.camera, step, IMAGE_SUFFIX)
         ids: NDArray[np.uint32]
-        ids = StoredChannels(picture, {}).read(["instance"])["instance"]
+        ids = StoredChannels(image, {}).read(["instance"])["instance"]
         if ids.max(initial=0) >= len(self._class_of_instance):
-            raise RunError(f"{picture}: its channel has instances that are not in {LABELS}")
+            raise RunError(f"{image}: its channel has instances that are not in {LABELS}")
         return self._class_of_instance[ids]
 
-    def pixels(self, track: Track = iter) -> Iterator[LabelledPixels]:
-        """Pixels that show the scene and their classes, picture by picture.
+    def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:
+        """Pixels that show the scene and their classes, image by image.
 
         Args:
             track: wraps the steps, for progress.
@@ -89,11 +89,11 @@ class RunLabels:
         covered = self._run.mount.covered
         shown = slice(None) if covered is None else covered.ravel()
         for step in track(range(self._run.steps)):
-            yield self._run.picture(step).reshape(-1, 3)[shown], self(step).ravel()[shown]
+            yield self._run.image(step).reshape(-1, 3)[shown], self(step).ravel()[shown]
 
 
 def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
-    """Train a colour model on a run's landmarks.
+    """Train a color model on a run's landmarks.
 
     Args:
         run: with the channel `instance`.
@@ -101,14 +101,14 @@ def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
         track: wraps the steps, for progress.
 
     Raises:
-        RunError: a run without labels, or of too few pictures.
-        LocalizationError: a colour that no picture shows.
+        RunError: a run without labels, or of too few images.
+        LocalizationError: a color that no image shows.
     """
     colors = landmark_colors(run.landmarks)
     labels = RunLabels(run, colors)
     if run.steps < VALIDATE_EVERY:
         raise RunError(
-            f"{run.folder.path}: expected at least {VALIDATE_EVERY} pictures to train on some and "
+            f"{run.folder.path}: expected at least {VALIDATE_EVERY} images to train on some and "
             f"choose Θ by others, got {run.steps}"
         )
     return train_colors(colors, labels.pixels(track), costs)

@@ -159,7 +159,7 @@ def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> 
 
 def _equal(key: str, before: Any, after: Any) -> bool:
     """Compare values, numbers but for rounding, and renderers by their back ends alone."""
-    if key == "renderer":  # OpenGL's names driver and processor, on which pictures hardly depend
+    if key == "renderer":  # OpenGL's names driver and processor, on which images hardly depend
         return str(before).startswith(RAYS) == str(after).startswith(RAYS)
     if isinstance(before, list) and isinstance(after, list):
         return len(before) == len(after) and all(

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.poses import check_pose
 from omnisim.core.srgb import linear_from_srgb8
-from omnisim.scene.files.imported import PLAIN_GREY, ImportedScene, make_mesh
+from omnisim.scene.files.imported import PLAIN_GRAY, ImportedScene, make_mesh
 from omnisim.scene.parts import AlphaMode, Instance, Material, Texture
 
 _BYTE = np.dtype(np.uint8)
@@ -45,7 +45,7 @@ def import_arrays(
     )
     if base_color is None:
         is_plain = colors is None and texture is None
-        base_color = [PLAIN_GREY if is_plain else 1.0] * 3
+        base_color = [PLAIN_GRAY if is_plain else 1.0] * 3
     like = Material(name, double_sided=double_sided)
     material = color_material(name, base_color, texture, like)
     world_from_mesh = np.eye(4)
@@ -56,7 +56,7 @@ def import_arrays(
 def color_material(
     name: str, base_color: ArrayLike, texture: ArrayLike | None, like: Material
 ) -> Material:
-    """Material of a linear RGB or RGBA colour, times a texture; sides and light as another's.
+    """Material of a linear RGB or RGBA color, times a texture; sides and light as another's.
 
     Args:
         name: of the instance, for errors.

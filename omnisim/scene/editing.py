@@ -1,4 +1,4 @@
-"""Edits of a scene's content: instances added, removed, moved and recoloured.
+"""Edits of a scene's content: instances added, removed, moved and recolored.
 
 An instance is all parts of one name, as for ground truth. Content is never changed in place: an
 edit returns other content, which shares the arrays of whatever it leaves alone, so that a stage
@@ -133,10 +133,10 @@ def remove(content: Content, name: str) -> Content:
 def recolor(
     content: Content, name: str, base_color: ArrayLike, texture: ArrayLike | None
 ) -> Content:
-    """Give an instance one colour, or a texture times a colour, in place of what it had.
+    """Give an instance one color, or a texture times a color, in place of what it had.
 
     Raises:
-        SceneError: an unknown instance, or a colour or texture that is none.
+        SceneError: an unknown instance, or a color or texture that is none.
     """
     meshes, materials = list(content.meshes), list(content.materials)
     mesh_at: dict[int, int] = {}

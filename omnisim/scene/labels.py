@@ -4,12 +4,12 @@ Classes come from the `[[labels]]` tables of a scene's TOML, or of a label file:
 
     [[labels]]
     name = "goal"
-    color = [250, 210, 0]       # 8-bit sRGB, for pictures; chosen where it is missing
+    color = [250, 210, 0]       # 8-bit sRGB, for images; chosen where it is missing
     nodes = ["goal_*"]          # names of nodes, * and ? stand for any letters
     id = 3                      # 1 and up; the next free one where it is missing
 
 The first table that matches a name has it. The vehicle's body is "vehicle", names that no table
-matches are "unlabelled"; their ids follow the largest, unless a table has that name.
+matches are "unlabeled"; their ids follow the largest, unless a table has that name.
 
 Without tables, an instance's class is its name: up to the first "/", without numbers at its end,
 whatever joins them: chair_01, chair.002, chair-3 and "chair 4" are all chairs. Ids of those classes
@@ -30,7 +30,7 @@ from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels, 
 from omnisim.scene.files.scene_file import LabelFile, LabelTable
 from omnisim.scene.model import LabelRule, Scene
 
-VEHICLE, UNLABELLED = "vehicle", "unlabelled"
+VEHICLE, UNLABELED = "vehicle", "unlabeled"
 BODY = "body"  # name of the dynamic object that is the vehicle's body
 _NUMBERS = re.compile(r"(?<=\D)(?:[ ._-]?\d+)+$")
 
@@ -50,7 +50,7 @@ def read_label_file(path: Path) -> tuple[LabelRule, ...]:
 
 
 def label_rules(tables: tuple[LabelTable, ...]) -> tuple[LabelRule, ...]:
-    """Rules of the tables; missing ids and colours are chosen."""
+    """Rules of the tables; missing ids and colors are chosen."""
     taken = {table.id for table in tables}
     free = (number for number in itertools.count(1) if number not in taken)
     ids = [next(free) if table.id is None else table.id for table in tables]
@@ -79,24 +79,24 @@ def find_labels(
     rules = scene.labels or _rules_by_name({name for owner, name in names if owner not in vehicles})
     classes = {rule.id: ClassLabel(rule.id, rule.name, rule.color) for rule in rules}
     ids = {rule.name: rule.id for rule in rules}
-    for name in (VEHICLE, UNLABELLED):
+    for name in (VEHICLE, UNLABELED):
         if name not in ids:
             ids[name] = max(classes, default=0) + 1
             classes[ids[name]] = ClassLabel(ids[name], name, distinct_color(ids[name]))
-    instances, unlabelled = [], []
+    instances, unlabeled = [], []
     for number, (owner, name) in enumerate(names, start=1):
         found = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
         if owner in vehicles:
             found = ids[VEHICLE]
         elif found is None:
-            found = ids[UNLABELLED]
-            unlabelled.append(name)
+            found = ids[UNLABELED]
+            unlabeled.append(name)
         instances.append(InstanceLabel(number, name, found, owner))
     return Labels(
         tuple(classes[number] for number in sorted(classes)),
         tuple(instances),
         "table" if scene.labels else "names",
-        tuple(unlabelled),
+        tuple(unlabeled),
     )
 
 

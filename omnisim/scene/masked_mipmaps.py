@@ -15,7 +15,7 @@ def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.
 
     Averaging alpha lets a fence vanish once no average reaches the cutoff, or a hedge close. Each
     level's alpha is therefore scaled until as much of it passes the cutoff as of the first level.
-    Colours are averaged in linear light, holes do not count.
+    Colors are averaged in linear light, holes do not count.
 
     Source: Castaño, "Computing alpha mipmaps", 2010.
     """

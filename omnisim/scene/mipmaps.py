@@ -28,7 +28,7 @@ _BLOCK = 1 << 16  # looked up at once: NumPy makes 64-bit indices of them, which
 def mipmaps(pixels: NDArray[np.uint8], is_linear: bool = False) -> list[NDArray[np.uint8]]:
     """Levels 1, 2, … down to one texel of a texture (height, width, 4) uint8 sRGB, or linear.
 
-    Colours are averaged in linear light.
+    Colors are averaged in linear light.
     """
     wide, narrow = (_WIDE_ALPHA, _ALPHA) if is_linear else (_LINEAR, _SRGB)
     values = _looked_up(wide, _WIDE_ALPHA, pixels)

@@ -247,7 +247,7 @@ class Scene:
     def recolored(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
     ) -> Scene:
-        """Scene with an instance of one colour, or with one texture, instead of what it had.
+        """Scene with an instance of one color, or with one texture, instead of what it had.
 
         Args:
             name: of the instance.
@@ -255,7 +255,7 @@ class Scene:
             texture: (height, width, 3 or 4) uint8 sRGB, for a mesh with texture coordinates.
 
         Raises:
-            SceneError: there is no instance of this name, or a colour or texture that is none.
+            SceneError: there is no instance of this name, or a color or texture that is none.
         """
         content = editing.recolor(self._content, name, base_color, texture)
         return self._edited(content, "recolored", name, base_color, texture)
@@ -285,7 +285,7 @@ class Scene:
             colors: (n, 3 or 4) at the vertices: uint8 are sRGB, numbers from 0 to 1 are linear.
             texture: (height, width, 3 or 4) uint8 sRGB; repeated beyond its edges.
             base_color: linear RGB or RGBA from 0 to 1, which multiplies the others; by default
-                white, or light grey where there are no others.
+                white, or light gray where there are no others.
             double_sided: both sides of a triangle are seen; False is quicker.
 
         Raises:
@@ -308,8 +308,8 @@ class Scene:
     ) -> Scene:
         """Scene of a `trimesh.Scene` or `trimesh.Trimesh`, with materials, textures and instances.
 
-        Nothing is taken from its cameras and lights: the scene is in daylight. Colours and textures
-        are sRGB, but for the base colour of a `PBRMaterial`, which is linear. Nodes of the graph
+        Nothing is taken from its cameras and lights: the scene is in daylight. Colors and textures
+        are sRGB, but for the base color of a `PBRMaterial`, which is linear. Nodes of the graph
         are instances of the scene.
 
         Args:

@@ -39,14 +39,14 @@ IDENTITY_UV = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """Image with sRGB-encoded colours, or with linear values.
+    """Image with sRGB-encoded colors, or with linear values.
 
     Attributes:
         pixels: (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0.
         wrap_u, wrap_v: wrapping modes.
-        is_linear: values, not colours.
-        uv_set: 0: the mesh's texture coordinates; 1: its second ones. A base colour has 0.
-        uv_transform: (2, 3) affine, of those coordinates; a base colour has the identity.
+        is_linear: values, not colors.
+        uv_set: 0: the mesh's texture coordinates; 1: its second ones. A base color has 0.
+        uv_transform: (2, 3) affine, of those coordinates; a base color has the identity.
     """
 
     pixels: NDArray[np.uint8]
@@ -61,21 +61,21 @@ class Texture:
         return short_repr(self, f"{width} × {height} px")
 
 
-# Glass, or a picture with soft edges: it counts where it hides at least half of what is behind it.
+# Glass, or an image with soft edges: it counts where it hides at least half of what is behind it.
 BLENDED_CUTOFF = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Appearance of a surface: base colour, alpha, sides, and glTF 2.0's reflectance.
+    """Appearance of a surface: base color, alpha, sides, and glTF 2.0's reflectance.
 
     By default it is matte: by Lambert's law, without any gloss. A dielectric's gloss needs
     `specular`, which is 1 for one of glTF's.
 
     Attributes:
         name: name in the file.
-        base_color: linear RGBA that multiplies texture and vertex colours.
-        texture: base colour texture, if any.
+        base_color: linear RGBA that multiplies texture and vertex colors.
+        texture: base color texture, if any.
         alpha_mode: opaque, mask or blend.
         alpha_cutoff: with MASK, alpha below this is a hole.
         double_sided: both sides are drawn.
@@ -89,8 +89,8 @@ class Material:
         emissive: light that it emits, linear RGB from 0; it multiplies `emissive_map`.
         normal_scale, occlusion_strength, clearcoat_normal_scale: of their maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.
-        emissive_map: texture of colours.
-        specular_map: texture of colours that multiply `specular_color`, whose alpha multiplies
+        emissive_map: texture of colors.
+        specular_map: texture of colors that multiply `specular_color`, whose alpha multiplies
             `specular`.
         clearcoat_map, clearcoat_normal_map: linear textures.
 
@@ -126,7 +126,7 @@ class Material:
 
     @property
     def maps(self) -> tuple[Texture | None, ...]:
-        """Textures beside that of the base colour."""
+        """Textures beside that of the base color."""
         return (
             self.metallic_roughness_map, self.normal_map, self.occlusion_map, self.emissive_map,
             self.specular_map, self.clearcoat_map, self.clearcoat_normal_map,
@@ -134,7 +134,7 @@ class Material:
 
     @property
     def is_matte(self) -> bool:
-        """Base colour and lights are all that counts: no gloss, no metal, no maps, no emission."""
+        """Base color and lights are all that counts: no gloss, no metal, no maps, no emission."""
         strengths = (self.metallic, self.specular, self.clearcoat, *self.emissive)
         return self.unlit or not (any(strengths) or any(one is not None for one in self.maps))
 
@@ -149,7 +149,7 @@ class Material:
 
     @property
     def hit_cutoff(self) -> float:
-        """Alpha from which on a ray hits the surface, but for colours; 0: everywhere."""
+        """Alpha from which on a ray hits the surface, but for colors; 0: everywhere."""
         if self.alpha_mode is AlphaMode.MASK:
             return self.alpha_cutoff
         return BLENDED_CUTOFF if self.alpha_mode is AlphaMode.BLEND else 0.0
@@ -204,8 +204,8 @@ class Instance:
     Attributes:
         name: name of the node in the file; parts of one object share it.
         mesh: index into `Scene.meshes`.
-        world_from_mesh: (4, 4) float64, metres.
-        world_from_node: (4, 4) float64, metres, of the node, whose axes are the world's where it is
+        world_from_mesh: (4, 4) float64, meters.
+        world_from_node: (4, 4) float64, meters, of the node, whose axes are the world's where it is
             not turned; by default the world's own frame.
         light_rectangle: left, top, width and height in the scene's baked light, from 0 to 1, which
             the mesh's light coordinates are of; None: it takes the probes'.
@@ -270,7 +270,7 @@ MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
 class Fog:
     """Homogeneous fog, or water: light is lost along a ray, and the fog's own comes in.
 
-    At a distance of d metres a share exp(−attenuation · d) is left of each channel.
+    At a distance of d meters a share exp(−attenuation · d) is left of each channel.
 
     Attributes:
         color: linear RGB at an infinite distance.
@@ -285,7 +285,7 @@ class Fog:
 class Lighting:
     """Lights of a scene, and their exposure.
 
-    A white surface under ambient (1, 1, 1) alone has colour (1, 1, 1). A light adds its
+    A white surface under ambient (1, 1, 1) alone has color (1, 1, 1). A light adds its
     illuminance times `exposure`, by Lambert's cosine.
 
     Attributes:
@@ -368,11 +368,11 @@ class NamedStart:
 
 @dataclass(frozen=True)
 class ColorBand:
-    """Colour of a landmark between two heights above its base.
+    """Color of a landmark between two heights above its base.
 
     Attributes:
-        color: name of the colour, the same for all that have it.
-        linear_rgb: the colour itself, before any light.
+        color: name of the color, the same for all that have it.
+        linear_rgb: the color itself, before any light.
         bottom_m, top_m: above the landmark's base.
     """
 
@@ -388,7 +388,7 @@ SLIM_M = 0.2
 
 @dataclass(frozen=True)
 class Landmark:
-    """Object recognised by its colours, at a known position.
+    """Object recognized by its colors, at a known position.
 
     Attributes:
         name: its name; names of its nodes begin with it.
@@ -442,7 +442,7 @@ class LabelRule:
     Attributes:
         id: from 1; distinct.
         name: distinct.
-        color: 8-bit sRGB, for pictures.
+        color: 8-bit sRGB, for images.
         nodes: patterns of instances' names, `*` and `?` stand for any letters.
     """
 

@@ -155,7 +155,7 @@ def scene_textures(scene: Scene) -> list[Texture]:
 
 
 def textures_of(material: Material) -> list[Texture]:
-    """Textures of a material: of its base colour, and its maps."""
+    """Textures of a material: of its base color, and its maps."""
     return [one for one in (material.texture, *material.maps) if one is not None]
 
 

@@ -13,7 +13,7 @@ from PIL.Image import DecompressionBombWarning, Image
 from omnisim.scene.parts import AlphaMode, Texture, Wrap
 
 MAX_SIDE_PX = 32768
-NO_PICTURE = "is not a picture that can be read"  # of an image file
+NO_IMAGE = "is not an image that can be read"  # of an image file
 
 
 # Formats that Pillow does not read, by their first bytes.
@@ -23,7 +23,7 @@ _UNSUPPORTED = {b"\xabKTX 20": "KTX 2", b"\xabKTX 11": "KTX"}
 def unreadable_image(data: bytes | memoryview) -> str:
     """Reason why an image file cannot be opened: its format is not supported, or it has none."""
     name = _UNSUPPORTED.get(bytes(data[:7]))
-    return NO_PICTURE if name is None else f"is a {name} image, which is not supported"
+    return NO_IMAGE if name is None else f"is a {name} image, which is not supported"
 
 
 class TextureStore:
@@ -50,7 +50,7 @@ class TextureStore:
         """Texture of an image, or None where it cannot be decoded.
 
         Where it is mirrored, its mirror image stands beside it, along u or v. A linear one has
-        values, not colours.
+        values, not colors.
         """
         key = (id(image), wraps, mirrored, is_linear)
         if key not in self._textures:
@@ -68,8 +68,7 @@ class TextureStore:
                 pixels = rgba8(image)
             except Exception as reason:  # Pillow's readers raise all kinds
                 self.notices.append(
-                    f"texture of {used_by!r} cannot be decoded ({reason}): "
-                    "its plain colour is drawn"
+                    f"texture of {used_by!r} cannot be decoded ({reason}): its plain color is drawn"
                 )
             self._pixels[id(image)] = (image, pixels)
         return self._pixels[id(image)][1]
@@ -91,10 +90,10 @@ def rgba8(image: Image) -> NDArray[np.uint8]:
     """
     if max(image.size) > MAX_SIDE_PX:
         raise ValueError(f"expected at most {MAX_SIDE_PX} px to a side, got {max(image.size)}")
-    if image.mode.startswith(("I", "F")):  # 16-bit grey, which Pillow would clip
-        grey = np.asarray(image, dtype=np.float64)
-        grey = grey / 257.0 if image.mode.startswith("I") else grey * 255.0
-        levels = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+    if image.mode.startswith(("I", "F")):  # 16-bit gray, which Pillow would clip
+        gray = np.asarray(image, dtype=np.float64)
+        gray = gray / 257.0 if image.mode.startswith("I") else gray * 255.0
+        levels = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
         opaque = np.full_like(levels, 255)
         return np.stack((levels, levels, levels, opaque), axis=-1)
     return np.array(image.convert("RGBA"), dtype=np.uint8)

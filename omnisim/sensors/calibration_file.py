@@ -11,7 +11,7 @@ from omnisim.core.poses import check_pose
 from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.quality import MAX_PICTURE_PX
+from omnisim.rendering.camera.quality import MAX_IMAGE_PX
 from omnisim.rendering.camera.valid_mask import valid_mask
 
 CALIBRATION = "calibration.json"
@@ -50,8 +50,8 @@ def parse_mount(content: Any, place: str | Path) -> CameraMount:
     """
     try:
         camera = camera_of_parameters(content["camera"])
-        if max(camera.width_px, camera.height_px) > MAX_PICTURE_PX:
-            raise OmnisimError(f"camera: size: expected at most {MAX_PICTURE_PX} px to a side")
+        if max(camera.width_px, camera.height_px) > MAX_IMAGE_PX:
+            raise OmnisimError(f"camera: size: expected at most {MAX_IMAGE_PX} px to a side")
         base_from_optical = check_pose(content["base_from_optical"])
         polygons = content["polygons"] if isinstance(content["polygons"], int) else None
         return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))

@@ -82,7 +82,7 @@ class DriveSettings:
         vehicle: name of the sensor's vehicle in the world.
         motion: of its base.
         seed: of the drive.
-        unlit: show plain base colours.
+        unlit: show plain base colors.
         channel_format: of files with ground truth.
         boxes_3d: also record the oriented boxes of the visible instances.
     """

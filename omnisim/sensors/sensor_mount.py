@@ -17,7 +17,7 @@ from omnisim.core.files.parameters import Number, Table
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import Name, SensorName
 
-# No robot is larger; metres, not millimetres.
+# No robot is larger; meters, not millimeters.
 Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Level = Annotated[Number, Field(ge=0.0)]
@@ -39,7 +39,7 @@ class SensorMount(Table):
     name: SensorName
     """Name of the sensor and of its folder in a run, distinct."""
     position_m: tuple[Coordinate, Coordinate, Coordinate]
-    """Metres in the base frame: of a camera's effective viewpoint or a scan's origin."""
+    """Meters in the base frame: of a camera's effective viewpoint or a scan's origin."""
     roll_deg: Number = 0.0
     """Degrees about x."""
     pitch_deg: Number = 0.0

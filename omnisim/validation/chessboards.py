@@ -1,4 +1,4 @@
-"""Chessboards around the camera, one in each picture, as for a calibration."""
+"""Chessboards around the camera, one in each image, as for a calibration."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
 def board_poses_in_front(
     count: int, largest_rad: float, seed: int = 7
 ) -> list[NDArray[np.float64]]:
-    """Poses (4, 4) optical_from_board in front of a lens: centres evenly up to an angle, tilted."""
+    """Poses (4, 4) optical_from_board in front of a lens: centers evenly up to an angle, tilted."""
     random = np.random.default_rng(seed)
     poses = []
     for index in range(count):

@@ -44,7 +44,7 @@ class TracedAxialRays(NamedTuple):
     directions: Floats  # (n, 3)
 
     def misses(self, expected: AxialRays) -> tuple[float, float]:
-        """Largest angle in rad, and largest distance of an origin in metres."""
+        """Largest angle in rad, and largest distance of an origin in meters."""
         sines, cosines = np.sin(expected.angles_rad), np.cos(expected.angles_rad)
         directions = np.column_stack((self.outward * sines[:, None], cosines))
         origins_m = self.place(AxialPoints(*expected[:2]))

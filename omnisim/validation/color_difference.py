@@ -1,4 +1,4 @@
-"""Differences of colours as people see them.
+"""Differences of colors as people see them.
 
 Source: Sharma, Wu and Dalal, "The CIEDE2000 color-difference formula", 2005; CIE 15 (L*a*b*).
 """
@@ -30,17 +30,17 @@ def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def ciede2000(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """CIEDE2000 (...) of colours in L*a*b* (..., 3)."""
+    """CIEDE2000 (...) of colors in L*a*b* (..., 3)."""
     (l1, a1, b1), (l2, a2, b2) = np.moveaxis(one, -1, 0), np.moveaxis(other, -1, 0)
     chroma7 = (0.5 * (np.hypot(a1, b1) + np.hypot(a2, b2))) ** 7
     stretch = 1.5 - 0.5 * np.sqrt(chroma7 / (chroma7 + _FAR))
     c1, c2 = np.hypot(a1 * stretch, b1), np.hypot(a2 * stretch, b2)
     h1, h2 = (np.degrees(np.arctan2(b, a * stretch)) % 360.0 for a, b in ((a1, b1), (a2, b2)))
-    is_grey = c1 * c2 == 0.0
-    turn = np.where(is_grey, 0.0, (h2 - h1 + 180.0) % 360.0 - 180.0)
+    is_gray = c1 * c2 == 0.0
+    turn = np.where(is_gray, 0.0, (h2 - h1 + 180.0) % 360.0 - 180.0)
     hue_step = 2.0 * np.sqrt(c1 * c2) * np.sin(np.radians(0.5 * turn))
     far_apart = np.abs(h1 - h2) > 180.0
-    hue = np.where(is_grey, h1 + h2, 0.5 * (h1 + h2) + np.where(far_apart, 180.0, 0.0))
+    hue = np.where(is_gray, h1 + h2, 0.5 * (h1 + h2) + np.where(far_apart, 180.0, 0.0))
     light, chroma = 0.5 * (l1 + l2), 0.5 * (c1 + c2)
     weight = (
         1.0

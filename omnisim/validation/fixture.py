@@ -33,7 +33,7 @@ class Fixture:
 
     @cached_property
     def scene(self) -> Scene:
-        """Textured scene that pictures are compared in, in even light."""
+        """Textured scene that images are compared in, in even light."""
         return load_scene(TEXTURED_SCENE, sky="none")
 
     @property
@@ -44,7 +44,7 @@ class Fixture:
     def render(
         self, scene: Scene | Stage, camera: OmniCamera, world_from_base: NDArray[np.float64]
     ) -> Frame:
-        """One frame in plain base colours, with linear floats."""
+        """One frame in plain base colors, with linear floats."""
         if isinstance(scene, Stage):
             opened = scene.open(camera, unlit=True)
         else:
@@ -64,7 +64,7 @@ def mirror_camera(sensor: OmniCamera) -> HyperbolicCamera:
     return sensor.model
 
 
-def linear_picture(frame: Frame) -> NDArray[np.float32]:
+def linear_image(frame: Frame) -> NDArray[np.float32]:
     """Linear RGB (height, width, 3) of a frame that was rendered with it."""
     assert frame.linear is not None
     return frame.linear

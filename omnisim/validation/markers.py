@@ -1,4 +1,4 @@
-"""Markers: small discs all around the viewpoint, and their centroids in pictures."""
+"""Markers: small discs all around the viewpoint, and their centroids in images."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from omnisim.cameras import CentralCamera
 from omnisim.scene import Scene
 from omnisim.validation.plain_scenes import WHITE, discs, plain_scene
 
-# A dozen pixels across in a picture of 1024: the samples of the edge average out.
+# A dozen pixels across in an image of 1024: the samples of the edge average out.
 MARKER_RADIUS_RAD = math.radians(0.8)
 WINDOW_PX = 12
 
@@ -52,9 +52,9 @@ def marker_rims(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDA
 
 
 def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the picture.
+    """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the image.
 
-    A disc's centre is not shown at the centroid of the disc's picture: the difference is
+    A disc's center is not shown at the centroid of the disc's image: the difference is
     0.03 px for markers.
     """
     start = rims_px.mean(axis=1, keepdims=True)
@@ -82,7 +82,7 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
     """Centroids (n, 2) of brightness in windows around positions (n, 2); NaN for a dark window.
 
     Args:
-        brightness: picture (height, width).
+        brightness: image (height, width).
         near_px: middles of the windows.
     """
     found = np.full(near_px.shape, np.nan)

@@ -15,7 +15,7 @@ ROUGHNESS = 0.1, 0.25, 0.4, 0.6, 0.8, 1.0  # from top to bottom
 METALLIC = 0.0, 0.5, 1.0  # from left to right
 BASE_COLOR = 0.8, 0.3, 0.1
 RADIUS_M, DISTANCE_M = 0.4, 6.0
-SPHERE_PX = 66  # wide, in the picture
+SPHERE_PX = 66  # wide, in the image
 CLEAR = 0.93  # of a sphere's radius: pixels there show nothing else
 
 
@@ -51,8 +51,8 @@ def sphere(radius_m: float, rows: int = 64) -> Mesh:
     )
 
 
-def centres_m() -> NDArray[np.float64]:
-    """Centres (18, 3) of the spheres, row by row, about the camera's axis, the world's x."""
+def centers_m() -> NDArray[np.float64]:
+    """Centers (18, 3) of the spheres, row by row, about the camera's axis, the world's x."""
     rows, columns = len(ROUGHNESS), len(METALLIC)
     return np.array(
         [
@@ -73,7 +73,7 @@ def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
     directions = np.stack((rays[..., 2], -rays[..., 0], -rays[..., 1]), axis=-1)
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     away_m = np.stack(
-        [np.linalg.norm(np.cross(centre_m, directions), axis=-1) for centre_m in centres_m()]
+        [np.linalg.norm(np.cross(center_m, directions), axis=-1) for center_m in centers_m()]
     )
     nearest: NDArray[np.int64] = away_m.argmin(axis=0).astype(np.int64)
     nearest[away_m.min(axis=0) > CLEAR * RADIUS_M] = -1
@@ -102,9 +102,9 @@ def chart(lighting: Lighting) -> Scene:
         for number in range(len(materials))
     )  # fmt: skip
     instances = []
-    for number, centre_m in enumerate(centres_m()):
+    for number, center_m in enumerate(centers_m()):
         pose = np.eye(4)
-        pose[:3, 3] = centre_m
+        pose[:3, 3] = center_m
         instances.append(Instance(f"sphere {number}", number, pose, pose))
     return Scene(
         name="material chart",

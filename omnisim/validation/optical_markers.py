@@ -11,8 +11,8 @@ from omnisim.scene.model import Mesh
 from omnisim.validation.markers import WINDOW_PX
 from omnisim.validation.plain_scenes import WHITE, plain_scene
 
-RADIUS_PX = 6.0  # of a marker's longer half axis in the picture
-STRETCH = 3.0  # of a marker in the picture
+RADIUS_PX = 6.0  # of a marker's longer half axis in the image
+STRETCH = 3.0  # of a marker in the image
 _NEAREST_M, _FARTHEST_M = 0.4, 8.0
 _CORNERS = 96
 
@@ -60,7 +60,7 @@ def markers_on_rays(
 def _sizes(
     system: OpticalSystem, pixels_px: NDArray[np.float64], ranges_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Largest and smallest metres a pixel (n, 2), across rays at a range."""
+    """Largest and smallest meters a pixel (n, 2), across rays at a range."""
     by_pixel = ray_jacobians(system, pixels_px)
     moved = by_pixel.origins_m + ranges_m[:, None, None] * by_pixel.directions
     frames = _frames(system.rays(pixels_px).directions)

@@ -12,7 +12,7 @@ BLACK = (0.0, 0.0, 0.0, 1.0)
 
 
 def plain_scene(name: str, *colored: tuple[Mesh, tuple[float, float, float, float]]) -> Scene:
-    """A scene of meshes in the world frame, each in one linear RGBA colour, on black."""
+    """A scene of meshes in the world frame, each in one linear RGBA color, on black."""
     return Scene(
         name=name,
         meshes=tuple(mesh for mesh, _ in colored),

@@ -1,4 +1,4 @@
-"""Peak signal-to-noise ratio of two pictures, and its noise floor."""
+"""Peak signal-to-noise ratio of two images, and its noise floor."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from omnisim.core.srgb import srgb_from_linear
 def psnr_db(
     first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
 ) -> float:
-    """Peak signal-to-noise ratio of two pictures (height, width, 3), linear RGB, as 8-bit sRGB.
+    """Peak signal-to-noise ratio of two images (height, width, 3), linear RGB, as 8-bit sRGB.
 
     Only pixels in the mask (height, width) count. Infinite where they are equal; rounding alone
-    leaves 56 dB between pictures that are merely almost so.
+    leaves 56 dB between images that are merely almost so.
     """
     one, other = (np.rint(255.0 * srgb_from_linear(values[mask])) for values in (first, second))
     return psnr_of_levels_db(one, other)
@@ -32,9 +32,9 @@ def psnr_of_levels_db(first: NDArray[Any], second: NDArray[Any]) -> float:
 def noise_floor_db(
     first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
 ) -> float:
-    """PSNR that its noise alone leaves between a sampled picture and a perfect one.
+    """PSNR that its noise alone leaves between a sampled image and a perfect one.
 
-    Two pictures sampled with different seeds differ by the noise of both: twice the variance of
+    Two images sampled with different seeds differ by the noise of both: twice the variance of
     either, 3 dB.
     """
     return psnr_db(first, second, mask) + 10.0 * math.log10(2.0)

@@ -1,4 +1,4 @@
-"""Radii of rings around the principal point, measured in a picture to a fraction of a pixel."""
+"""Radii of rings around the principal point, measured in an image to a fraction of a pixel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STEP_PX = 0.1
 
 def ring_radii(
     darkness: NDArray[np.float64],
-    centre_px: tuple[float, float],
+    center_px: tuple[float, float],
     expected_px: float,
     reach_px: float,
     azimuths: int = 720,
@@ -24,8 +24,8 @@ def ring_radii(
     radius, so darkness is weighted by the root.
 
     Args:
-        darkness: picture (height, width), 0 where there is no ring.
-        centre_px: (u, v) of the rings' middle.
+        darkness: image (height, width), 0 where there is no ring.
+        center_px: (u, v) of the rings' middle.
         expected_px, reach_px: radius and half width of the search; no other ring may be there.
         azimuths: their number.
     """
@@ -33,7 +33,7 @@ def ring_radii(
     radii = expected_px + np.arange(-reach_px, reach_px + 0.5 * STEP_PX, STEP_PX)
     radii = radii[radii > 0.0]
     directions = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    profile = sample(darkness, directions[:, None] * radii[:, None] + np.asarray(centre_px))
+    profile = sample(darkness, directions[:, None] * radii[:, None] + np.asarray(center_px))
     weights = profile * np.sqrt(radii)
     means: NDArray[np.float64] = (weights * radii).sum(axis=1) / weights.sum(axis=1)
     return means

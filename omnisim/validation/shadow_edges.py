@@ -1,4 +1,4 @@
-"""Edges of shadows in two pictures, and how far they are apart."""
+"""Edges of shadows in two images, and how far they are apart."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from omnisim.scene.model import Light, Material, Scene
 
 _HALF, _FINER = 0.5, 8
 _MARGIN_PX = 2  # around the edges of objects, which are none of shadows
-_GREY = (0.5, 0.5, 0.5, 1.0)
+_GRAY = (0.5, 0.5, 0.5, 1.0)
 _DARKEST = 0.02  # of white, in full light: below it noise hides the shadow
 
 
-def lit_share(picture: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> NDArray[np.float32]:
+def lit_share(image: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> NDArray[np.float32]:
     """Share (height, width) of a lamp's light that arrives.
 
     Args:
-        picture, unshadowed: (height, width, 3), linear, with and without shadows.
+        image, unshadowed: (height, width, 3), linear, with and without shadows.
     """
-    light, full = picture.sum(axis=-1), unshadowed.sum(axis=-1)
+    light, full = image.sum(axis=-1), unshadowed.sum(axis=-1)
     share: NDArray[np.float32] = np.clip(light / np.maximum(full, 3.0 * _DARKEST), 0.0, 1.0)
     return share
 
@@ -35,7 +35,7 @@ def inside_surfaces(
     Args:
         instances: (height, width).
         normals: (height, width, 3).
-        unshadowed: (height, width, 3) linear picture without shadows.
+        unshadowed: (height, width, 3) linear image without shadows.
     """
     breaks = np.zeros(instances.shape, bool)
     for axis in (0, 1):
@@ -49,7 +49,7 @@ def inside_surfaces(
 def edge_distance_px(
     one: NDArray[np.float32], other: NDArray[np.float32], where: NDArray[np.bool_]
 ) -> float:
-    """Mean distance of edges to the nearest edge of the other picture, both ways, in pixels.
+    """Mean distance of edges to the nearest edge of the other image, both ways, in pixels.
 
     An edge is where half of the light arrives, between pixels along straight lines.
 
@@ -68,7 +68,7 @@ def edge_distance_px(
 
 
 def _edges(values: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Edges of a picture of shares, at a finer resolution."""
+    """Edges of an image of shares, at a finer resolution."""
     is_lit = ndimage.zoom(values, _FINER, order=1, grid_mode=True, mode="nearest") > _HALF
     edges = np.zeros(is_lit.shape, bool)
     edges[1:] |= is_lit[1:] != is_lit[:-1]
@@ -76,13 +76,13 @@ def _edges(values: NDArray[np.float32]) -> NDArray[np.bool_]:
     return edges
 
 
-def grey_in_one_light(scene: Scene, light: Light) -> Scene:
-    """Scene of plain grey surfaces in the light of one lamp."""
+def gray_in_one_light(scene: Scene, light: Light) -> Scene:
+    """Scene of plain gray surfaces in the light of one lamp."""
     return dataclasses.replace(
         scene,
         meshes=tuple(dataclasses.replace(one, colors=None) for one in scene.meshes),
         materials=tuple(
-            Material(one.name, _GREY, double_sided=one.double_sided) for one in scene.materials
+            Material(one.name, _GRAY, double_sided=one.double_sided) for one in scene.materials
         ),
         lighting=dataclasses.replace(scene.lighting, lights=(light,)),
     )

@@ -1,4 +1,4 @@
-"""Structural similarity of two pictures.
+"""Structural similarity of two images.
 
 Source: Wang et al., "Image quality assessment: from error visibility to structural similarity",
 2004, with its Gaussian window and constants.
@@ -20,7 +20,7 @@ _LUMA = np.array((0.299, 0.587, 0.114))
 def ssim(
     first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
 ) -> float:
-    """Mean structural similarity of the luma of two pictures (height, width, 3), linear RGB.
+    """Mean structural similarity of the luma of two images (height, width, 3), linear RGB.
 
     Only pixels in the mask (height, width) count, and are black elsewhere.
     """

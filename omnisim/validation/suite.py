@@ -17,7 +17,7 @@ from omnisim.validation.report.report import Report, Section
 
 @dataclass(frozen=True)
 class Check:
-    """A comparison of pictures with equations or an independent oracle.
+    """A comparison of images with equations or an independent oracle.
 
     Attributes:
         key: short name, in `report.json` and on the command line.
@@ -47,7 +47,7 @@ class Check:
 
 
 CHECKS = (
-    Check("rings", "Fig. 7 and Eq. 2: where the picture shows an angle", "rings.check"),
+    Check("rings", "Fig. 7 and Eq. 2: where the image shows an angle", "rings.check"),
     Check("polygons", "Fig. 8 and 9: how many polygons the mirror needs", "polygons.check"),
     Check("viewpoint", "Single viewpoint", "viewpoint.check"),
     Check(
@@ -58,9 +58,9 @@ CHECKS = (
         is_quick=False,
     ),
     Check(
-        "second-rasteriser",
-        "A second rasteriser",
-        "second_rasteriser.check",
+        "second-rasterizer",
+        "A second rasterizer",
+        "second_rasterizer.check",
         oracles=("pyrender",),
     ),
     Check(
@@ -85,7 +85,7 @@ CHECKS = (
         is_quick=False,
     ),
     Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
-    Check("quality", "Quality of the picture, and shimmer", "picture_quality.check"),
+    Check("quality", "Quality of the image, and shimmer", "image_quality.check"),
     Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),
     Check(
         "omnidir", "A calibration library", "calibration.check_omnidir", oracles=("cv2.omnidir",)
@@ -102,7 +102,7 @@ CHECKS = (
     Check(
         "optics-path-tracer",
         "Any optics: real mirrors and windows, traced by another renderer",
-        "optics_pictures.check",
+        "optics_images.check",
         oracles=("mitsuba",),
         is_quick=False,
     ),
@@ -149,13 +149,13 @@ def make_report(sections: Sequence[Section], is_quick: bool, machine: dict[str, 
     """Report of the checks that were run; the others are named."""
     run = {section.key for section in sections}
     left_out = [check.title for check in CHECKS if check.key not in run]
-    notices = ["Quick report: smaller pictures and fewer samples."] if is_quick else []
+    notices = ["Quick report: smaller images and fewer samples."] if is_quick else []
     notices += [f"Left out: {'; '.join(left_out)}."] if left_out else []
     notices += [f"Not checked: {part.title}: {part.skipped}" for part in sections if part.skipped]
     seconds = round(sum(section.seconds or 0.0 for section in sections), 1)
     return Report(
         "Validation",
-        "Pictures against the paper's equations and independent oracles.",
+        "Images against the paper's equations and independent oracles.",
         sections,
         {"quick": is_quick, "left_out": left_out, "seconds": seconds},
         notices,

@@ -1,4 +1,4 @@
-"""Scenes with light through a real mirror and a fisheye, traced by Mitsuba beside our pictures."""
+"""Scenes with light through a real mirror and a fisheye, traced by Mitsuba beside our images."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def traced_light(
     samples: int,
     bounces: bool = False,
 ) -> NDArray[np.float32]:
-    """Picture (height, width, 3), linear RGB, of a vehicle's camera, by Mitsuba.
+    """Image (height, width, 3), linear RGB, of a vehicle's camera, by Mitsuba.
 
     Args:
         scene: see `lit_world`.
@@ -110,7 +110,7 @@ def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
 def beside(
     name: str, traced: NDArray[np.float32], ours: NDArray[np.float32], inside: NDArray[np.bool_]
 ) -> dict[str, NDArray[np.generic]]:
-    """Pictures of a scene, ours and a traced one, and their enhanced difference, by title."""
+    """Images of a scene, ours and a traced one, and their enhanced difference, by title."""
     one, other = (np.where(inside[..., None], values, 0.0) for values in (traced, ours))
     off = np.abs(srgb_from_linear(one) - srgb_from_linear(other))
     enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)

@@ -1,4 +1,4 @@
-// void emit(bool valid, vec3 ray): writes the atlas's linear colour, and alpha 1 where the ray is
+// void emit(bool valid, vec3 ray): writes the atlas's linear color, and alpha 1 where the ray is
 // valid.
 
 #include "capture/uv.glsl"

@@ -2,7 +2,7 @@
 // in_position is in the mirror frame in units of c: viewpoint at 0, pinhole at (0, 0, 1).
 #version 450 core
 
-uniform vec2 u_picture_size_px;
+uniform vec2 u_image_size_px;
 uniform float u_focal_length_px;
 uniform vec2 u_principal_point_px;
 
@@ -13,8 +13,8 @@ void main() {
     // from the pinhole, optical frame: half a turn about x from the mirror frame
     vec3 seen = vec3(in_position.x, -in_position.y, 1.0 - in_position.z);
     vec2 pixel_times_depth = u_focal_length_px * seen.xy + u_principal_point_px * seen.z;
-    // pixel (0, 0) has its centre half a pixel inside the target's corner
-    vec2 clip = 2.0 * (pixel_times_depth + 0.5 * seen.z) / u_picture_size_px - seen.z;
+    // pixel (0, 0) has its center half a pixel inside the target's corner
+    vec2 clip = 2.0 * (pixel_times_depth + 0.5 * seen.z) / u_image_size_px - seen.z;
     gl_Position = vec4(clip, 0.0, seen.z);
     v_ray = vec3(in_position.x, -in_position.yz);  // from the viewpoint, optical frame
 }

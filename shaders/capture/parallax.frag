@@ -1,4 +1,4 @@
-// Pixels of a camera whose rays do not meet in one point, from the atlas of one viewpoint: colours of
+// Pixels of a camera whose rays do not meet in one point, from the atlas of one viewpoint: colors of
 // those of their samples whose surfaces lie, more or less, on the plane of those that the pixels
 // around meet, if the atlas shows each there; and which samples are left (parallax_samples.frag).
 // Without branches: software drivers go through all of them.
@@ -24,7 +24,7 @@ const float GUTTER_TEXELS = 1.5;
 #endif
 const float STRAIGHT_TEXELS = 1.0;  // surfaces that differ from a plane by less, per pixel
 
-// Tangents and inverse depth of the surface of a neighbour, as the pixel's own face has them.
+// Tangents and inverse depth of the surface of a neighbor, as the pixel's own face has them.
 vec3 beside(ivec2 pixel, int face, inout bool straight) {
     vec4 surface = texelFetch(u_surfaces, pixel, 0);
     vec3 local = u_face_from_rig[face] * surface.xyz;

@@ -1,6 +1,6 @@
-// vec3 color_at(vec2 texel, float level): linear colour of the atlas at a position in it.
+// vec3 color_at(vec2 texel, float level): linear color of the atlas at a position in it.
 
-// vec3 color_along(vec3 color, vec3 toward, float nearness, vec3 aside): a colour of the atlas as a ray
+// vec3 color_along(vec3 color, vec3 toward, float nearness, vec3 aside): a color of the atlas as a ray
 // from beside the viewpoint sees it; with FOG through more or less of it. toward over nearness is the
 // place that is seen, aside the ray's origin, both from the viewpoint.
 

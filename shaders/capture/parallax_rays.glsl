@@ -1,6 +1,6 @@
 // Ray ray_of(ivec2 pixel, int part): a sample's ray.
 // float level_at(ivec2 pixel, Place place): with MIP_LEVELS, level at which samples look up.
-// Rays of pixels' centres have one texel each, and MARGIN more around: unit directions, rig frame,
+// Rays of pixels' centers have one texel each, and MARGIN more around: unit directions, rig frame,
 // and the share of the pixel's samples that have a ray; origins from the viewpoint, and 1 + first
 // texel of the samples' own rays, which those at the rim have, else 0: theirs are interpolated.
 // SUPERSAMPLING: samples to a side of a pixel.

@@ -1,9 +1,9 @@
 // Single samples of a camera whose rays do not meet in one point, each along its own ray: linear
-// colour, and 1 where it is known what the ray meets.
+// color, and 1 where it is known what the ray meets.
 #version 450 core
 
 uniform usampler2D u_samples;  // one a texel of the target: 64 * pixel, row by row, + part of it
-uniform int u_width_px;        // of the picture
+uniform int u_width_px;        // of the image
 
 layout(location = 0) out vec4 out_color;
 
@@ -12,7 +12,7 @@ layout(location = 0) out vec4 out_color;
 #include "capture/parallax_rays.glsl"
 #include "capture/parallax_color.glsl"
 
-// Texels that a colour is mixed of show what the ray meets, or something whose parallax is less than
+// Texels that a color is mixed of show what the ray meets, or something whose parallax is less than
 // a texel from it: beside an edge, what is behind or before it would shine through.
 bool is_unmixed(Place place, float nearness, float level) {
     float reach = level > 0.0 ? exp2(ceil(level)) : 0.5;

@@ -1,4 +1,4 @@
-// Ends of the rays of pixels' centres: direction from the viewpoint, ray + w origin, and w; below
+// Ends of the rays of pixels' centers: direction from the viewpoint, ray + w origin, and w; below
 // 0 where that is not known, or where there is no ray.
 #version 450 core
 

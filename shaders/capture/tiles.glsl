@@ -2,7 +2,7 @@
 // int tile_of(int face, vec2 tangent): tile of the atlas that has the face there.
 //
 // Handedness: u_face_from_rig holds the faces' own optical frames (right, down, forward), as
-// omnisim/core/cube.py states them. A face's picture has its first row at the top, so tangents to the
+// omnisim/core/cube.py states them. A face's image has its first row at the top, so tangents to the
 // right and down are texture coordinates without any flip.
 
 const int FACES = 6;

@@ -9,6 +9,6 @@ vec3 neutral(vec3 linear) {
     float peak = max(color.r, max(color.g, color.b));
     if (peak < start) return color;
     float lowered = 1.0 - room * room / (peak + room - start);
-    float grey = 1.0 - 1.0 / (0.15 * (peak - lowered) + 1.0);
-    return mix(color * lowered / peak, vec3(lowered), grey);
+    float gray = 1.0 - 1.0 / (0.15 * (peak - lowered) + 1.0);
+    return mix(color * lowered / peak, vec3(lowered), gray);
 }

@@ -8,7 +8,7 @@ layout(local_size_x = 32) in;
 #include "culling/views.glsl"
 
 struct Item {
-    vec3 centre;  // of its bounding sphere, in the frame of its object
+    vec3 center;  // of its bounding sphere, in the frame of its object
     float radius;
     uint first_triangle, triangles, object, unused;
 };
@@ -19,7 +19,7 @@ struct Command {  // of glMultiDrawElementsIndirect
 
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };  // [camera][rank][tile]
 layout(std430, binding = 8) readonly buffer Items { Item items[]; };
-layout(std430, binding = 9) readonly buffer Centres { vec4 centres[]; };        // of the triangles
+layout(std430, binding = 9) readonly buffer Centers { vec4 centers[]; };        // of the triangles
 layout(std430, binding = 10) readonly buffer Indices { uint indices[]; };
 layout(std430, binding = 11) writeonly buffer Sorted { uint sorted_indices[]; };  // [camera]
 
@@ -39,7 +39,7 @@ bool may_be_seen(Item item, uint view) {
     vec4 planes[5] = vec4[5](
         rows[3] + rows[0], rows[3] - rows[0], rows[3] + rows[1], rows[3] - rows[1], rows[3]);
     for (int plane = 0; plane < 5; ++plane) {
-        float inside = dot(planes[plane], vec4(item.centre, 1.0));
+        float inside = dot(planes[plane], vec4(item.center, 1.0));
         if (inside < -item.radius * length(planes[plane].xyz)) return false;
     }
     return true;
@@ -51,19 +51,19 @@ void main() {
     uint first = camera * u_triangles + item.first_triangle;
     for (uint at = thread; at < item.triangles; at += 32u) {
         uint own = item.first_triangle + at, rank = 0u;
-        float own_distance = squared_distance(centres[own].xyz, item.object, camera);
+        float own_distance = squared_distance(centers[own].xyz, item.object, camera);
         for (uint other = 0u; other < item.triangles; ++other) {
-            vec3 centre = centres[item.first_triangle + other].xyz;
-            float distance = squared_distance(centre, item.object, camera);
+            vec3 center = centers[item.first_triangle + other].xyz;
+            float distance = squared_distance(center, item.object, camera);
             rank += uint(distance > own_distance || (distance == own_distance && other < at));
         }
         for (uint corner = 0u; corner < 3u; ++corner)
             sorted_indices[3u * (first + rank) + corner] = indices[3u * own + corner];
     }
     uint rank = 0u;
-    float own_distance = squared_distance(item.centre, item.object, camera);
+    float own_distance = squared_distance(item.center, item.object, camera);
     for (uint other = 0u; other < u_items; ++other) {
-        float distance = squared_distance(items[other].centre, items[other].object, camera);
+        float distance = squared_distance(items[other].center, items[other].object, camera);
         rank += uint(distance > own_distance || (distance == own_distance && other < index));
     }
     for (uint tile = thread; tile < u_tiles; tile += 32u) {

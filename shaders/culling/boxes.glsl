@@ -8,14 +8,14 @@ float reach(vec3 edges) {
 }
 
 struct ClipBox {
-    vec3 centre;  // x, y, w
+    vec3 center;  // x, y, w
     vec3 x_edges, y_edges, w_edges;
 };
 
 // Box in the frame of an object, as an instance of it has it.
-ClipBox clip_box(mat4 rows, vec3 centre, vec3 extent, float margin) {
-    vec4 at = vec4(centre, 1.0);
-    extent += TOLERANCE * (margin + reach(centre) + reach(extent));
+ClipBox clip_box(mat4 rows, vec3 center, vec3 extent, float margin) {
+    vec4 at = vec4(center, 1.0);
+    extent += TOLERANCE * (margin + reach(center) + reach(extent));
     return ClipBox(
         vec3(dot(rows[0], at), dot(rows[1], at), dot(rows[3], at)),
         rows[0].xyz * extent, rows[1].xyz * extent, rows[3].xyz * extent);
@@ -23,7 +23,7 @@ ClipBox clip_box(mat4 rows, vec3 centre, vec3 extent, float margin) {
 
 // False: all of it is outside of one plane of the frustum.
 bool is_inside(ClipBox box) {
-    float depth = reach(box.w_edges), x = box.centre.x, y = box.centre.y, w = box.centre.z;
+    float depth = reach(box.w_edges), x = box.center.x, y = box.center.y, w = box.center.z;
     return w + depth >= u_depths_m.x && w - depth <= u_depths_m.y
         && w + x + reach(box.w_edges + box.x_edges) >= 0.0
         && w - x + reach(box.w_edges - box.x_edges) >= 0.0

@@ -18,7 +18,7 @@ const float CONE_TOLERANCE = 1e-5;
 struct Bounds {
     bool crosses;  // the near plane: they are the whole tile
     float nearest; // depth
-    vec2 first_px, last_px;  // texels of the tile whose centres it covers
+    vec2 first_px, last_px;  // texels of the tile whose centers it covers
 };
 
 Bounds bounds_of(ClipBox box, vec2 size_px) {
@@ -26,14 +26,14 @@ Bounds bounds_of(ClipBox box, vec2 size_px) {
     float nearest_m = 1e30;
     for (int corner = 0; corner < 8; ++corner) {
         vec3 signs = vec3(corner & 1, (corner >> 1) & 1, corner >> 2) * 2.0 - 1.0;
-        float w = box.centre.z + dot(box.w_edges, signs);
+        float w = box.center.z + dot(box.w_edges, signs);
         nearest_m = min(nearest_m, w);
         vec2 at = vec2(dot(box.x_edges, signs), dot(box.y_edges, signs));
-        at = (box.centre.xy + at) / max(w, u_depths_m.x);
+        at = (box.center.xy + at) / max(w, u_depths_m.x);
         low = min(low, at);
         high = max(high, at);
     }
-    // a texel is covered where its centre is, half a texel after its edge
+    // a texel is covered where its center is, half a texel after its edge
     Bounds bounds;
     bounds.crosses = nearest_m < u_depths_m.x;
     bounds.nearest = u_depth.x + u_depth.y / nearest_m;
@@ -114,11 +114,11 @@ void main() {
     for (; children != 0u; children &= children - 1u) {
         uint child = uint(findLSB(children)), index = group.first_cluster + child;
         Cluster cluster = cluster_at(index);
-        vec3 centre = 0.5 * (cluster.aabb_min + cluster.aabb_max);
-        vec3 extent = cluster.aabb_max - centre;
-        vec3 away = centre - viewpoint;
+        vec3 center = 0.5 * (cluster.aabb_min + cluster.aabb_max);
+        vec3 extent = cluster.aabb_max - center;
+        vec3 away = center - viewpoint;
         float distance_m = length(away), radius_m = length(extent);
-        ClipBox box = clip_box(rows, centre, extent, margin);
+        ClipBox box = clip_box(rows, center, extent, margin);
 #if PASS == 2
         if (is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles)) continue;
 #else

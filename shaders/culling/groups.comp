@@ -14,8 +14,8 @@ void main() {
     Group group = group_at(index);
     uint clusters = shown[index];
     Instance instance = instances[group.object * u_cameras * u_tiles + view];
-    vec3 centre = 0.5 * (group.aabb_min + group.aabb_max), extent = group.aabb_max - centre;
+    vec3 center = 0.5 * (group.aabb_min + group.aabb_max), extent = group.aabb_max - center;
     mat4 rows = transpose(instance.clip_from_object);
-    ClipBox box = clip_box(rows, centre, extent, instance.viewpoint.w);
+    ClipBox box = clip_box(rows, center, extent, instance.viewpoint.w);
     if (clusters != 0u && is_inside(box)) append(0u, Candidate(index, view, clusters));
 }

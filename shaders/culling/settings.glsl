@@ -11,7 +11,7 @@ layout(std140, binding = 0) uniform Settings {
     vec2 u_depth;       // a and b in a + b / w, w along the view
     uint u_ranges;  // of commands, of all slices
     bool u_both_sides;  // back faces are seen, too
-    float u_radius_px;  // distance from a texel's centre up to which it is covered
+    float u_radius_px;  // distance from a texel's center up to which it is covered
     uint u_clusters;
     uint u_pass;        // of those that draw: each leaves out what those before it occlude
     float u_occluder_rad;  // clusters whose triangles look wider are drawn, the rest waits

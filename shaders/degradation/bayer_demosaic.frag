@@ -1,28 +1,28 @@
 // Demosaicking: Malvar's 5 x 5 filters where all their pixels are valid, otherwise the mean of the
-// valid ones among the nearest pixels of the colour.
+// valid ones among the nearest pixels of the color.
 // Source: Malvar, He and Cutler, ICASSP 2004.
 #version 450 core
 
-uniform sampler2D u_picture;
+uniform sampler2D u_image;
 uniform bool u_malvar;
 #include "degradation/bayer_pattern.glsl"
 layout(location = 0) out vec4 out_value;
 
 vec2 raw_at(ivec2 pixel) {
-    if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, textureSize(u_picture, 0))))
+    if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, textureSize(u_image, 0))))
         return vec2(0.0);
-    vec2 value = texelFetch(u_picture, pixel, 0).ra;
+    vec2 value = texelFetch(u_image, pixel, 0).ra;
     return value.y > 0.5 ? value : vec2(0.0);
 }
 
-// Mean of the valid nearest pixels of a colour: at the sides, or if there are none, at the corners.
-float nearest_mean(ivec2 pixel, int colour, float own) {
+// Mean of the valid nearest pixels of a color: at the sides, or if there are none, at the corners.
+float nearest_mean(ivec2 pixel, int color, float own) {
     for (int corners = 0; corners <= 1; ++corners) {
         vec2 total = vec2(0.0);
         for (int side = 0; side < 4; ++side) {
             ivec2 offset = corners == 1 ? ivec2(2 * (side & 1) - 1, (side & 2) - 1)
                 : ivec2[4](ivec2(0, -1), ivec2(-1, 0), ivec2(1, 0), ivec2(0, 1))[side];
-            if (colour_of(pixel + offset) == colour)
+            if (color_of(pixel + offset) == color)
                 total += raw_at(pixel + offset);
         }
         if (total.y > 0.0)
@@ -33,8 +33,8 @@ float nearest_mean(ivec2 pixel, int colour, float own) {
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 value = texelFetch(u_picture, pixel, 0);
-    int own_colour = colour_of(pixel);
+    vec4 value = texelFetch(u_image, pixel, 0);
+    int own_color = color_of(pixel);
     vec2 own = value.ra;
 
     // sums of the pixels that Malvar's filters weigh alike; y counts the valid ones
@@ -53,14 +53,14 @@ void main() {
         float column = 5.0 * own.x + 4.0 * above.x - corners.x - far_above.x + 0.5 * far_sides.x;
         float other = 6.0 * own.x + 2.0 * corners.x - 1.5 * (far_sides.x + far_above.x);
         bool red_row = ((pixel.y + u_red_xy.y) & 1) == 0;
-        guess = own_colour == 1
+        guess = own_color == 1
             ? vec3(red_row ? row : column, 0.0, red_row ? column : row)
             : vec3(other, cross, other);
         guess /= 8.0;
     } else {
-        for (int colour = 0; colour < 3; ++colour)
-            guess[colour] = nearest_mean(pixel, colour, own.x);
+        for (int color = 0; color < 3; ++color)
+            guess[color] = nearest_mean(pixel, color, own.x);
     }
-    guess[own_colour] = own.x;
+    guess[own_color] = own.x;
     out_value = own.y > 0.5 ? vec4(guess, value.a) : value;
 }

@@ -1,14 +1,14 @@
-// Lateral chromatic aberration: each colour is sampled where its own picture shows the pixel,
-// bilinearly among the valid neighbours (the hardware's filter has only 8 bits of weight).
+// Lateral chromatic aberration: each color is sampled where its own image shows the pixel,
+// bilinearly among the valid neighbors (the hardware's filter has only 8 bits of weight).
 #version 450 core
 
-uniform sampler2D u_picture;
-uniform vec2 u_centre_px;
+uniform sampler2D u_image;
+uniform vec2 u_center_px;
 uniform vec3 u_inverse_scales;
 layout(location = 0) out vec4 out_value;
 
 float channel_at(vec2 position_px, int channel, float fallback) {
-    ivec2 size = textureSize(u_picture, 0);
+    ivec2 size = textureSize(u_image, 0);
     vec2 corner = floor(position_px);
     vec2 share = position_px - corner;
     float total = 0.0, weights = 0.0;
@@ -17,7 +17,7 @@ float channel_at(vec2 position_px, int channel, float fallback) {
             ivec2 pixel = ivec2(corner) + ivec2(right, down);
             if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)))
                 continue;
-            vec4 value = texelFetch(u_picture, pixel, 0);
+            vec4 value = texelFetch(u_image, pixel, 0);
             if (value.a <= 0.5)
                 continue;
             float weight = (right == 1 ? share.x : 1.0 - share.x)
@@ -29,11 +29,11 @@ float channel_at(vec2 position_px, int channel, float fallback) {
 }
 
 void main() {
-    vec4 value = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0);
-    vec2 offset_px = gl_FragCoord.xy - 0.5 - u_centre_px;
+    vec4 value = texelFetch(u_image, ivec2(gl_FragCoord.xy), 0);
+    vec2 offset_px = gl_FragCoord.xy - 0.5 - u_center_px;
     if (value.a > 0.5) {
-        value.r = channel_at(offset_px * u_inverse_scales.r + u_centre_px, 0, value.r);
-        value.b = channel_at(offset_px * u_inverse_scales.b + u_centre_px, 2, value.b);
+        value.r = channel_at(offset_px * u_inverse_scales.r + u_center_px, 0, value.r);
+        value.b = channel_at(offset_px * u_inverse_scales.b + u_center_px, 2, value.b);
     }
     out_value = value;
 }

@@ -1,8 +1,8 @@
 // Defocus: the mean of the valid pixels in a disc whose radius grows towards the rim.
 #version 450 core
 
-uniform sampler2D u_picture;
-uniform float u_centre_defocus_px;
+uniform sampler2D u_image;
+uniform float u_center_defocus_px;
 uniform float u_rim_defocus_px;
 uniform vec2 u_limits_px;  // of the radius
 uniform int u_strips;     // of a pixel on the disc's edge
@@ -28,19 +28,19 @@ float covered_share(vec2 offset_px, float radius_px) {
 
 void main() {
     ivec2 middle = ivec2(gl_FragCoord.xy);
-    vec4 own = texelFetch(u_picture, middle, 0);
+    vec4 own = texelFetch(u_image, middle, 0);
     float radius_px = clamp(
-        u_centre_defocus_px + (u_rim_defocus_px - u_centre_defocus_px) *
+        u_center_defocus_px + (u_rim_defocus_px - u_center_defocus_px) *
             squared_radius(gl_FragCoord.xy - 0.5),
         u_limits_px.x, u_limits_px.y);
     int reach = int(ceil(radius_px + 0.5));
     ivec2 first = max(middle - reach, ivec2(0));
-    ivec2 last = min(middle + reach, textureSize(u_picture, 0) - 1);
+    ivec2 last = min(middle + reach, textureSize(u_image, 0) - 1);
     vec4 total = vec4(0.0);
     for (int row = first.y; row <= last.y; ++row)
         for (int column = first.x; column <= last.x; ++column) {
             ivec2 pixel = ivec2(column, row);
-            vec4 value = texelFetch(u_picture, pixel, 0);
+            vec4 value = texelFetch(u_image, pixel, 0);
             if (value.a > 0.5)
                 total += covered_share(vec2(pixel - middle), radius_px) * vec4(value.rgb, 1.0);
         }

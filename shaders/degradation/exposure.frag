@@ -1,10 +1,10 @@
-// Exposure, and the sensor's response to the three colours: factors of this frame.
+// Exposure, and the sensor's response to the three colors: factors of this frame.
 #version 450 core
 
-uniform sampler2D u_picture;
+uniform sampler2D u_image;
 uniform vec3 u_exposure_factors;
 layout(location = 0) out vec4 out_value;
 
 void main() {
-    out_value = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0) * vec4(u_exposure_factors, 1.0);
+    out_value = texelFetch(u_image, ivec2(gl_FragCoord.xy), 0) * vec4(u_exposure_factors, 1.0);
 }

@@ -1,8 +1,8 @@
-// Shot noise, dark current, read noise and the converter, for each pixel and colour.
+// Shot noise, dark current, read noise and the converter, for each pixel and color.
 // Names and units are those of omnisim/rendering/camera/degradations/noise.py, which has the sources.
 #version 450 core
 
-uniform sampler2D u_picture;
+uniform sampler2D u_image;
 uniform uint u_key;
 uniform uint u_frame;
 uniform float u_white_e;
@@ -41,7 +41,7 @@ float poisson(float mean, uint first, uint second) {
 
 void main() {
     uvec2 pixel = uvec2(gl_FragCoord.xy);
-    vec4 value = texelFetch(u_picture, ivec2(pixel), 0);
+    vec4 value = texelFetch(u_image, ivec2(pixel), 0);
     for (int channel = 0; channel < 3 && value.a > 0.5; ++channel) {
         uvec4 hash = pcg4d(uvec4(pixel, u_frame, u_key + uint(channel)));
         float mean_e = max(value[channel], 0.0) * u_white_e + u_dark_e;

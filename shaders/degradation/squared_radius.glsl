@@ -1,10 +1,10 @@
-// float squared_radius(vec2 pixel_px): square of the image radius; 1 at half of the picture's
-// shorter side. The reference is omnisim/rendering/camera/degradations/picture_geometry.py.
+// float squared_radius(vec2 pixel_px): square of the image radius; 1 at half of the image's
+// shorter side. The reference is omnisim/rendering/camera/degradations/image_geometry.py.
 
-uniform vec2 u_centre_px;
+uniform vec2 u_center_px;
 uniform float u_inverse_radius_unit;  // 1/px
 
 float squared_radius(vec2 pixel_px) {
-    vec2 scaled = (pixel_px - u_centre_px) * u_inverse_radius_unit;
+    vec2 scaled = (pixel_px - u_center_px) * u_inverse_radius_unit;
     return scaled.x * scaled.x + scaled.y * scaled.y;
 }

@@ -1,7 +1,7 @@
 // Vignetting: an even polynomial of the image radius, at least 0.
 #version 450 core
 
-uniform sampler2D u_picture;
+uniform sampler2D u_image;
 uniform vec3 u_coefficients;  // of r², r⁴, r⁶
 #include "degradation/squared_radius.glsl"
 layout(location = 0) out vec4 out_value;
@@ -10,5 +10,5 @@ void main() {
     float squared = squared_radius(gl_FragCoord.xy - 0.5);
     float factor = 1.0 + squared * (u_coefficients.x
         + squared * (u_coefficients.y + squared * u_coefficients.z));
-    out_value = texelFetch(u_picture, ivec2(gl_FragCoord.xy), 0) * vec4(vec3(max(factor, 0.0)), 1.0);
+    out_value = texelFetch(u_image, ivec2(gl_FragCoord.xy), 0) * vec4(vec3(max(factor, 0.0)), 1.0);
 }

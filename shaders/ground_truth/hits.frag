@@ -1,12 +1,12 @@
 // Hit of each pixel's ray: point, range, primitive; with NORMALS the interpolated normal, with
-// ALBEDO the base colour, with MATERIALS roughness, metalness and emission. With PARALLAX rays have origins of their own, and the triangles are those
+// ALBEDO the base color, with MATERIALS roughness, metalness and emission. With PARALLAX rays have origins of their own, and the triangles are those
 // that the viewpoint sees where the ray ends, by depth (first_surface.glsl). With BATCH there are
-// pictures below each other.
+// images below each other.
 #version 450 core
 
 uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
 #ifdef BATCH
-flat in int v_picture;
+flat in int v_image;
 #else
 uniform mat3 u_viewpoint_from_optical;
 #endif
@@ -38,7 +38,7 @@ const float IN_FRONT = 1.005;  // inverse depths this much larger are not of the
 #include "ground_truth/nearest_texel.glsl"
 #ifdef BATCH
 #define ATLAS sampler2DArray
-#define value_at(atlas, texel) texelFetch(atlas, ivec3(texel, v_picture), 0)
+#define value_at(atlas, texel) texelFetch(atlas, ivec3(texel, v_image), 0)
 #else
 #define ATLAS sampler2D
 #define value_at(atlas, texel) texelFetch(atlas, texel, 0)
@@ -70,7 +70,7 @@ mat3 viewpoint_from_optical() {
 }
 
 ivec2 pixel() {
-    return ivec2(gl_FragCoord.xy) - ivec2(0, v_picture * textureSize(u_rays, 0).y);
+    return ivec2(gl_FragCoord.xy) - ivec2(0, v_image * textureSize(u_rays, 0).y);
 }
 #else
 mat3 viewpoint_from_optical() {
@@ -87,7 +87,7 @@ ivec2 pixel() {
 vec3 normal_of(Hit hit) {
     uint item = hit.primitive.x - 1u;
     uint first = draw_item_at(item).x + 3u * hit.primitive.y;
-    // of any length: the weights need not be normalised
+    // of any length: the weights need not be normalized
     vec3 mesh = hit.weights.x * normal_at(vertex_at(first)) +
                 hit.weights.y * normal_at(vertex_at(first + 1u)) +
                 hit.weights.z * normal_at(vertex_at(first + 2u));

@@ -16,7 +16,7 @@ const uint MAX_STEPS = 3u;  // over edges, from a triangle that the ray misses
 // Triangles adjacent to one whose plane is farther than that behind a hit are not searched.
 const float FARTHER = 1.1;
 #define INFINITE uintBitsToFloat(0x7F800000u)  // not every compiler has it as a constant
-// A ray between two triangles may miss both by rounding, a micrometre at 20 m: it hits the nearer.
+// A ray between two triangles may miss both by rounding, a micrometer at 20 m: it hits the nearer.
 const float EDGE_RAD = 2e-7;
 
 uniform vec2 u_depth_limits_m;  // near and far plane of the faces
@@ -26,7 +26,7 @@ struct Hit {
     uint triangle_id;  // where a texel shows it, else 0
     bool beside;       // the ray just misses it, and hits nothing
     float range;       // infinite: nothing is hit
-    vec3 weights;      // of the corners, not normalised
+    vec3 weights;      // of the corners, not normalized
     vec3 normal;       // of the plane, towards the viewpoint, not of unit length
 };
 

@@ -5,7 +5,7 @@
 // uvec4 draw_item_at(uint item): first index of a draw item, its flags, unused.
 // vec4[3] matrix_at(uint item, uint which): rows of one of its matrices.
 // uvec2 primitive_at(uint triangle_id): 1 + draw item, and triangle in it; 0 for 0.
-// With BATCH draw items are those of a picture, and one past its last is the camera.
+// With BATCH draw items are those of an image, and one past its last is the camera.
 // The layout is that of triangle_table.py, hit_tables.py and triangle_ids.py.
 
 uniform usampler2D u_corners;
@@ -19,10 +19,10 @@ const uint VIEWPOINT_FROM_MESH = 1u, SECOND_MATRIX = 4u;
 const uint MASKED = 1u, DOUBLE_SIDED = 2u, FLIPS_WINDING = 4u;  // flags
 
 #ifdef BATCH
-uniform uint u_draw_item_count;  // of a picture, with the camera
+uniform uint u_draw_item_count;  // of an image, with the camera
 
 uint first_entry_of(uint item) {
-    return ITEM_ENTRIES * (uint(v_picture) * u_draw_item_count + item);
+    return ITEM_ENTRIES * (uint(v_image) * u_draw_item_count + item);
 }
 #else
 uint first_entry_of(uint item) {

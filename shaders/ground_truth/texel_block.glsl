@@ -1,5 +1,5 @@
 // uint[TEXELS] ids_around(ivec2 texel): triangle IDs of the 3 × 3 texels around one; 0: nothing.
-// uint id_at(ivec2 texel): triangle ID of a texel; with BATCH of the picture's own layer.
+// uint id_at(ivec2 texel): triangle ID of a texel; with BATCH of the image's own layer.
 // uint distinct_texels(uint ids[TEXELS]): bits of those whose triangle none before them shows. Bit
 //     0 is the block's own, in its middle, then come all, row by row: what its own ray hits spares
 //     the search behind it.
@@ -20,7 +20,7 @@ ivec2 texel_offset(uint at) {
 
 uint id_at(ivec2 texel) {
 #ifdef BATCH
-    return texelFetch(u_triangle_ids, ivec3(texel, v_picture), 0).x;
+    return texelFetch(u_triangle_ids, ivec3(texel, v_image), 0).x;
 #else
     return texelFetch(u_triangle_ids, texel, 0).x;
 #endif

@@ -1,5 +1,5 @@
 // Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index): a triangle in the
-// viewpoint frame: the world's axes, the origin is the viewpoint, metres.
+// viewpoint frame: the world's axes, the origin is the viewpoint, meters.
 // Crossing intersect_triangle(Triangle t, vec3 ray): that with a unit ray from the viewpoint.
 // vec3 weights_beside(Triangle t, uint edge, vec3 ray): corners' shares in an edge's nearest point.
 
@@ -19,7 +19,7 @@ struct Triangle {
 struct Crossing {
     float outside_rad;  // by how much the ray passes outside of the triangle; negative: inside
     float range;        // to the triangle's plane
-    vec3 weights;       // of the corners, not normalised
+    vec3 weights;       // of the corners, not normalized
     uint edge;          // that the ray passes by most, opposite to the corner of this number
     uint adjacent;      // triangle beyond it
 };

@@ -1,6 +1,6 @@
 // Triangle ID that a texel shows: 1 + its ID, see triangle_ids.py; 0: nothing.
 // With ALPHA_MASK only where alpha reaches the cutoff: a blended surface has one, too.
-// With ALBEDO also the plain base colour: its square root, for which 8 bits are as fine as sRGB's.
+// With ALBEDO also the plain base color: its square root, for which 8 bits are as fine as sRGB's.
 // With MATERIALS roughness, metalness and emission, of surfaces without REFLECTANCE those of matte
 // ones. ALPHA_MASK and ALBEDO come with COLORED.
 #version 450 core

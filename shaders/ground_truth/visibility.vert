@@ -1,4 +1,4 @@
-// Vertex of the scene, see scene/vertex.glsl; with COLORED also its colour, and with REFLECTANCE details.
+// Vertex of the scene, see scene/vertex.glsl; with COLORED also its color, and with REFLECTANCE details.
 #version 450 core
 #ifdef CLUSTERED
 #extension GL_ARB_shader_draw_parameters : require

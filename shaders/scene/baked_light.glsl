@@ -1,5 +1,5 @@
 // Baked light of a scene: its lamps, sky and bounces, with their shadows.
-// vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in metres from
+// vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in meters from
 // the effective viewpoint, normal a unit vector, both in axes of the world.
 // LIGHTMAP: of static surfaces, by their places in the lightmap, with BOTH_SIDES by that of the side
 // seen. PROBES: of all else, by spherical harmonics of order 2 between the probes of a grid. With both:
@@ -27,7 +27,7 @@ uniform vec3 u_probes_per_m;
 #ifdef LAYERED
 #define PROBES_VIEWPOINT (-light_positions[v_camera * POSITIONS + PROBES_POSITION].xyz)
 #else
-uniform vec3 u_probes_viewpoint;  // metres from the first probe
+uniform vec3 u_probes_viewpoint;  // meters from the first probe
 #define PROBES_VIEWPOINT u_probes_viewpoint
 #endif
 const float PROBE_BLOCKS = 7.0;

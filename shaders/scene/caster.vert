@@ -4,7 +4,7 @@
 #include "scene/vertex.glsl"
 
 #ifdef ALPHA_MASK
-layout(location = 3) in vec4 in_color;  // of clusters, times the base colour
+layout(location = 3) in vec4 in_color;  // of clusters, times the base color
 out float v_alpha;
 #ifdef CLUSTERED
 layout(location = 4) in vec2 in_material;

@@ -16,7 +16,7 @@ void main() {
     if (index >= u_count) return;
     uint entry = corners[index].x, at = VERTEX_WORDS * corners[index].y;
     ivec2 place = ivec2(entry & ((1u << ROW_BITS) - 1u), entry >> ROW_BITS);
-    uint neighbour = imageLoad(u_corners, place).w;
+    uint neighbor = imageLoad(u_corners, place).w;
     uvec3 position = uvec3(vertex_words[at], vertex_words[at + 1u], vertex_words[at + 2u]);
-    imageStore(u_corners, place, uvec4(position, neighbour));
+    imageStore(u_corners, place, uvec4(position, neighbor));
 }

@@ -1,4 +1,4 @@
-// vec3 fogged(vec3 color, float distance_m): a linear colour, seen through so much fog. Twin of
+// vec3 fogged(vec3 color, float distance_m): a linear color, seen through so much fog. Twin of
 // omnisim/rendering/rays/shading/fog.py.
 
 uniform vec3 u_fog_color;              // linear RGB at an infinite distance

@@ -1,4 +1,4 @@
-// Positions that count from the effective viewpoint, metres.
+// Positions that count from the effective viewpoint, meters.
 // PUNCTUAL_POSITION(i): of a point or spot light. SHADOW_VIEWPOINT: of the viewpoint, from the shadow
 // maps' origin. With LAYERED each camera has its own, and v_camera is one's number.
 

@@ -6,7 +6,7 @@
 // direction, as a surface of this roughness reflects it.
 // vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light and that of all lamps on a white surface.
 // With BAKED_LIGHT, which LIGHTMAP or PROBES have, light_on_surface is scene/baked_light.glsl's.
-// position in metres from the effective viewpoint, normal a unit vector, both in axes of the
+// position in meters from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/light/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights.
 // EACH_DIRECTIONAL, EACH_PUNCTUAL: a macro for each of their numbers. A loop of large bodies may not be
@@ -26,7 +26,7 @@ flat in int v_camera;
 #if PUNCTUAL_LIGHTS > 0
 uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];      // intensity and exposure multiplied in
 uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light travels
-uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in metres, cosine of inner and outer cone
+uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];     // range in meters, cosine of inner and outer cone
 #endif
 
 #include "scene/shadow.glsl"
@@ -45,7 +45,7 @@ vec3 environment_light(vec3 direction, float roughness) {
 
 struct Lamp {
     vec3 color;
-    float level;     // of the colour, on a surface that faces the lamp
+    float level;     // of the color, on a surface that faces the lamp
     vec3 direction;  // unit, towards the lamp
 };
 

@@ -4,7 +4,7 @@
 // exact up to the rounding of floats: no pixels, no depth buffer, no near plane. Both sides of a
 // surface reflect. A triangle that lies in the plane is not hit.
 //
-// u_scanner_from_mesh  x forward, y left, z up, metres; origin where the beams start
+// u_scanner_from_mesh  x forward, y left, z up, meters; origin where the beams start
 // u_first              first index of the draw
 // u_triangles          how many triangles it has
 // u_angle_min, u_angle_increment  of the beams, radians, counter-clockwise

@@ -1,5 +1,5 @@
 // Reflectance of a fragment's material: numbers of a table, times its maps.
-// Reflectance reflectance_of(vec3 base_color, vec2 uv): base colour as in scene/surface.frag.
+// Reflectance reflectance_of(vec3 base_color, vec2 uv): base color as in scene/surface.frag.
 // vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side), coat_shading_normal likewise:
 // unit normal of the surface and of its clear coat, by their normal maps.
 // NORMAL_MAP, SPECULAR_MAP, CLEARCOAT_MAP, CLEARCOAT_NORMAL_MAP: the material has such a map. Includes

@@ -1,7 +1,7 @@
 // float directional_visibility(int i, vec3 position): share of a light that reaches a surface at a
-// position in metres from the effective viewpoint; 1 without SHADOWS.
-// float punctual_visibility(int i, vec3 away, vec3 area): likewise, `away` in metres from the light.
-// vec3 surface_area(vec3 position): of the surface in a texel of the picture, times its normal.
+// position in meters from the effective viewpoint; 1 without SHADOWS.
+// float punctual_visibility(int i, vec3 away, vec3 area): likewise, `away` in meters from the light.
+// vec3 surface_area(vec3 position): of the surface in a texel of the image, times its normal.
 // DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bits of the lights that cast shadows; CUBE_CASTERS: of those
 // punctual ones whose maps are the faces of a cube. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS: how many
 // lights cast some. SHADOW_CASCADES: maps of each directional light.
@@ -41,7 +41,7 @@ struct MapLevel {
     float texel;  // its size, on maps from -1 to 1
 };
 
-// Level whose texels are at most twice as large as one of the picture; area: of that, on the map.
+// Level whose texels are at most twice as large as one of the image; area: of that, on the map.
 MapLevel level_for(float area, float finest) {
     float texels = area / (finest * finest);
     return texels < 1.0 ? MapLevel(0.0, finest)

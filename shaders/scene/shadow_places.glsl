@@ -1,7 +1,7 @@
 // Places on the maps of directional and spot lights.
-// vec3 place_on_map(int place, vec3 position): of a position in metres from the effective viewpoint, by
+// vec3 place_on_map(int place, vec3 position): of a position in meters from the effective viewpoint, by
 // the axes of a light. Of a directional light x and y on its (largest) map, from -1 to 1, and depth in
-// the same unit, towards the light; of a spot light metres from it. It is linear: vertices may have it.
+// the same unit, towards the light; of a spot light meters from it. It is linear: vertices may have it.
 // PLACES: number of these maps. The layout is that in omnisim/rendering/opengl/shadows/shadow_plan.py.
 
 layout(std140, binding = 1) uniform ShadowMaps {

@@ -1,4 +1,4 @@
-// A surface of the scene: linear base colour, lit or not. Colours are linear throughout; the
+// A surface of the scene: linear base color, lit or not. Colors are linear throughout; the
 // texture is stored as sRGB and decoded by the sampler.
 // With REFLECTANCE it has metal, gloss, maps or emission; TEXTURE_COORDINATES: one of the maps counts.
 // With NORMALS_AGREE all normals point to the front side, which alone is seen: none is missing, and
@@ -15,7 +15,7 @@ in vec2 v_texture_coordinate;
 #ifdef BAKED
 flat
 #endif
-in vec4 v_color;  // base colour, and light where that is known
+in vec4 v_color;  // base color, and light where that is known
 layout(location = 0) out vec4 out_color;
 
 #ifdef POSITION

@@ -1,5 +1,5 @@
 // Vertex of the scene, see scene/vertex.glsl.
-// u_viewpoint_from_mesh  axes of the world, origin at the effective viewpoint, metres
+// u_viewpoint_from_mesh  axes of the world, origin at the effective viewpoint, meters
 // u_normal_from_mesh  cofactors of the above: normals under any scale
 // With BAKED in_light is the light on a white surface, linear RGB.
 // u_light_rectangles  left, top, width and height of an item's sides in the lightmap; those of clusters
@@ -8,7 +8,7 @@
 
 #include "scene/vertex.glsl"
 
-layout(location = 3) in vec4 in_color;  // of clusters, times the base colour
+layout(location = 3) in vec4 in_color;  // of clusters, times the base color
 #ifdef BAKED
 flat
 #endif

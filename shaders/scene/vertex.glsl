@@ -3,7 +3,7 @@
 // With CLUSTERED of an object in a view, which are the draw call's base instance: all tiles of the
 // atlas are drawn at once. Otherwise of one item in one tile, which is the viewport.
 // With LAYERED each camera has a layer of the target. Included before all else, for its extensions.
-// u_clip_from_mesh  pose and projection of the face, y of the clip space down the picture
+// u_clip_from_mesh  pose and projection of the face, y of the clip space down the image
 // Attributes of clusters have the same locations in all programs, which share their vertex arrays:
 // those of CLUSTER_VERTEX and INSTANCE in omnisim/rendering/opengl/geometry/vertex_format.py, in order.
 

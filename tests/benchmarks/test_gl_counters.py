@@ -22,7 +22,7 @@ def test_counts_are_those_of_the_draw(context):
     context.enable_only(moderngl.NOTHING)
     program = context.program(vertex_shader=SQUARES, fragment_shader=CONSTANT)
     squares = context.vertex_array(program, [])
-    # a square of a quarter of the picture, and one that is far beside it
+    # a square of a quarter of the image, and one that is far beside it
     counted = count(context, lambda: squares.render(moderngl.TRIANGLES, vertices=12))
     assert counted.samples == 16 * 16
     assert counted.triangles == 4

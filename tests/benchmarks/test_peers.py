@@ -1,4 +1,4 @@
-"""The racers show the same frame: turned, lit and coloured alike, whatever way it was made."""
+"""The racers show the same frame: turned, lit and colored alike, whatever way it was made."""
 
 import dataclasses
 
@@ -37,9 +37,9 @@ RACERS = {
 }
 
 
-def _averaged(picture):
-    size = len(picture) // AVERAGED
-    blocks = linear_from_srgb(picture[..., :3] / 255.0).reshape(size, AVERAGED, size, AVERAGED, 3)
+def _averaged(image):
+    size = len(image) // AVERAGED
+    blocks = linear_from_srgb(image[..., :3] / 255.0).reshape(size, AVERAGED, size, AVERAGED, 3)
     return 255.0 * srgb_from_linear(blocks.mean(axis=(1, 3)))
 
 
@@ -55,8 +55,8 @@ def _only_embree(name):
 
 
 @pytest.fixture(scope="module", params=slow_but(RACERS, "soccer"))
-def pictures(request):
-    """Pictures of all racers in a scene from one pose, and the racers."""
+def images(request):
+    """Images of all racers in a scene from one pose, and the racers."""
     without = request.param == "soccer"
     with (
         pytest.MonkeyPatch.context() as patch,
@@ -70,8 +70,8 @@ def pictures(request):
             yield request.param, racers, taken
 
 
-def test_every_racer_shows_the_same_frame(pictures):
-    scene, racers, taken = pictures
+def test_every_racer_shows_the_same_frame(images):
+    scene, racers, taken = images
     for name in RACERS[scene]:
         if name in racers.missing or name in (field.UNLIT,):
             continue
@@ -82,8 +82,8 @@ def test_every_racer_shows_the_same_frame(pictures):
         assert taken[name].shape[:2] == ours.shape[:2]
 
 
-def test_texels_and_triangles_of_the_peers(pictures):
-    scene, racers, _ = pictures
+def test_texels_and_triangles_of_the_peers(images):
+    scene, racers, _ = images
     triangles = load_scene(scene).triangle_count
     paper, gazebo = racers.peers[field.PAPER], racers.peers[field.GAZEBO]
     assert (paper.texels, paper.triangles) == (5 * 360**2, 5 * triangles)
@@ -94,7 +94,7 @@ def test_texels_and_triangles_of_the_peers(pictures):
         assert racers.peers[field.EMBREE].texels == mirror_rays(SENSOR.model)[1].sum()
 
 
-def test_pyrenders_reference_is_its_own_picture(monkeypatch):
+def test_pyrenders_reference_is_its_own_image(monkeypatch):
     if import_failure("pyrender") or import_failure("cv2"):
         pytest.skip("pyrender or OpenCV is missing")
     monkeypatch.setattr(face_maps, "CAPTURES", 2)
@@ -184,7 +184,7 @@ class TestEmbree:
         seen = 0.5 * np.array([0.9, 0.1, 0.1]) + 0.5 * np.array([0.2, 0.4, 0.6])
         assert np.abs(middle - 255.0 * srgb_from_linear(seen)).max() < 0.6
 
-    def test_judges_by_a_picture_of_the_same_frame(self, monkeypatch):
+    def test_judges_by_a_image_of_the_same_frame(self, monkeypatch):
         monkeypatch.setattr(second_judge, "CAPTURES", 2)
         scene, pose = load_scene("rings"), SENSOR.base_pose((0.1, -0.2, 1.0), 30.0)
         first = EmbreeColors(scene).render(pose)

@@ -1,4 +1,4 @@
-"""A frame taken apart: the same picture, nothing left changed, and counts that hold together."""
+"""A frame taken apart: the same image, nothing left changed, and counts that hold together."""
 
 import moderngl
 import numpy as np
@@ -19,12 +19,12 @@ def frame(needs_opengl):
 
 def test_a_frame_in_parts_is_the_frame(frame, monkeypatch):
     before = (moderngl.Framebuffer.read_into, moderngl.VertexArray.render)
-    picture = frame.render()
-    pictures = []
+    image = frame.render()
+    images = []
     render = frame.render
-    monkeypatch.setattr(frame, "render", lambda: pictures.append(render()))
+    monkeypatch.setattr(frame, "render", lambda: images.append(render()))
     parts = frame.parts()
-    assert np.array_equal(pictures[0], picture)
+    assert np.array_equal(images[0], image)
     assert min(parts) > 0.0
     assert parts.whole == pytest.approx(sum(parts))
     assert (moderngl.Framebuffer.read_into, moderngl.VertexArray.render) == before
@@ -46,7 +46,7 @@ def test_a_failure_leaves_nothing_changed(frame, monkeypatch):
 def test_counts_are_the_same_each_time(frame):
     counts = frame.count()
     assert counts == frame.count()
-    assert counts.draws >= counts.calls > 2  # clusters, near and far, and the picture
+    assert counts.draws >= counts.calls > 2  # clusters, near and far, and the image
     faces = counts.virtual_cameras
     assert faces.samples > 0
     if faces.triangles_inside is not None:

@@ -39,7 +39,7 @@ def test_small_triangles_are_seen_or_thrown_away(context, monkeypatch):
     for name, (amount, counts) in drawn.items():
         assert counts.triangles == amount
         if name == triangles.VISIBLE:
-            # they cover the picture without a gap, about one sample each
+            # they cover the image without a gap, about one sample each
             assert counts.samples == triangles._TARGET_PX**2
             assert 0.5 < counts.samples / amount < 2.0
         else:
@@ -47,7 +47,7 @@ def test_small_triangles_are_seen_or_thrown_away(context, monkeypatch):
     assert drawn[triangles.OUTSIDE][1].triangles_inside in (0, None)
 
 
-def test_readback_returns_the_drawn_colour(context):
+def test_readback_returns_the_drawn_color(context):
     for one, side in zip(readback.readback_probes(context), (360, 360, 1024, 1024), strict=True):
         assert one.amount in (4 * side**2, 3 * side**2)
         one.work()

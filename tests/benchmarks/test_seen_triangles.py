@@ -1,4 +1,4 @@
-"""Triangles that a picture shows: walls before walls, and walls seen from behind."""
+"""Triangles that an image shows: walls before walls, and walls seen from behind."""
 
 import dataclasses
 
@@ -57,7 +57,7 @@ def test_only_fronts_are_seen_unless_both_sides_are_painted(context):
     assert seen(context, wall(2.0, 0.5), poses=[mirrored]) == 2
 
 
-def test_glass_hides_nothing_and_the_sky_is_not_in_the_picture(context):
+def test_glass_hides_nothing_and_the_sky_is_not_in_the_image(context):
     glass = Material(alpha_mode=AlphaMode.BLEND)
     assert seen(context, wall(2.0, 0.5, 1), wall(3.0, 0.5), materials=[Material(), glass]) == 2
     above = pose((0.0, 0.0, 9.0))

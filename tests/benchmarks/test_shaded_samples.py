@@ -13,7 +13,7 @@ from tests.scenes import with_warehouse
 
 @pytest.mark.usefixtures("needs_opengl")
 @with_warehouse("soccer", "mapping")
-def test_little_is_shaded_that_the_picture_does_not_show(source):
+def test_little_is_shaded_that_the_image_does_not_show(source):
     with Stage(load_scene(source)) as stage:
         frame = RepeatedFrame.at_start(stage, at_setting(OmniCamera(), HELD))
         mirror_px = np.count_nonzero(frame.render()[..., 3])

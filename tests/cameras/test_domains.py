@@ -92,7 +92,7 @@ def test_ocamcalib_axes_are_those_of_the_toolbox():
 
 
 def test_parabolic_is_equation_2():
-    camera = CAMERA_EXAMPLES["parabolic-off-centre"]
+    camera = CAMERA_EXAMPLES["parabolic-off-center"]
     theta = 1.3
     upside_down = _ray(theta, azimuth_rad=0.0) * (1.0, 1.0, -1.0)
     radius = camera.pixel_from_ray(upside_down).positions_px - camera.principal_point_px

@@ -14,7 +14,7 @@ C = 1.7  # distance of the foci
 PINHOLE = np.array([0.0, 0.0, C])
 MIRROR_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])
 
-examples = pytest.mark.parametrize("name", ["elliptic", "elliptic-off-centre"])
+examples = pytest.mark.parametrize("name", ["elliptic", "elliptic-off-center"])
 
 
 def _pinhole_rays(camera):

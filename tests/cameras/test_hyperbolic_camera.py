@@ -14,7 +14,7 @@ def _camera(size_px=360, theta_max_deg=105.0):
     return HyperbolicCamera.framed_on_rim(mirror, size_px, size_px)
 
 
-def test_rim_touches_the_edges_of_the_picture():
+def test_rim_touches_the_edges_of_the_image():
     camera = _camera()
     assert camera.rim_radius_px == pytest.approx(180.0, rel=1e-14)
     edge = camera.ray_from_pixel((-0.5 + 1e-9, 179.5))
@@ -59,8 +59,8 @@ def test_equation_2_has_the_derived_error(theta_deg, difference_percent):
 
 def test_bottom_and_horizon_look_down_and_level():
     camera = _camera()
-    centre = camera.ray_from_pixel(camera.principal_point_px).directions
-    np.testing.assert_allclose(centre, (0.0, 0.0, -1.0), atol=1e-15)  # at the pinhole itself
+    center = camera.ray_from_pixel(camera.principal_point_px).directions
+    np.testing.assert_allclose(center, (0.0, 0.0, -1.0), atol=1e-15)  # at the pinhole itself
     u, v = camera.principal_point_px
     right = camera.ray_from_pixel((u + camera.horizon_radius_px, v)).directions
     np.testing.assert_allclose(right, (1.0, 0.0, 0.0), atol=1e-12)

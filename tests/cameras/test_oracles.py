@@ -30,7 +30,7 @@ def _cv2():
 
 
 def _colmap(model, camera, parameters):
-    """Its camera; its first pixel has its centre at (0.5, 0.5)."""
+    """Its camera; its first pixel has its center at (0.5, 0.5)."""
     pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
     return pycolmap.Camera(
         model=model, width=camera.width_px, height=camera.height_px, params=parameters

@@ -103,7 +103,7 @@ def test_pixels_are_those_of_the_publisher(name):
 
 
 def test_two_models_of_one_camera_agree():
-    """Fitted by others to the same pictures: a swapped axis or sign would be hundreds of pixels."""
+    """Fitted by others to the same images: a swapped axis or sign would be hundreds of pixels."""
     theta, azimuth = np.meshgrid(np.radians(np.linspace(0.0, 85.0, 30)), np.linspace(0, 6, 20))
     sine = np.sin(theta)
     rays = np.stack((sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(theta)), axis=-1)

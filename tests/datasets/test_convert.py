@@ -1,4 +1,4 @@
-"""Data sets in the layouts of other tools: poses, pictures and ranges are the samples'."""
+"""Data sets in the layouts of other tools: poses, images and ranges are the samples'."""
 
 import json
 import shutil
@@ -57,8 +57,8 @@ def rig(tmp_path_factory):
         folder,
         "[vary]\npitch_deg = [-5.0, 5.0]\nshift_m = [-0.1, 0.1]",
         camera='calibration = "chain.yaml"\ncamera_name = "all"',
-        picture_format="jpg",
-        pictures_per_shard=2,
+        image_format="jpg",
+        images_per_shard=2,
         channels=["range", "semantic", "instance"],
     )
 
@@ -79,7 +79,7 @@ def test_nerfstudio_has_the_poses_and_depths(rig, tmp_path):
         sample = shards[row]
         for name in ("cam0", "cam1"):
             frame = frames[f"images/{name}/{row:06d}.png"]
-            truth = sample["metadata"]["pictures"][name]["world_from_optical"]
+            truth = sample["metadata"]["images"][name]["world_from_optical"]
             np.testing.assert_allclose(
                 np.array(frame["transform_matrix"]) @ OPENGL, truth, atol=1e-9
             )
@@ -117,7 +117,7 @@ def test_kitti360_has_the_poses_of_both_cameras(rig, tmp_path):
         imu_from_camera = np.eye(4)
         imu_from_camera[:3] = np.fromstring(line.partition(":")[2], sep=" ").reshape(3, 4)
         for row in range(len(shards)):
-            truth = shards.metadata(row)["pictures"][name]["world_from_optical"]
+            truth = shards.metadata(row)["images"][name]["world_from_optical"]
             found = world_from_imu[row] @ imu_from_camera
             np.testing.assert_allclose(found, np.array(truth)[:3], atol=1e-8)
 
@@ -134,7 +134,7 @@ def test_colmap_has_tracks_of_the_ranges(rig, tmp_path):
 def test_each_scene_and_rig_has_a_folder(tmp_path):
     text = '[[cameras]]\nname = "left"\ncalibration = "chain.yaml"\n'
     text += '[[scenes]]\nfile = "soccer"\nweight = 2.0'
-    out = _made(tmp_path, text, pictures_per_shard=12, shards=1)
+    out = _made(tmp_path, text, images_per_shard=12, shards=1)
     target = _converted(out, tmp_path / "n", "nerfstudio")
     found = {path.parent.relative_to(target).as_posix() for path in target.rglob("transforms.json")}
     assert found == {"rings/paper", "rings/left", "soccer/paper", "soccer/left"}
@@ -156,10 +156,10 @@ def test_other_layouts_are_one_line(rig, tmp_path):
 def test_cameras_that_vary_are_refused_but_for_coco(tmp_path):
     out = _made(
         tmp_path,
-        "[vary]\npictures_per_setup = 1",
+        "[vary]\nimages_per_setup = 1",
         camera="mount_turn_deg = [0.0, 2.0]",
         channels=["instance"],
-        pictures_per_shard=2,
+        images_per_shard=2,
         shards=1,
     )
     done = _omnisim("dataset", "convert", out, "--to", "kitti360", "-o", tmp_path / "k")
@@ -170,7 +170,7 @@ def test_cameras_that_vary_are_refused_but_for_coco(tmp_path):
 
 
 @pytest.mark.parametrize("damage", [b"\xff", b"}", b"x"])
-@pytest.mark.parametrize("where", [b'"number"', b'"pictures"', b'"world_from_base"', b'"model"'])
+@pytest.mark.parametrize("where", [b'"number"', b'"images"', b'"world_from_base"', b'"model"'])
 def test_damaged_samples_are_one_line(rig, tmp_path, where, damage):
     out = tmp_path / "out"
     shutil.copytree(rig, out)

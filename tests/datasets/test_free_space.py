@@ -21,7 +21,7 @@ RADIUS_M, HEIGHT_M, STEP_M = 0.25, 0.8, 0.05
 
 
 def _room(*boxes):
-    """Floor of 4 m × 4 m with boxes: extents and centres."""
+    """Floor of 4 m × 4 m with boxes: extents and centers."""
     floor = trimesh.creation.box((4.0, 4.0, 0.1))
     floor.apply_translation((0.0, 0.0, -0.05))
     parts = trimesh.Scene({"floor": floor})

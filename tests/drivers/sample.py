@@ -16,7 +16,7 @@ from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.camera.degradations import Degradation, Encoding, preset
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.capture import picture_pass
+from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.opengl.geometry import scene_buffers, triangle_windows
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
@@ -184,7 +184,7 @@ def _cameras(size_px: int) -> Drawings:
 def _drawn_samples(size_px: int) -> Drawings:
     """Images whose samples are drawn, as those too large for a table of them are."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(picture_pass, "fits_table", lambda sample_count: False)
+        patch.setattr(image_pass, "fits_table", lambda sample_count: False)
         iterated = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
         return _by_each([OmniCamera(), iterated, PANORAMA], size_px)
 

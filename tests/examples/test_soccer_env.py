@@ -30,13 +30,13 @@ def envs(shared):
 
 
 def test_spaces_have_what_comes(envs):
-    pictures, infos = envs.reset(seed=7)
-    assert pictures in envs.observation_space
+    images, infos = envs.reset(seed=7)
+    assert images in envs.observation_space
     assert infos["distance_m"].shape == infos["_distance_m"].shape == (ROBOTS,)
     actions = envs.action_space.sample()
-    pictures, rewards, terminations, truncations, _ = envs.step(actions)
-    assert pictures in envs.observation_space
-    assert pictures[0] in envs.single_observation_space
+    images, rewards, terminations, truncations, _ = envs.step(actions)
+    assert images in envs.observation_space
+    assert images[0] in envs.single_observation_space
     assert rewards.shape == terminations.shape == truncations.shape == (ROBOTS,)
     assert rewards.dtype == np.float64
     assert terminations.dtype == truncations.dtype == np.bool_
@@ -44,10 +44,10 @@ def test_spaces_have_what_comes(envs):
 
 def test_a_seed_repeats_everything(envs):
     def episode():
-        pictures, _ = envs.reset(seed=3)
+        images, _ = envs.reset(seed=3)
         envs.action_space.seed(3)
         steps = [envs.step(envs.action_space.sample()) for _ in range(8)]
-        return [pictures, *(part for step in steps for part in step[:4])]
+        return [images, *(part for step in steps for part in step[:4])]
 
     first, second = episode(), episode()
     for one, other in zip(first, second, strict=True):
@@ -56,12 +56,12 @@ def test_a_seed_repeats_everything(envs):
 
 
 def test_observations_are_single_frames_and_stay(envs):
-    pictures, _ = envs.reset(seed=5)
-    kept = pictures.copy()
+    images, _ = envs.reset(seed=5)
+    kept = images.copy()
     envs.step(envs.action_space.sample())
-    np.testing.assert_array_equal(pictures, kept)
+    np.testing.assert_array_equal(images, kept)
     assert len(envs.render()) == ROBOTS
-    assert len({picture.tobytes() for picture in pictures}) == ROBOTS
+    assert len({image.tobytes() for image in images}) == ROBOTS
 
 
 def test_wheels_drive_ahead_and_turn(envs):
@@ -80,13 +80,13 @@ def test_wheels_drive_ahead_and_turn(envs):
         envs._yaw_rad - yaw, np.array([0.0, 2.0, 1.0]) * way_m / soccer_env.TRACK_M, rtol=1e-6
     )
     # about the left wheels: the base keeps its distance to them
-    centre = before[2] + 0.5 * soccer_env.TRACK_M * np.array([-np.sin(yaw[2]), np.cos(yaw[2])])
+    center = before[2] + 0.5 * soccer_env.TRACK_M * np.array([-np.sin(yaw[2]), np.cos(yaw[2])])
     np.testing.assert_allclose(
-        np.linalg.norm(envs._position_m[2] - centre), 0.5 * soccer_env.TRACK_M, rtol=1e-6
+        np.linalg.norm(envs._position_m[2] - center), 0.5 * soccer_env.TRACK_M, rtol=1e-6
     )
 
 
-def test_rewards_are_metres_closer_to_the_goal(envs):
+def test_rewards_are_meters_closer_to_the_goal(envs):
     _, infos = envs.reset(seed=2)
     _, rewards, _, _, after = envs.step(envs.action_space.sample())
     np.testing.assert_allclose(rewards, infos["distance_m"] - after["distance_m"])

@@ -18,7 +18,7 @@ from omnisim.datasets.tar_file import write_tar
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 PLAN = """channels = ["range", "semantic"]
-pictures_per_shard = 10
+images_per_shard = 10
 shards = 2
 seed = 7
 [[scenes]]
@@ -60,16 +60,16 @@ def read_plan(folder: Path) -> None:
 def write_data_set(folder: Path) -> None:
     """Write a data set of one sample, without rendering it."""
     camera = OmniCamera().resized(24)
-    picture = {
+    image = {
         "scene": "soccer",
         "camera": camera.model.parameters(),
         "polygons": "exact",
         "world_from_base": np.eye(4).tolist(),
         "world_from_optical": camera.base_from_optical.tolist(),
     }
-    content = {"number": 0, "scene": "soccer", "camera": "paper", "pictures": {"camera": picture}}
+    content = {"number": 0, "scene": "soccer", "camera": "paper", "images": {"camera": image}}
     with tempfile.TemporaryDirectory() as name:
-        write_image(Path(name) / "000000000.png", np.zeros((24, 24, 3), dtype=np.uint8), picture)
+        write_image(Path(name) / "000000000.png", np.zeros((24, 24, 3), dtype=np.uint8), image)
         (Path(name) / "000000000.json").write_text(json.dumps(content))
         digest, size = write_tar(folder / f"{shard_stem(0)}.tar", Path(name))
     shard = ShardSummary(0, "plan", digest, size, Statistics(samples=1))

@@ -1,7 +1,7 @@
 """Mutations of files by a seeded generator: the same state of it, the same bytes.
 
 Bytes of any file are flipped, cut, doubled, spliced; text has words, numbers and lines replaced;
-values of JSON, YAML, TOML, GLB and of a picture's metadata are dropped, swapped or of another type.
+values of JSON, YAML, TOML, GLB and of an image's metadata are dropped, swapped or of another type.
 """
 
 import copy
@@ -213,7 +213,7 @@ def _glb(data: bytes, rng: Random) -> bytes:
 def _png(data: bytes, rng: Random) -> bytes:
     """Metadata, or one part with a right checksum."""
     if b"camera" in data and rng.random() < 0.5:
-        return _picture(data, ".png", rng)
+        return _image(data, ".png", rng)
     parts, start = [], len(PNG_SIGNATURE)
     while start < len(data):
         size = int.from_bytes(data[start : start + 4], "big")
@@ -227,8 +227,8 @@ def _png(data: bytes, rng: Random) -> bytes:
     )
 
 
-def _picture(data: bytes, suffix: str, rng: Random) -> bytes:
-    """Picture with other metadata."""
+def _image(data: bytes, suffix: str, rng: Random) -> bytes:
+    """Image with other metadata."""
     path = Path("mutated").with_suffix(suffix).absolute()
     path.write_bytes(data)
     pixels, metadata = read_image(path)

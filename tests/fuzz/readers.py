@@ -41,9 +41,9 @@ from omnisim.perception.localization.filter_parameters import DEFAULT as FILTER_
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.degradations.degradation_file import PRESETS
-from omnisim.rendering.camera.picture_file import read_picture
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots import read_odometry, simulate_odometry, write_odometry
@@ -123,7 +123,7 @@ def _gltf_json(folder: Path) -> None:
 
 
 def _mesh(name: str, folder: Path, **options: object) -> None:
-    """Box by trimesh, with the colours that the format has."""
+    """Box by trimesh, with the colors that the format has."""
     box = trimesh.creation.box(extents=(1.0, 2.0, 3.0))
     if name.endswith("ply"):
         box.visual.vertex_colors = np.tile([[200, 100, 50, 255]], (8, 1))
@@ -278,7 +278,7 @@ def _soccer():
     return read_scene("soccer")
 
 
-CORNERS = "picture,x_m,y_m,u_px,v_px\n" + "".join(
+CORNERS = "image,x_m,y_m,u_px,v_px\n" + "".join(
     f"0,{x},{y},{100 + 9 * x},{80.5 + 9 * y}\n" for x in range(3) for y in range(3)
 )
 WAYPOINTS = "x_m,y_m\n-1.0,0.5\n0.2,0.5\n0.2,1.5\n"
@@ -308,7 +308,7 @@ def _metadata(camera: OmniCamera) -> dict[str, object]:
     }
 
 
-def _picture(name: str, folder: Path) -> None:
+def _image(name: str, folder: Path) -> None:
     rng, size = np.random.default_rng(3), (SIZE_PX, SIZE_PX, 3)
     is_float = name.endswith("exr")
     pixels = rng.random(size).astype("f4") if is_float else rng.integers(0, 256, size, np.uint8)
@@ -353,7 +353,7 @@ def _states(folder: Path) -> None:
 
 
 def _run(folder: Path) -> None:
-    """Run of two steps as a drive leaves it, its pictures by us: without OpenGL."""
+    """Run of two steps as a drive leaves it, its images by us: without OpenGL."""
     (folder / "path.csv").write_text("x_m,y_m\n0,0\n1,0\n")
     _scene_file(folder)
     scene = read_scene(folder / "scene.toml")
@@ -362,7 +362,7 @@ def _run(folder: Path) -> None:
     with open_run(folder / "run", _manifest(plan)) as run:
         plan._write_records(run)
         for step in range(len(plan.truth)):
-            _picture(f"run/omnicam/{step:06d}.png", folder)
+            _image(f"run/omnicam/{step:06d}.png", folder)
             _channels(folder / f"run/omnicam/{step:06d}.channels.exr")
             _write(f"run/omnicam/{step:06d}.coco.json", "{}", folder)
         labels = find_labels(scene).to_json()
@@ -379,8 +379,8 @@ def _manifest(plan) -> dict[str, object]:
 def _read_run(folder: Path) -> None:
     run = read_run(folder / "run", str(folder / "scene.toml"))
     run.notices  # noqa: B018
-    for picture in run.pictures():
-        picture.sum()
+    for image in run.images():
+        image.sum()
     if run.truth is not None:
         run.true_poses  # noqa: B018
     RunLabels(run, landmark_colors(run.landmarks))(0)
@@ -435,11 +435,11 @@ def _read_calibration(name: str, folder: Path) -> None:
         camera.camera.ray_from_pixel([[0.0, 0.0], [9.0, 5.0]])
 
 
-def _read_picture(name: str, folder: Path) -> None:
-    taken = read_picture(folder / name)
+def _read_image(name: str, folder: Path) -> None:
+    taken = read_captured_image(folder / name)
     view = cylinder_view(16, -0.5, 0.3)
     rotation = taken.base_from_optical.T @ view.base_from_view
-    with suppress(OpticsError):  # the picture shows nothing of this view
+    with suppress(OpticsError):  # the image shows nothing of this view
         Unwarping(taken.camera, view.camera, rotation, taken.covered)(taken.pixels)
 
 
@@ -529,19 +529,17 @@ def _readers() -> list[Reader]:
         Reader("waypoints", partial(_write, "a.csv", WAYPOINTS), partial(_read_route, "a.csv")),
         Reader("odometry", _odometry, lambda f: read_odometry(f / "a.csv")),
     ]
-    pictures = [
-        Reader(
-            f"picture-{name}", partial(_picture, f"a.{name}"), partial(_read_picture, f"a.{name}")
-        )
+    images = [
+        Reader(f"image-{name}", partial(_image, f"a.{name}"), partial(_read_image, f"a.{name}"))
         for name in ("png", "jpg", "exr", "tif")
     ]
-    pictures += [
+    images += [
         Reader("channels", lambda f: _channels(f / "a.exr"), lambda f: read_channels(f / "a.exr")),
         Reader("rays", lambda f: write_ray_table(f / "a.exr", OmniCamera().resized(SIZE_PX).model),
                lambda f: read_ray_table(f / "a.exr")),
         Reader("colors", _colors, lambda f: load_model(f / "a.npz")),
     ]  # fmt: skip
-    pictures += [
+    images += [
         Reader(f"sidecars-{name}", partial(_sidecars, name), _read_sidecars)
         for name in ("auto", "npy")
     ]
@@ -564,7 +562,7 @@ def _readers() -> list[Reader]:
         Reader("plan", partial(_write, "plan.toml", PLAN), read_plan),
         Reader("data-set", write_data_set, read_data_set),
     ]
-    return [*scene, *tables, *calibrations, *routes, *pictures, *measurements, *runs]
+    return [*scene, *tables, *calibrations, *routes, *images, *measurements, *runs]
 
 
 RUN_FILES = (
@@ -660,7 +658,7 @@ extends = "scene.toml"
 name = "ball"
 file = "box.obj"
 rolling_radius_m = 0.11
-orbit = { centre_m = [0.0, 0.0, 0.11], radius_m = 0.6, period_s = 6.0, start_deg = 30.0 }
+orbit = { center_m = [0.0, 0.0, 0.11], radius_m = 0.6, period_s = 6.0, start_deg = 30.0 }
 [[objects]]
 name = "cart"
 file = "box.obj"

@@ -85,7 +85,7 @@ def test_exr_holds_all_channels(tmp_path):
     assert json.loads((tmp_path / "frame.coco.json").read_text())["images"][0]["width"] == 9
 
 
-def test_files_beside_a_picture_are_described(tmp_path):
+def test_files_beside_a_image_are_described(tmp_path):
     channels = _channels()
     _frame(channels).save(tmp_path / "a.png")
     document = json.loads((tmp_path / "a.channels.json").read_text())
@@ -122,16 +122,16 @@ def test_files_beside_a_picture_are_described(tmp_path):
     np.testing.assert_array_equal(valid[..., 0] > 0, channels["valid"] > 0)
 
 
-@pytest.mark.parametrize("picture", ["a.png", "a.exr"])
-def test_npy_files_are_the_arrays_and_the_same_as_the_exr(tmp_path, picture):
+@pytest.mark.parametrize("image", ["a.png", "a.exr"])
+def test_npy_files_are_the_arrays_and_the_same_as_the_exr(tmp_path, image):
     channels = _channels()
     frame = _frame(channels)
     frame.save(tmp_path / "b.exr")
     layers = read_channels(tmp_path / "b.exr").values
-    frame.save(tmp_path / picture, channel_format="npy")
+    frame.save(tmp_path / image, channel_format="npy")
     there = {path.name for path in tmp_path.glob("a.*")}
     arrays = {f"a.{name}.npy" for name in CHANNELS}
-    assert there == arrays | {picture, "a.channels.json", "a.coco.json"}
+    assert there == arrays | {image, "a.channels.json", "a.coco.json"}
     document = json.loads((tmp_path / "a.channels.json").read_text())
     for name, values in channels.items():
         found = np.load(tmp_path / f"a.{name}.npy")

@@ -1,4 +1,4 @@
-"""Channels read back from a picture's files."""
+"""Channels read back from an image's files."""
 
 import json
 
@@ -17,19 +17,19 @@ METADATA = {"scene": "test"}
 
 
 @pytest.mark.parametrize(
-    ("picture", "channel_format"),
+    ("image", "channel_format"),
     [("a.png", "npy"), ("a.png", "both"), ("a.exr", "auto"), ("a.exr", "npy"), ("a.exr", "both")],
 )
-def test_arrays_and_exr_files_are_read_exactly(tmp_path, picture, channel_format):
+def test_arrays_and_exr_files_are_read_exactly(tmp_path, image, channel_format):
     channels = _channels()
-    _frame(channels).save(tmp_path / picture, channel_format=channel_format)
-    stored = StoredChannels(tmp_path / picture, METADATA)
+    _frame(channels).save(tmp_path / image, channel_format=channel_format)
+    stored = StoredChannels(tmp_path / image, METADATA)
     assert stored.names == tuple(CHANNELS)
     assert stored.labels == LABELS
     for name, values in stored.read(CHANNELS).items():
         assert values.dtype == channels[name].dtype
         expected = channels[name]
-        if name == "position" and picture == "a.exr" and channel_format != "npy":
+        if name == "position" and image == "a.exr" and channel_format != "npy":
             expected = expected.astype(np.float32)
         np.testing.assert_array_equal(values, expected, err_msg=name)
 
@@ -48,7 +48,7 @@ def test_sidecars_are_read_in_their_own_steps(tmp_path):
         )
 
 
-def test_a_drive_has_them_beside_its_picture(tmp_path):
+def test_a_drive_has_them_beside_its_image(tmp_path):
     channels, camera = _channels(), tmp_path / "omnicam"
     camera.mkdir()
     (tmp_path / "manifest.json").write_text("{}")
@@ -59,13 +59,13 @@ def test_a_drive_has_them_beside_its_picture(tmp_path):
     np.testing.assert_array_equal(stored.read(["range"])["range"], channels["range"])
 
 
-def test_what_is_not_there_or_of_another_picture_is_refused(tmp_path):
+def test_what_is_not_there_or_of_another_image_is_refused(tmp_path):
     channels = _channels()
     _frame({"range": channels["range"]}).save(tmp_path / "a.png", channel_format="npy")
     stored = StoredChannels(tmp_path / "a.png", METADATA)
     with pytest.raises(OutputError, match=r"a\.png: channel 'flow': not there; it has range"):
         stored.read(["flow"])
-    with pytest.raises(OutputError, match="scene: differs from the picture's: these are channels"):
+    with pytest.raises(OutputError, match="scene: differs from the image's: these are channels"):
         StoredChannels(tmp_path / "a.png", {"scene": "other"})
     (tmp_path / "a.range.npy").write_bytes(b"\x93NUMPY")
     with pytest.raises(OutputError, match=r"a\.range\.npy: expected an array of numbers"):

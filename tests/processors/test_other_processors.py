@@ -102,7 +102,7 @@ def test_a_drive_resumes(omnisim, tmp_path, physics):
 PLAN = """
 scenes = [{ file = "soccer" }]
 shards = 2
-pictures_per_shard = 2
+images_per_shard = 2
 channels = ["range"]
 [[cameras]]
 size_px = 24

@@ -1,4 +1,4 @@
-"""Animated nodes in pictures: place, flow and rolling shutter follow the keyframes, by SciPy."""
+"""Animated nodes in images: place, flow and rolling shutter follow the keyframes, by SciPy."""
 
 import numpy as np
 import pytest
@@ -83,7 +83,7 @@ def test_flow_follows_the_keyframes(backend, tmp_path):
 
 @BACKENDS
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_picture_is_of_its_time_and_repeats(backend, tmp_path):
+def test_a_image_is_of_its_time_and_repeats(backend, tmp_path):
     stage, renderer = _open(tmp_path, backend)
     with stage, renderer:
         first, later, again = (
@@ -96,8 +96,8 @@ def test_a_picture_is_of_its_time_and_repeats(backend, tmp_path):
 
 @BACKENDS
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_picture_of_a_rolling_shutter_has_rows_of_their_times(backend, tmp_path):
-    """Camera at rest: each row is that of the picture at the middle of its sub-frame."""
+def test_a_image_of_a_rolling_shutter_has_rows_of_their_times(backend, tmp_path):
+    """Camera at rest: each row is that of the image at the middle of its sub-frame."""
     shutter = Shutter(readout_s=0.6, sub_frames=6)
     stage, renderer = _open(tmp_path, backend, Degradation(shutter=shutter))
     instant = stage.open(_camera(IDEAL))

@@ -1,4 +1,4 @@
-"""Polygons that are chosen for a picture, against the rays that the GPU then has."""
+"""Polygons that are chosen for an image, against the rays that the GPU then has."""
 
 import dataclasses
 import math
@@ -73,7 +73,7 @@ def test_stated_error_is_that_of_the_gpu(context, camera):
         assert off_px.max() < stated_px
 
 
-def test_larger_pictures_need_more_polygons_and_cropped_ones_fewer():
+def test_larger_images_need_more_polygons_and_cropped_ones_fewer():
     counts = [OmniCamera().resized(size_px).mesh_polygons for size_px in (90, 360, 1024, 4096)]
     assert counts == [900, 3600, 10000, 40000]
     middle = dataclasses.replace(PAPER, width_px=36, height_px=36, principal_point_px=(17.5, 17.5))

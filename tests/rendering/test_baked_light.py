@@ -22,7 +22,7 @@ from tests.vehicles import CAMERA, body, box, surroundings
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 HERE = pose((0.1, -0.2, 0.1), roll_deg=4.0, yaw_deg=10.0)
-# Light is stored as half floats, and so is a picture of the virtual cameras.
+# Light is stored as half floats, and so is an image of the virtual cameras.
 HALF_FLOATS = 2e-3
 ALSO = ("range", "normals", "albedo", "instance", "semantic")
 
@@ -43,11 +43,11 @@ def _linear(scene, backend, state=HERE, **stage):
 
 
 @pytest.mark.parametrize("backend", ["cube", "rays"])
-def test_a_white_room_has_the_colours_of_its_light(tmp_path, backend):
+def test_a_white_room_has_the_colors_of_its_light(tmp_path, backend):
     colored = scene_of([room()])
     white = scene_of([dataclasses.replace(room(), colors=None)])
-    picture = _linear(baked(tmp_path / "room.baked", white), backend)
-    np.testing.assert_allclose(picture, _linear(colored, backend), atol=HALF_FLOATS)
+    image = _linear(baked(tmp_path / "room.baked", white), backend)
+    np.testing.assert_allclose(image, _linear(colored, backend), atol=HALF_FLOATS)
 
 
 @pytest.mark.parametrize("backend", ["cube", "rays"])
@@ -60,18 +60,18 @@ def test_what_moves_has_the_light_of_the_probes(tmp_path, backend):
     expected = _linear(standing, backend)
     moving = scene_of([crate])
     state = WorldState({BODY: HERE, "crate": place})
-    picture = _linear(empty, backend, state, dynamic_objects={"crate": moving})
-    np.testing.assert_allclose(picture, expected, atol=HALF_FLOATS)
-    assert np.abs(picture - _linear(empty, backend)).max() > 0.1
+    image = _linear(empty, backend, state, dynamic_objects={"crate": moving})
+    np.testing.assert_allclose(image, expected, atol=HALF_FLOATS)
+    assert np.abs(image - _linear(empty, backend)).max() > 0.1
 
 
 def test_back_ends_agree(furnished):
     """On matte and glossy surfaces, holes and glass, of the scene and of a moving vehicle."""
-    pictures = []
+    images = []
     for backend in ("cube", "rays"):
         with Stage(furnished, body(), backend=backend) as stage:
-            pictures.append(stage.open(CAMERA).render(HERE).rgb)
-    assert psnr_of_levels_db(*pictures) >= 38.0
+            images.append(stage.open(CAMERA).render(HERE).rgb)
+    assert psnr_of_levels_db(*images) >= 38.0
 
 
 @pytest.mark.parametrize("sky", [False, True])
@@ -96,11 +96,11 @@ def test_back_ends_agree_on_gloss(tmp_path, sky):
     metal = dataclasses.replace(body(), materials=tuple(
         dataclasses.replace(one, metallic=1.0, roughness=0.4) for one in body().materials
     ))  # fmt: skip
-    pictures = []
+    images = []
     for backend in ("cube", "rays"):
         with Stage(scene, metal, backend=backend) as stage:
-            pictures.append(stage.open(CAMERA).render(HERE).rgb)
-    assert psnr_of_levels_db(*pictures) >= 36.0
+            images.append(stage.open(CAMERA).render(HERE).rgb)
+    assert psnr_of_levels_db(*images) >= 36.0
 
 
 def test_lamps_and_even_light_count_for_nothing(tmp_path, furnished):
@@ -117,15 +117,15 @@ def test_clusters_draw_what_items_do(monkeypatch, furnished):
 
 def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
     """Later passes read the depth of those before: not in place of the lightmap."""
-    pictures = []
+    images = []
     for least in ((10**9,) * 2, (0, 10**9), (0, 0)):
         monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", least)
         with Stage(furnished, body()) as stage, stage.open(CAMERA) as renderer:
             poses = np.stack([HERE, HERE])
-            pictures.append((renderer.render(HERE).rgba, renderer.render_batch(poses)))
-    for frame, batch in pictures[1:]:
-        np.testing.assert_array_equal(frame, pictures[0][0])
-        np.testing.assert_array_equal(batch, pictures[0][1])
+            images.append((renderer.render(HERE).rgba, renderer.render_batch(poses)))
+    for frame, batch in images[1:]:
+        np.testing.assert_array_equal(frame, images[0][0])
+        np.testing.assert_array_equal(batch, images[0][1])
 
 
 def test_batches_are_single_frames(furnished):
@@ -136,7 +136,7 @@ def test_batches_are_single_frames(furnished):
             np.testing.assert_array_equal(one, renderer.render(state).rgba[..., : one.shape[-1]])
 
 
-def test_ground_truth_and_plain_colours_are_those_without_it(furnished):
+def test_ground_truth_and_plain_colors_are_those_without_it(furnished):
     plain = dataclasses.replace(furnished, lighting=surroundings().lighting)
     split = [dataclasses.replace(one, light_coordinates=None) for one in furnished.meshes]
     plain = dataclasses.replace(plain, meshes=tuple(split))
@@ -152,7 +152,7 @@ def test_ground_truth_and_plain_colours_are_those_without_it(furnished):
 
 @pytest.mark.parametrize("backend", ["cube", "rays"])
 def test_edits_leave_the_light_of_all_else(tmp_path, backend):
-    """Moved and added instances take the probes' light; recoloured ones keep their own."""
+    """Moved and added instances take the probes' light; recolored ones keep their own."""
     walls, crate = dataclasses.replace(room(), colors=None), box("crate", 0)
     before, after = pose((0.9, 0.3, -0.4)), pose((-0.6, 0.5, 0.2), 30.0, 0.0, 20.0)
     scene = baked(tmp_path / "before.baked", scene_of([walls, crate], None, [np.eye(4), before]))
@@ -166,8 +166,8 @@ def test_edits_leave_the_light_of_all_else(tmp_path, backend):
     with Stage(scene, backend=backend) as stage, stage.open(CAMERA) as renderer:
         renderer.render(HERE)
         renderer.scene = edits["moved"]
-        picture = renderer.render(HERE, linear=True).linear
-    np.testing.assert_allclose(picture, expected, atol=HALF_FLOATS)
+        image = renderer.render(HERE, linear=True).linear
+    np.testing.assert_allclose(image, expected, atol=HALF_FLOATS)
     np.testing.assert_allclose(_linear(edits["added"], backend), expected, atol=HALF_FLOATS)
     red = scene.recolored("object 1", (1.0, 0.0, 0.0))
     difference = np.abs(_linear(red, backend) - _linear(scene, backend))
@@ -196,8 +196,8 @@ def test_the_sides_of_a_sheet_have_light_of_their_own(tmp_path, backend, flips, 
     add_backs(folder, 0.75)
     scene = with_baked_light(scene, folder)
     for height_m, level in ((0.8, 0.25), (-0.8, 0.75)):
-        picture = _linear(scene, backend, pose((0.0, 0.0, height_m)))
-        seen = picture[picture > 0.0]
+        image = _linear(scene, backend, pose((0.0, 0.0, height_m)))
+        seen = image[image > 0.0]
         assert len(seen) > 5000
         np.testing.assert_allclose(np.median(seen), alpha * level, atol=HALF_FLOATS)
 
@@ -212,11 +212,11 @@ def test_instances_of_one_mesh_have_light_of_their_own(tmp_path):
         instances=(shared.instances[0], *(Instance(f"{i}", 1, p) for i, p in enumerate(places))),
     )
     apart = scene_of([walls, crate, crate], None, [np.eye(4), *places])
-    pictures = [
+    images = [
         _linear(scene, backend)
         for i, one in enumerate((shared, apart))
         for scene in (baked(tmp_path / f"{i}.baked", one),)
         for backend in ("cube", "rays")
     ]
-    for picture in pictures[1:]:
-        assert np.median(np.abs(picture - pictures[0])) <= HALF_FLOATS
+    for image in images[1:]:
+        assert np.median(np.abs(image - images[0])) <= HALF_FLOATS

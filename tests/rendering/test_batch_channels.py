@@ -48,7 +48,7 @@ def _assert_same(renderer, batch, states):
 @pytest.mark.parametrize("names", [NAMES, ("range",), ("normals",), ("albedo", "instance")])
 def test_channels_drawn_together_are_those_of_single_frames(stage, names, monkeypatch):
     with stage.open(CAMERA) as renderer:
-        with monkeypatch.context() as alone:  # nothing is drawn picture by picture
+        with monkeypatch.context() as alone:  # nothing is drawn image by image
             alone.setattr(VisibilityPass, "render", None)
             batch = renderer.render_batch(_poses(5), channels=names)
         _assert_same(renderer, batch, _poses(5))

@@ -56,18 +56,18 @@ def renderer(stage):
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
-@pytest.mark.parametrize("pictures_a_slice", [None, 2])
-def test_pictures_are_those_of_single_frames(stage, camera, pictures_a_slice, monkeypatch):
+@pytest.mark.parametrize("images_a_slice", [None, 2])
+def test_images_are_those_of_single_frames(stage, camera, images_a_slice, monkeypatch):
     with stage.open(camera) as renderer:
         poses = _poses(5, camera)
-        if pictures_a_slice:
-            monkeypatch.setattr(renderer._passes.batches, "slice_length", pictures_a_slice)
-        pictures = renderer.render_batch(poses)
+        if images_a_slice:
+            monkeypatch.setattr(renderer._passes.batches, "slice_length", images_a_slice)
+        images = renderer.render_batch(poses)
         with_alpha = renderer.render_batch(poses, channels=["rgba"])["rgba"]
         frames = [renderer.render(one) for one in poses]
-    np.testing.assert_array_equal(pictures, [frame.rgb for frame in frames])
+    np.testing.assert_array_equal(images, [frame.rgb for frame in frames])
     np.testing.assert_array_equal(with_alpha, [frame.rgba for frame in frames])
-    assert len({picture.tobytes() for picture in pictures}) == 5
+    assert len({image.tobytes() for image in images}) == 5
 
 
 def test_slices_bound_the_memory(stage, monkeypatch):
@@ -103,27 +103,27 @@ def test_states_of_moving_worlds():
             for number, one in enumerate(_poses(3))
         ]
         with stage.open(PAPER) as renderer:
-            pictures = renderer.render_batch(states)
-            for state, picture in zip(states, pictures, strict=True):
-                np.testing.assert_array_equal(picture, renderer.render(state).rgb)
+            images = renderer.render_batch(states)
+            for state, image in zip(states, images, strict=True):
+                np.testing.assert_array_equal(image, renderer.render(state).rgb)
 
 
 def test_a_body_moves_with_its_poses():
     with Stage(load_scene("soccer"), mixed_scene()) as stage, stage.open(PAPER) as renderer:
         poses = _poses(2)
         for form in (poses, list(poses), poses.tolist()):
-            for one, picture in zip(poses, renderer.render_batch(form), strict=True):
-                np.testing.assert_array_equal(picture, renderer.render(one).rgb)
+            for one, image in zip(poses, renderer.render_batch(form), strict=True):
+                np.testing.assert_array_equal(image, renderer.render(one).rgb)
 
 
 def test_cameras_of_a_stage_are_drawn_together(stage):
     poses = _poses(3)
     with stage.open(PAPER) as mirror, stage.open(FISHEYE) as lens:
         pending = [one.begin_batch(poses) for one in (mirror, lens, mirror)]
-        pictures = [one.result()["rgb"] for one in pending]
-        np.testing.assert_array_equal(pictures[0], pictures[2])
-        np.testing.assert_array_equal(pictures[1], [lens.render(one).rgb for one in poses])
-        assert pending[0].result()["rgb"] is pictures[0]
+        images = [one.result()["rgb"] for one in pending]
+        np.testing.assert_array_equal(images[0], images[2])
+        np.testing.assert_array_equal(images[1], [lens.render(one).rgb for one in poses])
+        assert pending[0].result()["rgb"] is images[0]
         unread = mirror.begin_batch(poses)
     with pytest.raises(GraphicsError, match="closed"):
         unread.result()
@@ -132,16 +132,16 @@ def test_cameras_of_a_stage_are_drawn_together(stage):
 @pytest.mark.parametrize("camera", ["degraded", "large"])
 def test_what_is_not_drawn_together_is_the_same(stage, camera, monkeypatch):
     if camera == "large":
-        monkeypatch.setattr("omnisim.rendering.opengl.capture.picture_pass.MAX_TABLE_BYTES", 1000)
+        monkeypatch.setattr("omnisim.rendering.opengl.capture.image_pass.MAX_TABLE_BYTES", 1000)
         sensor = PAPER
     else:
         sensor = dataclasses.replace(PAPER, degradation=Degradation(noise=Noise()))
     with stage.open(sensor) as renderer:
         assert renderer._passes.batches is None
-        pictures = renderer.render_batch(_poses(2), frame_number=7)
+        images = renderer.render_batch(_poses(2), frame_number=7)
         for number, one in enumerate(_poses(2)):
             frame = renderer.render(one, frame_number=7 + number)
-            np.testing.assert_array_equal(pictures[number], frame.rgb)
+            np.testing.assert_array_equal(images[number], frame.rgb)
 
 
 def test_fills_the_callers_arrays(renderer):
@@ -162,15 +162,15 @@ def test_fills_the_callers_arrays(renderer):
 
 
 def test_other_libraries_take_the_arrays_without_a_copy(renderer):
-    pictures = renderer.render_batch(_poses(2))
-    assert all(stride > 0 for stride in pictures.strides)
-    taken = np.from_dlpack(pictures)
-    assert np.shares_memory(taken, pictures)
+    images = renderer.render_batch(_poses(2))
+    assert all(stride > 0 for stride in images.strides)
+    taken = np.from_dlpack(images)
+    assert np.shares_memory(taken, images)
     torch = pytest.importorskip("torch", reason="torch is not installed")
-    tensor = torch.from_dlpack(pictures)
-    assert tensor.data_ptr() == pictures.ctypes.data
+    tensor = torch.from_dlpack(images)
+    assert tensor.data_ptr() == images.ctypes.data
     renderer.render_batch(_poses(2)[::-1].copy(), out=tensor.numpy())
-    np.testing.assert_array_equal(tensor.numpy(), pictures)
+    np.testing.assert_array_equal(tensor.numpy(), images)
 
 
 RIGHT = np.empty((2, SIZE_PX, SIZE_PX, 3), np.uint8)
@@ -190,7 +190,7 @@ SHAPE = f"of uint8 and shape (2, {SIZE_PX}, {SIZE_PX}, 3)"
         ({"range": RIGHT}, "out: expected arrays by name: rgb, got range"),
     ],
 )
-def test_refuses_arrays_that_cannot_take_pictures(renderer, out, message):
+def test_refuses_arrays_that_cannot_take_images(renderer, out, message):
     with pytest.raises(OmnisimError) as error:
         renderer.render_batch(_poses(2), out=out)
     assert str(error.value).endswith(message)
@@ -220,7 +220,7 @@ def test_refuses_impossible_requests(renderer, states, options, message):
     assert message in str(error.value)
 
 
-def test_an_empty_batch_has_no_pictures(renderer):
+def test_an_empty_batch_has_no_images(renderer):
     assert renderer.render_batch(np.empty((0, 4, 4))).shape == (0, SIZE_PX, SIZE_PX, 3)
 
 
@@ -281,9 +281,9 @@ def test_lamps_are_near_each_camera():
     lamp = Light(LightKind.POINT, (1.0, 0.8, 0.5), 6.0, position_m=position_m)
     scene = scene_of([room()], lighting=Lighting(ambient=(0.1, 0.1, 0.1), lights=(lamp,)))
     with Stage(scene) as stage, stage.open(PAPER) as renderer:
-        pictures = renderer.render_batch(_poses(4))
-        np.testing.assert_array_equal(pictures, [renderer.render(one).rgb for one in _poses(4)])
-        assert pictures.max() > 60
+        images = renderer.render_batch(_poses(4))
+        np.testing.assert_array_equal(images, [renderer.render(one).rgb for one in _poses(4)])
+        assert images.max() > 60
 
 
 def test_layers_drawn_one_after_the_other_are_the_same(stage, monkeypatch):
@@ -298,5 +298,5 @@ def test_layers_drawn_one_after_the_other_are_the_same(stage, monkeypatch):
 def test_batches_of_other_sizes_are_the_same(renderer):
     """Layers of a larger batch stay, and are not drawn."""
     for count in (6, 4, 1, 5):
-        pictures = renderer.render_batch(_poses(count))
-        np.testing.assert_array_equal(pictures, [renderer.render(one).rgb for one in _poses(count)])
+        images = renderer.render_batch(_poses(count))
+        np.testing.assert_array_equal(images, [renderer.render(one).rgb for one in _poses(count)])

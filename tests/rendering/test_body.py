@@ -28,7 +28,7 @@ from tests.vehicles import (
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
-def picture(scene, world_from_base, **options):
+def image(scene, world_from_base, **options):
     with _opened(scene, CAMERA, **options) as renderer:
         return renderer.render(world_from_base).rgba
 
@@ -54,14 +54,14 @@ def test_body_renders_as_the_same_static_geometry(offset_m):
     """All poses with one renderer: what it draws is that of the pose, not of the one before."""
     world_from_scene = pose(offset_m)
     scene = moved(surroundings(), world_from_scene)
-    empty = picture(scene, world_from_scene @ POSES["tilted"])
+    empty = image(scene, world_from_scene @ POSES["tilted"])
     with Stage(scene, body()) as stage:
         camera, scanner = stage.open(CAMERA), _scanner(stage)
         for name, scene_from_base in POSES.items():
             base = world_from_scene @ scene_from_base
             rgba, scan = camera.render(base).rgba, scanner.scan(base)
             with Stage(merged(scene, body(), base)) as one:
-                expected, expected_m = picture(one, base), ranges(one, base)
+                expected, expected_m = image(one, base), ranges(one, base)
             # one rounding in float32, of a normal, is at most one step of 8 bits
             difference = np.abs(rgba.astype(int) - expected)
             assert difference.max() <= 1, name
@@ -74,7 +74,7 @@ def test_body_renders_as_the_same_static_geometry(offset_m):
 
 
 def test_body_moves_with_the_vehicle():
-    """Nothing but the body is near: its picture is the same wherever the vehicle is."""
+    """Nothing but the body is near: its image is the same wherever the vehicle is."""
     nothing = without(scene_of([room(), box("far", 0)], [Material()]), "object 0")
     nothing = moved(nothing, pose((1e5, 0.0, 0.0)))
     with open_sensor(nothing, CAMERA, body=body()) as renderer:
@@ -105,9 +105,9 @@ def test_hidden_instances_are_hidden_from_one_sensor(hidden):
         frame, whole = one.render(base), other.render(base).rgba
         scan = _scanner(stage, hidden=hidden).scan(base)
     with Stage(scene, rest) as stage:
-        np.testing.assert_array_equal(frame.rgba, picture(stage, base))
+        np.testing.assert_array_equal(frame.rgba, image(stage, base))
         np.testing.assert_array_equal(scan.ranges_m, ranges(stage, base))
-    np.testing.assert_array_equal(whole, picture(scene, base, body=body()))
+    np.testing.assert_array_equal(whole, image(scene, base, body=body()))
     assert np.any(frame.rgba != whole)
     assert scan.metadata["hidden"] == frame.metadata["hidden"] == sorted(hidden)
 
@@ -175,7 +175,7 @@ def test_p2at_is_visible_in_the_middle_only():
             is_body = np.any(ours != alone.render(base).rgba, axis=-1)
             assert np.all(is_body[theta_deg < 19.0])
             assert 50.0 < theta_deg[is_body].max() < 60.0
-            # the laser scanner is ahead: at the top of the picture, in the middle
+            # the laser scanner is ahead: at the top of the image, in the middle
             rows, columns = np.nonzero(np.any(ours != no_scanner.render(base).rgba, axis=-1))
             assert rows.max() < 110
             assert 100 < columns.min() < columns.max() < 140

@@ -18,7 +18,7 @@ from tests.vehicles import box
 
 NOW = pose((-1.0, 0.1, 0.05), roll_deg=4.0, yaw_deg=10.0)
 SPHERE = OmniCamera(EquirectangularCamera(240, 120), polygons=None, supersampling=1)
-# Points are float32 from the viewpoint, some metres away.
+# Points are float32 from the viewpoint, some meters away.
 CLOSE_M = 1e-5
 
 
@@ -56,8 +56,8 @@ def test_boxes_are_the_bounds_in_the_frame_of_the_instance(scale):
     (found,) = scene.instance_boxes.values()
     theirs = trimesh.Trimesh(points * np.array(scale), triangles, process=False)
     low, high = theirs.triangles.reshape(-1, 3).min(0), theirs.triangles.reshape(-1, 3).max(0)
-    centred = _matrix() @ trimesh.transformations.translation_matrix(0.5 * (low + high))
-    _same_box(found, centred, high - low)
+    centerd = _matrix() @ trimesh.transformations.translation_matrix(0.5 * (low + high))
+    _same_box(found, centerd, high - low)
 
 
 def test_parts_of_one_name_have_one_box_along_the_axes_of_the_first():
@@ -91,10 +91,10 @@ def test_boxes_of_a_dynamic_object(frame):
     on_crate = frame.channels["instance"] == crate.label.id
     assert crate.pixels == on_crate.sum()
     points = frame.channels["position"][on_crate]
-    along = (points - crate.full.centre_m) @ crate.full.rotation
+    along = (points - crate.full.center_m) @ crate.full.rotation
     assert np.abs(along).max() < 0.25 + CLOSE_M
     # the viewpoint sees three sides or fewer: the visible box reaches them, but for a pixel's width
-    visible = (points - crate.visible.centre_m) @ crate.full.rotation
+    visible = (points - crate.visible.center_m) @ crate.full.rotation
     np.testing.assert_allclose(visible.max(axis=0), 0.5 * crate.visible.size_m, atol=CLOSE_M)
     np.testing.assert_allclose(visible.min(axis=0), -0.5 * crate.visible.size_m, atol=CLOSE_M)
     assert (crate.visible.size_m > 0.45).all()
@@ -103,7 +103,7 @@ def test_boxes_of_a_dynamic_object(frame):
 def test_visible_boxes_are_inside_of_the_full_ones(frame):
     frame, _ = frame
     for one in frame.boxes_3d:
-        corners = (one.visible.corners_m - one.full.centre_m) @ one.full.rotation
+        corners = (one.visible.corners_m - one.full.center_m) @ one.full.rotation
         assert (np.abs(corners) <= 0.5 * one.full.size_m + 1e-12).all()
 
 
@@ -119,7 +119,7 @@ def test_json_has_both_frames(frame, tmp_path):
             half = 0.5 * np.array(entry["size_m"])
             for name, into_world in (("world", np.eye(4)), ("camera", world_from_optical)):
                 turned = Rotation.from_quat(entry[name]["quaternion_xyzw"]).apply(half)
-                corner = turned + entry[name]["centre_m"]
+                corner = turned + entry[name]["center_m"]
                 corner = into_world[:3, :3] @ corner + into_world[:3, 3]
                 expected = getattr(one, kind).corners_m[-1]
                 np.testing.assert_allclose(corner, expected, atol=1e-9)
@@ -138,7 +138,7 @@ def test_boxes_hold_all_that_is_seen_of_their_instances():
     assert [one.label.id for one in frame.boxes_3d] == ids[ids > 0].tolist()
     for one in frame.boxes_3d:
         mine = frame.channels["instance"] == one.label.id
-        along = (frame.channels["position"][mine] - one.full.centre_m) @ one.full.rotation
+        along = (frame.channels["position"][mine] - one.full.center_m) @ one.full.rotation
         outside_m += (np.abs(along) - 0.5 * one.full.size_m).max(axis=1).tolist()
         ranges_m += frame.channels["range"][mine].tolist()
     outside_m, ranges_m = np.array(outside_m), np.array(ranges_m)

@@ -1,4 +1,4 @@
-"""Chromatic optical systems: lateral colour behind a flat port is Snell's, channel by channel."""
+"""Chromatic optical systems: lateral color behind a flat port is Snell's, channel by channel."""
 
 import dataclasses
 
@@ -129,7 +129,7 @@ def test_channels_are_those_of_three_cameras(backend, degradation):
     assert np.abs(red - blue).max() > 0.002
 
 
-def test_validity_of_pictures_is_that_of_green():
+def test_validity_of_images_is_that_of_green():
     grid = pixel_grid(FISHEYE.width_px, FISHEYE.height_px)
     green = FISHEYE.of_color("G").rays(grid).valid
     np.testing.assert_array_equal(valid_mask(FISHEYE, None), green)
@@ -152,7 +152,7 @@ def test_files():
 
 @needs_opengl
 def test_an_equidistant_lens_keeps_its_circle():
-    """The lens's own edge is that of all three colours."""
+    """The lens's own edge is that of all three colors."""
     lens = EquidistantCamera(60, 60, 20.0, (29.5, 29.5), 1.2)
     system = dataclasses.replace(CHROMATIC, camera=lens)
     with open_sensor(scene_of([room()]), OmniCamera(system)) as renderer:

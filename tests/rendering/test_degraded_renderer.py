@@ -17,7 +17,7 @@ from omnisim.rendering.camera.degradations import (
     preset,
 )
 from omnisim.rendering.camera.degradations.development import developed, eight_bits, exposed
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage, open_sensor
@@ -44,9 +44,9 @@ def _looking_ahead(degradation, **options):
     return OmniCamera(CAMERA, polygons=None, degradation=degradation, **options)
 
 
-def _edges_px(picture):
+def _edges_px(image):
     """Column (height,) at which the white begins, from the light in each row."""
-    return SIZE_PX[0] - 0.5 - picture[..., 0].sum(axis=1)
+    return SIZE_PX[0] - 0.5 - image[..., 0].sum(axis=1)
 
 
 def _turning_left(shutter):
@@ -123,7 +123,7 @@ def test_a_fast_and_long_motion_is_of_poses(speed_mps, turn_radps):
         np.testing.assert_allclose(np.hypot(x, y), chord_m, rtol=1e-9, atol=1e-9 * speed_mps)
 
 
-def test_an_ideal_camera_has_the_same_picture_and_no_more_passes():
+def test_an_ideal_camera_has_the_same_image_and_no_more_passes():
     scene, pose = scene_of([room()]), np.eye(4)
     ideal = OmniCamera().resized(90)
     with Stage(scene) as stage, stage.open(ideal) as plain:
@@ -162,7 +162,7 @@ def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
     degradation = preset(name)
     ideal = OmniCamera().resized(120)
     sensor = ideal.with_degradation(degradation)
-    geometry = PictureGeometry.of_camera(sensor.model)
+    geometry = ImageGeometry.of_camera(sensor.model)
     with Stage(scene_of([room()])) as stage:
         with stage.open(ideal) as renderer:
             perfect = renderer.render(np.eye(4), linear=True)
@@ -174,7 +174,7 @@ def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
     ev = frame.metadata["degradation"]["exposure"]["ev"]
     key = key_of("noise", 3)
     expected = developed(light, degradation, geometry, degradation.exposure_factors(ev), key, 2)
-    # the ideal picture is in half floats: 2⁻¹¹ of the light, far below a photon's noise, but
+    # the ideal image is in half floats: 2⁻¹¹ of the light, far below a photon's noise, but
     # some electrons fall on the other side, and some pixels of the JPEG with them
     deviation = np.sqrt(np.mean((frame.linear - expected[..., :3]) ** 2))
     assert deviation < 0.01
@@ -226,17 +226,17 @@ def test_auto_exposure_lags_as_a_filter_of_first_order():
 
 
 def test_defocus_comes_before_noise_and_motion_through_the_whole_chain():
-    """The noise of a blurred picture is not blurred."""
+    """The noise of a blurred image is not blurred."""
     sensor = OmniCamera().resized(90)
     both = Degradation(defocus=Defocus(3.0, 3.0), noise=Noise(full_well_e=500.0, read_noise_e=0.0))
     blurred = Degradation(defocus=Defocus(3.0, 3.0))
     with Stage(scene_of([room()])) as stage:
-        pictures = []
+        images = []
         for degradation in (both, blurred):
             with stage.open(sensor.with_degradation(degradation)) as renderer:
-                pictures.append(renderer.render(np.eye(4), linear=True))
-    difference = (pictures[0].linear - pictures[1].linear)[30:60, 30:60, 1]
-    shot = np.sqrt(pictures[1].linear[30:60, 30:60, 1].mean() / 500.0)
+                images.append(renderer.render(np.eye(4), linear=True))
+    difference = (images[0].linear - images[1].linear)[30:60, 30:60, 1]
+    shot = np.sqrt(images[1].linear[30:60, 30:60, 1].mean() / 500.0)
     assert difference.std() == pytest.approx(shot, rel=0.15)  # of 900: 3 σ are 7 %
 
 

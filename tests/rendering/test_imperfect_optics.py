@@ -45,7 +45,7 @@ def _sensor(system, degradation, **options):
 
 
 def _world():
-    """A room with boxes of all colours, and one that circles among them."""
+    """A room with boxes of all colors, and one that circles among them."""
     colors = (0.85, 0.85, 0.85), (0.7, 0.1, 0.05), (0.05, 0.1, 0.7), (0.9, 0.8, 0.1)
     materials = [Material(base_color=(*color, 1.0), double_sided=True) for color in colors]
     circling = scene_of([box("box", 3, half_m=0.25)], materials)
@@ -177,7 +177,7 @@ def test_supersampling(backend, supersampling):
 @pytest.mark.slow
 @pytest.mark.parametrize(("backend", "percent"), [("cube", 50.0), ("rays", 98.0)])
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES)
-def test_every_camera_behind_a_concentric_dome_takes_its_own_picture(camera, backend, percent):
+def test_every_camera_behind_a_concentric_dome_takes_its_own_image(camera, backend, percent):
     """Such a dome bends no ray; the virtual cameras' edges are theirs."""
     bare = OmniCamera(camera, polygons=None, supersampling=1).resized(48)
     dome = dataclasses.replace(bare, model=behind_a_dome(bare.model, 0.05))

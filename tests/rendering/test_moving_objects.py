@@ -1,4 +1,4 @@
-"""Objects that move while a picture is exposed, against averages and what their speed says."""
+"""Objects that move while an image is exposed, against averages and what their speed says."""
 
 import dataclasses
 
@@ -72,7 +72,7 @@ def _psnr_db(ours, theirs):
 
 
 def test_blur_of_a_ball_and_a_turning_robot_is_the_mean_of_its_instants():
-    """Against 64 pictures at evenly spaced instants: at least 40 dB."""
+    """Against 64 images at evenly spaced instants: at least 40 dB."""
     exposure_s = 0.3
     ball = scene_of([_octahedron(0.25)], [Material(base_color=(0, 0, 0, 1))])
     orbit = Orbit((2.0, 0.0, 0.0), 0.4, 4.0)

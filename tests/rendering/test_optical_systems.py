@@ -1,4 +1,4 @@
-"""Pictures and ground truth of optical systems without one viewpoint, by formulas."""
+"""Images and ground truth of optical systems without one viewpoint, by formulas."""
 
 import dataclasses
 import math
@@ -61,7 +61,7 @@ def _world_rays(system, world_from_rig, pixels):
 
 
 @pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola", "port", "folded"])
-def test_picture_and_channels(embree, name):
+def test_image_and_channels(embree, name):
     system = _small(name)
     origins, directions, valid = _world_rays(system, NOW, pixel_grid(72, 72))
     expected = room_hit(origins, directions)
@@ -157,7 +157,7 @@ def test_degraded(embree):
 
 
 def test_motion_by_the_exact_inverse():
-    """A step towards a port moves the picture by as much as the inverse of its rays says."""
+    """A step towards a port moves the image by as much as the inverse of its rays says."""
     assert moved_px(_small("sphere"), [ScenePoses(NOW), ScenePoses(NOW)]) == pytest.approx(
         0.0, abs=1e-6
     )
@@ -190,7 +190,7 @@ def _psnr_db(one, other):
     return psnr_of_levels_db(one.rgb[seen], other.rgb[seen])
 
 
-# As all cameras' pictures by both back ends; a cone squeezes more edges into fewer pixels.
+# As all cameras' images by both back ends; a cone squeezes more edges into fewer pixels.
 @pytest.mark.parametrize(("name", "db"), [("tilted camera", 36.0), ("cone", 33.0), ("port", 36.0)])
 def test_virtual_cameras_show_what_rays_do(embree, name, db):
     cube, rays = _frames(SYSTEMS[name].scaled(0.5))

@@ -1,4 +1,4 @@
-"""Rays beside virtual cameras: the same pictures, ground truth and scans, by either back end.
+"""Rays beside virtual cameras: the same images, ground truth and scans, by either back end.
 
 Neither is written with the other's code: what both agree on, OpenGL and Embree agree on.
 """
@@ -113,7 +113,7 @@ def _evenly_lit():
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_pictures_and_channels_are_those_of_the_virtual_cameras():
+def test_images_and_channels_are_those_of_the_virtual_cameras():
     """In small; the next test has the numbers of the project's sizes."""
     scene = _evenly_lit()
     cube, rays = _by_both(scene, FISHEYE.resized(120), linear=True, also=tuple(CHANNELS))
@@ -181,7 +181,7 @@ def test_where_back_ends_differ_rays_are_right():
 
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize("name", slow_but(("dragonfly2", "bad-day"), "dragonfly2"))
-def test_degraded_pictures_are_those_of_the_gpu(name):
+def test_degraded_images_are_those_of_the_gpu(name):
     """Electrons that fall on the other side differ, and edges."""
     sensor = FISHEYE.resized(120).with_degradation(preset(name))
     scene = _evenly_lit()
@@ -248,7 +248,7 @@ def test_scans_are_those_of_the_gpu():
 
 
 def test_rays_need_no_opengl(monkeypatch):
-    """No context is opened, for pictures, degraded ones, ground truth and scans."""
+    """No context is opened, for images, degraded ones, ground truth and scans."""
 
     def refuse(device=None):
         raise AssertionError("OpenGL was opened")
@@ -263,8 +263,8 @@ def test_rays_need_no_opengl(monkeypatch):
             assert np.isfinite(scanner.scan(np.eye(4)).ranges_m).all()
 
 
-def test_the_room_has_the_colours_of_its_formula():
-    """Vertex colours are linear in position: no texel of a face is in between."""
+def test_the_room_has_the_colors_of_its_formula():
+    """Vertex colors are linear in position: no texel of a face is in between."""
     from tests.scenes import room_color, room_hit
 
     sensor = OmniCamera(FISHEYE.model, supersampling=1)

@@ -98,15 +98,15 @@ def _spheres(lighting, **values):
     return dataclasses.replace(scene, materials=materials, meshes=meshes)
 
 
-def _picture(scene, camera, backend="cube", pose=None):
+def _image(scene, camera, backend="cube", pose=None):
     with omnisim.open_sensor(scene, camera, backend=backend) as renderer:
         return renderer.render(omnisim.pose((0, 0, 0)) if pose is None else pose).rgba
 
 
 def _difference(scene, camera):
     """Differences of the two back ends in steps of 255."""
-    cube, rays = (_picture(scene, camera, one).astype(int) for one in ("cube", "rays"))
-    assert cube[..., :3].max() > 100, "expected a picture of something"
+    cube, rays = (_image(scene, camera, one).astype(int) for one in ("cube", "rays"))
+    assert cube[..., :3].max() > 100, "expected an image of something"
     return np.abs(cube - rays)[..., :3].max(axis=2)
 
 
@@ -146,11 +146,11 @@ def test_even_maps_are_factors(backend):
         "clearcoat": 128 / 255, "clearcoat_roughness": 64 / 255,
     }  # fmt: skip
     one, other = (
-        _picture(_spheres(LIGHTINGS["lamps"], **values), CAMERA, backend).astype(int)
+        _image(_spheres(LIGHTINGS["lamps"], **values), CAMERA, backend).astype(int)
         for values in (with_maps, factors)
     )
     assert np.abs(one - other).max() <= 2
-    plain = _picture(_spheres(LIGHTINGS["lamps"]), CAMERA, backend).astype(int)
+    plain = _image(_spheres(LIGHTINGS["lamps"]), CAMERA, backend).astype(int)
     assert np.abs(one - plain).max() > 20
 
 
@@ -169,7 +169,7 @@ def test_a_glossy_floor_has_no_edges_of_the_cube(double_sided):
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
 def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
-    """The view is the ray's, not the axis of its face: beside an edge between two faces a picture
+    """The view is the ray's, not the axis of its face: beside an edge between two faces an image
     differs from one of rays, which has no faces, by no more than elsewhere."""
     sphere = dataclasses.replace(material_chart.sphere(1.0), name="bowl")
     glossy = Material(
@@ -181,17 +181,17 @@ def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
     lens = EquirectangularCamera(256, 128)
     camera = OmniCamera(lens, polygons=None, supersampling=2)
     pose = omnisim.pose((0.3, -0.2, 0.1), roll_deg=20.0, pitch_deg=-10.0, yaw_deg=15.0)
-    pictures = []
+    images = []
     for backend in ("cube", "rays"):
         with omnisim.open_sensor(scene, camera, backend=backend) as renderer:
-            pictures.append(renderer.render(pose, linear=True).linear)
-    apart = np.abs(pictures[0] - pictures[1]).max(axis=-1)
+            images.append(renderer.render(pose, linear=True).linear)
+    apart = np.abs(images[0] - images[1]).max(axis=-1)
     rays = lens.ray_from_pixel(pixel_grid(256, 128)).directions @ lens.rig_from_optical.T
     edge = next_to_another_face(face_index(rays))
     assert edge.mean() > 0.03
     assert apart.mean() < 2e-3
     assert apart[edge].mean() < 1.5 * apart[~edge].mean() + 1e-4
-    assert np.percentile(apart[edge], 99) < 5e-3  # half a step of 8 bits, of mid-grey
+    assert np.percentile(apart[edge], 99) < 5e-3  # half a step of 8 bits, of mid-gray
 
 
 def test_the_back_of_a_sheet_has_the_front_s_bumps_as_dents():
@@ -214,11 +214,11 @@ def test_the_back_of_a_sheet_has_the_front_s_bumps_as_dents():
     front, behind = omnisim.pose((2.0, 0, 0), yaw_deg=180.0), omnisim.pose((-2.0, 0, 0))
     for backend in ("cube", "rays"):
         towards, away = (
-            _picture(scene, camera, backend, front)[40, 20, 0] for scene in scene_lit[:2]
+            _image(scene, camera, backend, front)[40, 20, 0] for scene in scene_lit[:2]
         )
         assert towards > away + 40
         # n of the back is −n of the front: it leans towards −y
-        lit_behind = _picture(scene_lit[2], camera, backend, behind)[40, 20, 0]
+        lit_behind = _image(scene_lit[2], camera, backend, behind)[40, 20, 0]
         assert abs(int(lit_behind) - int(away)) <= 2
 
 
@@ -233,7 +233,7 @@ def test_an_edited_instance_looks_as_in_a_new_scene():
         renderer.render(omnisim.pose((0, 0, 0)))
         renderer.scene = moved
         edited = renderer.render(omnisim.pose((0, 0, 0))).rgba
-    difference = np.abs(edited.astype(int) - _picture(moved, camera))
+    difference = np.abs(edited.astype(int) - _image(moved, camera))
     assert difference.max() <= 4
 
 
@@ -247,7 +247,7 @@ def test_masked_and_blended_materials_have_gloss(alpha_mode):
     assert difference.mean() < 0.8
 
 
-def test_batches_have_the_sky_and_the_gloss_of_single_pictures():
+def test_batches_have_the_sky_and_the_gloss_of_single_images():
     scene = _spheres(LIGHTINGS["sky"], **MATERIALS["normal map"])
     camera = OmniCamera().resized(80)
     poses = [omnisim.pose((x, 0.2, 0.1), yaw_deg=30.0 * x) for x in (0.0, 1.0, 2.0)]
@@ -266,4 +266,4 @@ def test_a_matte_scene_has_no_gloss(tmp_path):
     )
     camera = CAMERA
     for backend in ("cube", "rays"):
-        assert (_picture(matte, camera, backend) == _picture(plain, camera, backend)).all()
+        assert (_image(matte, camera, backend) == _image(plain, camera, backend)).all()

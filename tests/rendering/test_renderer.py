@@ -21,8 +21,8 @@ def quad(z_m, half_m=5.0, **options):
     return square(half_m, z_m, name=f"quad at {z_m}", **options)
 
 
-def centre_color(scene, viewpoint=(0.0, 0.0, 0.0), **options):
-    """Linear colour straight below the viewpoint."""
+def center_color(scene, viewpoint=(0.0, 0.0, 0.0), **options):
+    """Linear color straight below the viewpoint."""
     sensor = OmniCamera(polygons=None).resized(91)
     with open_sensor(scene, sensor, **options) as renderer:
         frame = renderer.render(sensor.base_pose(viewpoint), linear=True)
@@ -33,8 +33,8 @@ def material(red, green, blue, alpha=1.0, **options):
     return Material(base_color=(red, green, blue, alpha), **options)
 
 
-def test_directions_of_the_picture():
-    """+x is up, +y on the right, as in every picture of a camera that looks up at its mirror."""
+def test_directions_of_the_image():
+    """+x is up, +y on the right, as in every image of a camera that looks up at its mirror."""
     colors = {"+x": (1, 0, 0), "+y": (0, 1, 0), "-x": (0, 0, 1), "-y": (1, 1, 0)}
     meshes, poses = [], []
     for index, (axis, sign) in enumerate([(0, 1), (1, 1), (0, -1), (1, -1)]):
@@ -55,26 +55,26 @@ def test_directions_of_the_picture():
     at = {"+x": (near, middle), "+y": (middle, far), "-x": (far, middle), "-y": (middle, near)}
     for name, (row, column) in at.items():
         assert ahead[row, column].tolist() == [255 * value for value in colors[name]], name
-    # a vehicle that has turned left sees +y ahead, and -x on its left: the right of the picture
+    # a vehicle that has turned left sees +y ahead, and -x on its left: the right of the image
     assert turned[near, middle].tolist() == [0, 255, 0]
     assert turned[middle, far].tolist() == [0, 0, 255]
 
 
 def test_back_faces_are_culled_unless_double_sided():
     seen = scene_of([quad(-1.0)], [material(1, 0, 0)])
-    np.testing.assert_allclose(centre_color(seen), (1, 0, 0), atol=1e-3)
+    np.testing.assert_allclose(center_color(seen), (1, 0, 0), atol=1e-3)
     from_behind = [quad(-1.0, half_m=-5.0)]  # still turns the same way: seen from above
-    np.testing.assert_allclose(centre_color(scene_of(from_behind, [material(1, 0, 0)])), (1, 0, 0))
+    np.testing.assert_allclose(center_color(scene_of(from_behind, [material(1, 0, 0)])), (1, 0, 0))
     turned = Mesh("t", quad(-1.0).positions, quad(-1.0).triangles[:, ::-1].copy(), 0)
-    np.testing.assert_allclose(centre_color(scene_of([turned], [material(1, 0, 0)])), 0.0)
+    np.testing.assert_allclose(center_color(scene_of([turned], [material(1, 0, 0)])), 0.0)
     both = scene_of([turned], [material(1, 0, 0, double_sided=True)])
-    np.testing.assert_allclose(centre_color(both), (1, 0, 0), atol=1e-3)
+    np.testing.assert_allclose(center_color(both), (1, 0, 0), atol=1e-3)
 
 
 def test_mirrored_instances_keep_their_front():
     pose = np.diag([-1.0, 1.0, 1.0, 1.0])
     scene = scene_of([quad(-1.0)], [material(0, 1, 0)], [pose])
-    np.testing.assert_allclose(centre_color(scene), (0, 1, 0), atol=1e-3)
+    np.testing.assert_allclose(center_color(scene), (0, 1, 0), atol=1e-3)
 
 
 def test_alpha_mask_and_blend():
@@ -83,10 +83,10 @@ def test_alpha_mask_and_blend():
         material(0, 0, 1),
     ]
     scene = scene_of([quad(-1.0), quad(-2.0, material=1)], masks)
-    np.testing.assert_allclose(centre_color(scene), (0, 0, 1), atol=1e-3)
+    np.testing.assert_allclose(center_color(scene), (0, 0, 1), atol=1e-3)
     masks[0] = dataclasses.replace(masks[0], alpha_cutoff=0.3)
     scene = scene_of([quad(-1.0), quad(-2.0, material=1)], masks)
-    np.testing.assert_allclose(centre_color(scene), (1, 0, 0), atol=1e-3)
+    np.testing.assert_allclose(center_color(scene), (1, 0, 0), atol=1e-3)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
@@ -99,7 +99,7 @@ def test_blended_panes_are_drawn_back_to_front(order):
     meshes = [quad(-1.0, material=0), quad(-2.0, material=1)]
     scene = scene_of([*(meshes[i] for i in order), quad(-3.0, material=2)], panes)
     expected = 0.25 * np.array([1, 0, 0]) + 0.75 * (0.5 * np.array([0, 1, 0]) + [0, 0, 0.5])
-    np.testing.assert_allclose(centre_color(scene), expected, atol=2e-3)
+    np.testing.assert_allclose(center_color(scene), expected, atol=2e-3)
 
 
 def test_triangles_of_one_blended_mesh_are_sorted_for_each_instance():
@@ -115,9 +115,9 @@ def test_triangles_of_one_blended_mesh_are_sorted_for_each_instance():
     half = material(1, 1, 1, alpha=0.5, alpha_mode=AlphaMode.BLEND, double_sided=True)
     upright, overhead = np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])
     upright[2, 3], overhead[2, 3] = -3.0, -3.0
-    upright_color = centre_color(scene_of([mesh], [half], [upright]))
+    upright_color = center_color(scene_of([mesh], [half], [upright]))
     np.testing.assert_allclose(upright_color, (0.5, 0.25, 0), atol=2e-3)  # red is nearer
-    overhead_color = centre_color(scene_of([mesh], [half], [overhead]))
+    overhead_color = center_color(scene_of([mesh], [half], [overhead]))
     np.testing.assert_allclose(overhead_color, (0.25, 0.5, 0), atol=2e-3)
     overhead[2, 3] = -9.0
     scene = scene_of([mesh, quad(-20.0, half_m=50.0, material=1)], [half, material(0, 0, 1)])
@@ -131,7 +131,7 @@ def test_triangles_of_one_blended_mesh_are_sorted_for_each_instance():
     )
     behind = 0.5 * np.array([0, 1, 0]) + 0.25 * np.array([1, 0, 0]) + 0.25 * np.array([0, 0, 1])
     expected = (0.5, 0, 0) + 0.25 * np.array([0, 1, 0]) + 0.25 * behind
-    np.testing.assert_allclose(centre_color(both), expected, atol=2e-3)
+    np.testing.assert_allclose(center_color(both), expected, atol=2e-3)
 
 
 def test_lambert_with_and_without_normals():
@@ -139,14 +139,14 @@ def test_lambert_with_and_without_normals():
     slanted = np.array([0.6, 0.0, -0.8])
     lighting = Lighting((0.1, 0.1, 0.1), (down,), exposure=2.0)
     meshes = [quad(-1.0)]
-    flat = centre_color(scene_of(meshes, [material(0.5, 0.5, 0.5)], lighting=lighting))
+    flat = center_color(scene_of(meshes, [material(0.5, 0.5, 0.5)], lighting=lighting))
     np.testing.assert_allclose(flat, 0.5 * (0.1 + np.array([1.0, 0.5, 0.0])), atol=1e-3)
     lighting = Lighting((0.0,) * 3, (dataclasses.replace(down, direction=slanted),), exposure=2.0)
     normals = np.tile(np.array([[0, 0, 1]], np.float32), (4, 1))
     smooth = [dataclasses.replace(meshes[0], normals=normals)]
-    color = centre_color(scene_of(smooth, [material(1, 1, 1)], lighting=lighting))
+    color = center_color(scene_of(smooth, [material(1, 1, 1)], lighting=lighting))
     np.testing.assert_allclose(color, 0.8 * np.array([1.0, 0.5, 0.0]), atol=1e-3)
-    unlit = centre_color(scene_of(smooth, [material(1, 1, 1)], lighting=lighting), unlit=True)
+    unlit = center_color(scene_of(smooth, [material(1, 1, 1)], lighting=lighting), unlit=True)
     np.testing.assert_allclose(unlit, 1.0, atol=1e-3)
 
 
@@ -156,12 +156,12 @@ def test_point_and_spot_light_fall_off():
             kind, (1.0, 1.0, 1.0), 2.0, position_m=np.array([0.0, 0.0, 1.0]), cone_cosines=cosines
         )
         lighting = Lighting((0.0, 0.0, 0.0), (lamp,))
-        color = centre_color(scene_of([quad(-1.0)], [material(1, 1, 1)], lighting=lighting))
+        color = center_color(scene_of([quad(-1.0)], [material(1, 1, 1)], lighting=lighting))
         np.testing.assert_allclose(color, 2.0 / 2.0**2, rtol=2e-3)
 
 
 def test_background_where_no_surface_is():
-    color = centre_color(scene_of([quad(+9.0)], [material(1, 0, 0)], background=(0.1, 0.2, 0.3)))
+    color = center_color(scene_of([quad(+9.0)], [material(1, 0, 0)], background=(0.1, 0.2, 0.3)))
     np.testing.assert_allclose(color, (0.1, 0.2, 0.3), atol=1e-3)
 
 
@@ -191,7 +191,7 @@ def test_far_surfaces_do_not_shine_through_each_other(distance_m, gap_m):
     assert not rgb[..., 0].any()
 
 
-def test_viewpoint_inside_a_wall_is_a_picture():
+def test_viewpoint_inside_a_wall_is_a_image():
     scene = scene_of([room()])
     sensor = OmniCamera()
     with open_sensor(scene, sensor) as renderer:
@@ -213,16 +213,16 @@ def test_two_renderers_side_by_side():
     one.close()
 
 
-def test_unlit_material_is_its_colour_in_any_light():
+def test_unlit_material_is_its_color_in_any_light():
     dark = Lighting((0.0, 0.0, 0.0), ())
     plain = dataclasses.replace(material(0.25, 0.5, 1.0), unlit=True)
-    color = centre_color(scene_of([quad(-1.0)], [plain], lighting=dark))
+    color = center_color(scene_of([quad(-1.0)], [plain], lighting=dark))
     np.testing.assert_allclose(color, (0.25, 0.5, 1.0), atol=1e-3)
 
 
 @pytest.mark.parametrize("wrap", [Wrap.REPEAT, Wrap.CLAMP_TO_EDGE])
 def test_textures_are_upright_and_wrap(wrap):
-    """Four colours, the first row of the picture at v = 0; beyond the edges by `wrap`."""
+    """Four colors, the first row of the image at v = 0; beyond the edges by `wrap`."""
     pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
     pixels = np.concatenate((pixels, np.full((2, 2, 1), 255, np.uint8)), axis=-1)
     pixels = pixels.repeat(64, axis=0).repeat(64, axis=1)
@@ -251,7 +251,7 @@ def test_blended_surfaces_write_no_depth():
     pane = material(1, 0, 0, alpha=0.5, alpha_mode=AlphaMode.BLEND)
     large = quad(-1.0, half_m=3.0)
     aside = Mesh("aside", large.positions + np.array([2.5, 0, 0], np.float32), large.triangles, 0)
-    color = centre_color(scene_of([aside, quad(-1.5, half_m=0.5)], [pane]))
+    color = center_color(scene_of([aside, quad(-1.5, half_m=0.5)], [pane]))
     np.testing.assert_allclose(color, (0.75, 0, 0), atol=2e-3)
 
 
@@ -273,7 +273,7 @@ def test_impossible_sensors_are_refused(options, words):
         OmniCamera(**options)
 
 
-def test_pictures_can_be_written_to():
+def test_images_can_be_written_to():
     with open_sensor(scene_of([room()])) as renderer:
         frame = renderer.render(np.eye(4), linear=True)
         frame.rgb[0, 0] = 1
@@ -308,7 +308,7 @@ def test_frames_of_a_loop_do_not_depend_on_each_other():
         np.testing.assert_array_equal(one, other)
 
 
-def test_linear_and_encoded_picture_agree():
+def test_linear_and_encoded_image_agree():
     sensor = OmniCamera()
     with open_sensor(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(np.eye(4), linear=True)
@@ -331,7 +331,7 @@ def test_faces_and_their_unfolding():
         faces = renderer.faces()
     assert list(faces) == ["front", "left", "back", "right", "down"]
     assert all(face.shape == (64, 64, 3) for face in faces.values())
-    # neighbours meet: the last column of front is the first of right, but for half a pixel
+    # neighbors meet: the last column of front is the first of right, but for half a pixel
     step = np.abs(faces["front"][:, -1].astype(int) - faces["right"][:, 0]).max()
     assert step <= 4
     unfolded = unfolded_cube(faces)
@@ -377,15 +377,15 @@ def test_metadata_describes_camera_and_pose():
     assert metadata["polygons"] == sensor.mesh_polygons == 3600
     world_from_optical = np.array(metadata["world_from_optical"])
     np.testing.assert_allclose(world_from_optical[:3, 3], (1.0, 0.5, 0.0))
-    # the optical axis looks up, and the top of the picture ahead
+    # the optical axis looks up, and the top of the image ahead
     np.testing.assert_allclose(world_from_optical[:3, 2], (0, 0, 1), atol=1e-15)
     ahead = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0)
     np.testing.assert_allclose(-world_from_optical[:3, 1], ahead, atol=1e-15)
 
 
 @pytest.mark.parametrize("polygons", [None, 64])
-def test_supersampling_is_the_mean_of_a_finer_picture(polygons):
-    """Three samples to a side of a pixel, or a picture three times as large: the same light."""
+def test_supersampling_is_the_mean_of_a_finer_image(polygons):
+    """Three samples to a side of a pixel, or an image three times as large: the same light."""
     scene = scene_of([room()])
     # so few texels that neither asks for mip levels, which differ between one sample and many
     coarse = OmniCamera(polygons=polygons, supersampling=3, face_size_px=48).resized(120)

@@ -1,4 +1,4 @@
-"""A skinned, walking figure in pictures: place, normals and flow follow NumPy's skinning."""
+"""A skinned, walking figure in images: place, normals and flow follow NumPy's skinning."""
 
 import dataclasses
 
@@ -63,7 +63,7 @@ def _pixels(points_m, base):
 
 @BACKENDS
 def test_flow_follows_the_skin(backend, tmp_path):
-    """Both ways, far within 0.02 px in the mean; points, to a few micrometres."""
+    """Both ways, far within 0.02 px in the mean; points, to a few micrometers."""
     stage, renderer = _open(tmp_path, backend)
     with stage, renderer:
         states = [
@@ -112,7 +112,7 @@ def test_flow_follows_the_skin(backend, tmp_path):
 
 
 @BACKENDS
-def test_a_picture_is_of_its_time_and_repeats(backend, tmp_path):
+def test_a_image_is_of_its_time_and_repeats(backend, tmp_path):
     stage, renderer = _open(tmp_path, backend)
     with stage, renderer:
         first, later, again = (
@@ -124,7 +124,7 @@ def test_a_picture_is_of_its_time_and_repeats(backend, tmp_path):
 
 
 @pytest.mark.slow
-def test_back_ends_agree_on_pictures_and_occlusion(tmp_path):
+def test_back_ends_agree_on_images_and_occlusion(tmp_path):
     found = []
     for backend in ("cube", "rays"):
         stage, renderer = _open(tmp_path, backend)
@@ -144,7 +144,7 @@ def test_back_ends_agree_on_pictures_and_occlusion(tmp_path):
 
 
 @pytest.mark.slow
-def test_batches_are_the_single_pictures(tmp_path):
+def test_batches_are_the_single_images(tmp_path):
     stage, renderer = _open(tmp_path, "cube")
     with stage, renderer:
         states = [WorldState({renderer.vehicle: HERE}, time_s) for time_s in (0.1, 0.45, 0.45, 0.8)]
@@ -167,21 +167,21 @@ def test_shadows_follow_the_figure(tmp_path):
     text = f'file = "a.glb"\n[light]\nambient = [0.1, 0.1, 0.1]\n[[lamps]]\n{lamp}'
     (tmp_path / "scene.toml").write_text(text)
     scene = load_scene(tmp_path / "scene.toml")
-    pictures = {}
+    images = {}
     for backend in ("cube", "rays"):
         with open_sensor(scene, _camera(), backend=backend) as renderer:
             for time_s in (0.1, 0.9):
                 state = WorldState({renderer.vehicle: HERE}, time_s)
                 frame = renderer.render(state, also=("instance",))
-                pictures[backend, time_s] = frame.rgb.astype(int)
+                images[backend, time_s] = frame.rgb.astype(int)
     for time_s in (0.1, 0.9):
-        mapped, traced = (pictures[backend, time_s] for backend in ("cube", "rays"))
+        mapped, traced = (images[backend, time_s] for backend in ("cube", "rays"))
         # edges differ, which the virtual cameras and the maps filter
         assert (np.abs(mapped - traced).max(axis=-1) > 20).mean() < 6e-3
-    dark, expected = (pictures[backend, 0.9].sum(axis=-1) < 120 for backend in ("cube", "rays"))
+    dark, expected = (images[backend, 0.9].sum(axis=-1) < 120 for backend in ("cube", "rays"))
     assert expected.sum() > 150  # the shadow, which has left where it was
     assert (dark & expected).sum() > 0.6 * (dark | expected).sum()  # its edges are a third of it
-    before = pictures["cube", 0.1].sum(axis=-1) < 120
+    before = images["cube", 0.1].sum(axis=-1) < 120
     assert (before & expected).sum() < 0.1 * expected.sum()
 
 

@@ -1,4 +1,4 @@
-"""Scenes of less than a metre, down to a millimetre, against the ranges of a sphere."""
+"""Scenes of less than a meter, down to a millimeter, against the ranges of a sphere."""
 
 import numpy as np
 import pytest

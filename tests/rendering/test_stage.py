@@ -68,7 +68,7 @@ needs_statm = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="
 @pytest.mark.slow
 @needs_statm
 def test_memory_is_constant_over_a_drive():
-    """300 frames and scans with a real body. The bound is a quarter of what 300 pictures take: to
+    """300 frames and scans with a real body. The bound is a quarter of what 300 images take: to
     keep one in four, or anything of their size, would break it. Measured: 0.03 MB of 2.4."""
     frames = 300
     camera, base_from_scanner = mounted_on_p2at(90)
@@ -79,14 +79,14 @@ def test_memory_is_constant_over_a_drive():
         def drive(steps):
             for step in range(steps):
                 base = pose((0.002 * step, 0.0, -1.5), yaw_deg=1.2 * step)
-                picture_bytes = eye.render(base).rgba.nbytes
+                image_bytes = eye.render(base).rgba.nbytes
                 scanner.scan(base, step)
-            return picture_bytes
+            return image_bytes
 
-        picture_bytes = drive(30)  # compiles, and fills what is filled once
+        image_bytes = drive(30)  # compiles, and fills what is filled once
         before = resident_bytes()
         drive(frames)
-        assert resident_bytes() - before < frames * picture_bytes / 4
+        assert resident_bytes() - before < frames * image_bytes / 4
 
 
 @pytest.mark.slow

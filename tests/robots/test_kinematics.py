@@ -80,7 +80,7 @@ def test_within_the_limits(trajectory):
     ("trajectory", "quantity", "step", "asked", "allowed"),
     [
         (_slide(1.0, 2), "sideways motion", 0, 1.0, 0.1),
-        (_slide(-1.0, 101), "sideways motion", 10, 0.11, 0.1),  # a centimetre a step adds up
+        (_slide(-1.0, 101), "sideways motion", 10, 0.11, 0.1),  # a centimeter a step adds up
         (_slide(0.0, 11, up_m=1.0), "vertical motion", 1, 0.2, 0.1),
     ],
 )

@@ -101,7 +101,7 @@ def test_everything_is_there(whole, vehicle):
 
 
 def test_the_robot_sees_itself_and_its_laser_does_not(whole):
-    """The blue of the LMS200's housing is in the middle of the picture, towards the top."""
+    """The blue of the LMS200's housing is in the middle of the image, towards the top."""
     pixels, _ = read_image(whole / "omnicam" / "000000.png")
     front, behind = pixels[14:22, 21:27].mean(axis=(0, 1)), pixels[26:32, 21:27].mean(axis=(0, 1))
     assert front[2] > 1.5 * front[0]
@@ -110,7 +110,7 @@ def test_the_robot_sees_itself_and_its_laser_does_not(whole):
     assert _ranges(whole, 0).min() > 0.3
 
 
-def test_another_seed_is_another_odometry_and_the_same_pictures(scene, vehicle, whole, tmp_path):
+def test_another_seed_is_another_odometry_and_the_same_images(scene, vehicle, whole, tmp_path):
     drive = Drive(scene, vehicle, Route("lap", step_m=1.2, step_deg=45.0), seed=8)
     steps = drive.plan().record(tmp_path / "run")
     for _ in range(3):
@@ -224,7 +224,7 @@ def test_places_that_are_none(scene, vehicle, tmp_path):
 def test_a_full_disk_is_one_line_and_the_run_goes_on_later(
     scene, vehicle, whole, tmp_path, monkeypatch
 ):
-    """The disk fills up in the middle of a picture."""
+    """The disk fills up in the middle of an image."""
     written = []
     true_write = Path.write_bytes
 
@@ -306,7 +306,7 @@ def test_one_drive_a_folder_at_a_time(scene, vehicle, tmp_path):
     second.close()
 
 
-def test_force_leaves_no_other_run_s_pictures(scene, vehicle, whole, tmp_path):
+def test_force_leaves_no_other_run_s_images(scene, vehicle, whole, tmp_path):
     """Neither its plot, nor what a link leads to, which would pass for this run's."""
     folder = tmp_path / "run"
     shutil.copytree(whole, folder)

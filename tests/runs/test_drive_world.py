@@ -20,7 +20,7 @@ extends = "soccer"
 [[objects]]
 name = "ball"
 file = "ball.glb"
-orbit = { centre_m = [0.0, 0.0, 0.2], radius_m = 1.0, period_s = 20.0 }
+orbit = { center_m = [0.0, 0.0, 0.2], radius_m = 1.0, period_s = 20.0 }
 rolling_radius_m = 0.2
 """
 

@@ -111,7 +111,7 @@ def test_uneven_ground_is_embree_s(vehicle):
         (along, across, z_m), *_ = np.linalg.lstsq(np.array(system).T, heights)
         assert world_from_base[2, 3] == pytest.approx(z_m, abs=2 * ROUNDING_M)
         up = np.array((*(turn @ (-along, -across)), 1.0))
-        # the wheels' heights are rounded, and half a metre apart
+        # the wheels' heights are rounded, and half a meter apart
         np.testing.assert_allclose(
             world_from_base[:3, 2], up / np.linalg.norm(up), atol=4 * ROUNDING_M / 0.4
         )

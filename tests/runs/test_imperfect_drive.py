@@ -47,7 +47,7 @@ def needs_opengl_once():
     open_context_or_skip().release()
 
 
-def _pictures(folder):
+def _images(folder):
     return [path.read_bytes() for path in sorted((folder / "omnicam").glob("*.png"))]
 
 
@@ -55,7 +55,7 @@ def _told(folder, step):
     return read_image(folder / "omnicam" / f"{step:06d}.png")[1]["degradation"]
 
 
-def test_exposure_lags_by_what_the_pictures_tell(whole, scene, vehicle):
+def test_exposure_lags_by_what_the_images_tell(whole, scene, vehicle):
     truth = Drive(scene, vehicle, ROUTE, seed=7).plan().truth
     exposure = vehicle.camera().sensor.degradation.exposure
     exposures = [_told(whole, step)["exposure"] for step in range(len(truth))]
@@ -77,7 +77,7 @@ def test_what_is_missing_comes_back_with_the_same_bytes(whole, scene, vehicle, t
     for step in lost:
         (folder / "omnicam" / f"{step:06d}.png").unlink()
     list(Drive(scene, vehicle, ROUTE, seed=7).plan().record(folder))
-    assert _pictures(folder) == _pictures(whole)
+    assert _images(folder) == _images(whole)
 
 
 def test_another_seed_is_other_noise(whole, scene, vehicle, tmp_path):
@@ -96,15 +96,15 @@ def test_another_preset_is_another_run(whole, scene, vehicle):
     with pytest.raises(RunError, match=r"another run is in this folder") as info:
         next(Drive(scene, other, ROUTE, seed=7).plan().record(whole))
     # by the key that differs, not by a fingerprint
-    assert "manifest.json: sensors.omnicam.degradation.defocus.centre_defocus_px was" in str(
+    assert "manifest.json: sensors.omnicam.degradation.defocus.center_defocus_px was" in str(
         info.value
     )
 
 
-def test_a_picture_without_exposure_is_named(whole, scene, vehicle, tmp_path):
+def test_a_image_without_exposure_is_named(whole, scene, vehicle, tmp_path):
     folder = tmp_path / "run"
     shutil.copytree(whole, folder)
-    (folder / "omnicam" / "000003.png").write_bytes(b"no picture")
+    (folder / "omnicam" / "000003.png").write_bytes(b"no image")
     (folder / "omnicam" / "000004.png").unlink()
     with pytest.raises(RunError, match=r"000003\.png: has no exposure"):
         list(Drive(scene, vehicle, ROUTE, seed=7).plan().record(folder))

@@ -13,8 +13,8 @@ from omnisim.cameras.optics import CentralView
 from omnisim.core.errors import RobotFileError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.perception.unwarping.panorama import Panorama
+from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
-from omnisim.rendering.camera.picture_file import read_picture
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
@@ -114,7 +114,7 @@ def test_the_folder_holds_the_system(runs, scene, tmp_path):
     assert manifest["sensors"]["optics"]["optics"] == json.loads(json.dumps(parameters))
     for read in (
         read_mount(whole / "optics" / CALIBRATION).camera,
-        read_picture(whole / "optics" / "000000.png").camera,
+        read_captured_image(whole / "optics" / "000000.png").camera,
         OmniCamera.from_file(whole / "optics" / "sensor.toml").model,
     ):
         assert read.parameters() == parameters
@@ -134,8 +134,8 @@ def test_localization_says_that_it_assumes_a_viewpoint(runs):
     )
     caveat = data.notices[-1]
     assert caveat.startswith("optics: rays meet in no point: one is assumed, right for points at")
-    assert " px at 5 m (99 % of the picture)" in caveat
-    assert Panorama(data.mount)(data.picture(0)).max() > 0
+    assert " px at 5 m (99 % of the image)" in caveat
+    assert Panorama(data.mount)(data.image(0)).max() > 0
 
 
 @pytest.mark.parametrize("system", ALL.values(), ids=ALL)

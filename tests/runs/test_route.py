@@ -212,7 +212,7 @@ def test_a_drive_s_own_poses_can_be_driven(scene, vehicle, tmp_path, rate_hz, su
     np.testing.assert_allclose(again.world_from_base, poses.world_from_base, atol=1e-8)
 
 
-def test_a_car_s_steps_are_longer_than_a_metre(scene, vehicle, tmp_path):
+def test_a_car_s_steps_are_longer_than_a_meter(scene, vehicle, tmp_path):
     """50 km/h at 10 Hz."""
     lines = [f"{0.1 * k},{1.389 * k - 2.8},0,0" for k in range(5)]
     (tmp_path / "my.csv").write_text("\n".join(["t_s,x_m,y_m,yaw_deg", *lines]) + "\n")

@@ -63,7 +63,7 @@ def test_every_step_has_its_channels_and_flows_to_the_steps_beside_it(drive, who
                 np.testing.assert_allclose(found.metadata[key], poses[number])
         seen |= {names[int(number)] for number in np.unique(found.values["semantic"])}
         body = found.values["semantic"] == next(n for n in names if names[n] == "vehicle")
-        # the body stays where it is in the picture, however the vehicle moves
+        # the body stays where it is in the image, however the vehicle moves
         assert body.sum() > 20
         for part in ("flow.U", "flow.V", "flow_backward.U", "scene_flow_camera.X"):
             if part in found.values:

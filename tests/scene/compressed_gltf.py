@@ -8,7 +8,7 @@ from tests.scene.gltf_builder import GltfBuilder
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
 TRIANGLES = np.array([0, 1, 2, 0, 2, 3], "<u2")
-# Of DracoPy 2.2: a triangle with colours of 16 bits, which its decoder gives in 32.
+# Of DracoPy 2.2: a triangle with colors of 16 bits, which its decoder gives in 32.
 DRACO_COLORS = (
     "RFJBQ08CAgEAAAABAwEAAQIBAgQEBAABAAkDAAIBAgABAQARA60qN1UVA69agQEA//8AAAEAAAAAAAD//wAAAAEBAA"
     "MDrSpVFQOgeoGIAQAAAAD/PwAAAAAAAAAAAAAAAAAAAACAPw4="

@@ -66,7 +66,7 @@ def corners_by_node(scene):
     return corners
 
 
-def colour_of(scene, node):
+def color_of(scene, node):
     mesh = next(i.mesh for i in scene.instances if i.name == node)
     return scene.materials[scene.meshes[mesh].material].base_color[:3]
 
@@ -98,7 +98,7 @@ def test_rings_are_at_the_stated_angles():
     assert spans_deg["sphere"] == set(zip(ends[::2], ends[1::2], strict=True))
 
 
-def test_rings_are_closed_and_face_their_centre():
+def test_rings_are_closed_and_face_their_center():
     scene = load_scene("rings")
     np.testing.assert_array_equal(scene.start.position_m, (0, 0, 2))
     corners = np.concatenate(list(corners_by_node(scene).values()))
@@ -108,16 +108,16 @@ def test_rings_are_closed_and_face_their_centre():
     edges = Counter(map(tuple, np.concatenate([triangles, np.roll(triangles, -1, 1)], 0)[:, :2]))
     edges += Counter(map(tuple, np.roll(triangles, -2, 1)[:, :2]))
     assert set(edges.values()) == {1}
-    assert all((end, start) in edges for start, end in edges)  # each has a neighbour, bit by bit
+    assert all((end, start) in edges for start, end in edges)  # each has a neighbor, bit by bit
     assert len(points) - len(edges) // 2 + len(triangles) == 2  # Euler: one sphere, and no more
 
 
-def test_colours_of_the_rings_are_plain():
+def test_colors_of_the_rings_are_plain():
     scene = load_scene("rings")
     assert all(scene.materials[mesh.material].unlit for mesh in scene.meshes)
-    assert colour_of(scene, "sphere") == (1.0, 1.0, 1.0)
-    assert colour_of(scene, "lines") == (0.0, 0.0, 0.0)
-    np.testing.assert_allclose(colour_of(scene, "horizon"), (204 / 255, 13 / 255, 13 / 255))
+    assert color_of(scene, "sphere") == (1.0, 1.0, 1.0)
+    assert color_of(scene, "lines") == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(color_of(scene, "horizon"), (204 / 255, 13 / 255, 13 / 255))
 
 
 EAST, NORTH, UP = np.eye(3)
@@ -146,7 +146,7 @@ def test_sides_of_the_compass_match_their_names():
         np.testing.assert_allclose(points, expected, atol=1e-6)
 
 
-def test_colours_of_the_compass_are_those_in_its_readme():
+def test_colors_of_the_compass_are_those_in_its_readme():
     scene = load_scene("compass")
     readme = (SCENES / "compass" / "README.md").read_text(encoding="utf-8")
     for instance in scene.instances:
@@ -155,10 +155,10 @@ def test_colours_of_the_compass_are_those_in_its_readme():
         assert material.base_color == (1.0, 1.0, 1.0, 1.0)
         row = re.search(rf"^\| `{instance.name}` .*\| (.*) \| (.*) \|$", readme, re.MULTILINE)
         ground = np.array(row[1].split(", "), dtype=int)
-        picture = material.texture.pixels
+        image = material.texture.pixels
         # in the first field of the grid, 0.25 m from two edges; and the border
-        np.testing.assert_array_equal(picture[75, 75, :3], ground)
-        np.testing.assert_array_equal(picture[4, 4, :3], (255, 255, 255))
+        np.testing.assert_array_equal(image[75, 75, :3], ground)
+        np.testing.assert_array_equal(image[4, 4, :3], (255, 255, 255))
         linear = np.array(row[2].split(", "), dtype=float)
         decoded = np.where(
             ground > 10, ((ground / 255 + 0.055) / 1.055) ** 2.4, ground / 255 / 12.92

@@ -143,8 +143,8 @@ def test_vertices_are_by_the_formulas(skinned, morphed, tmp_path):
         found = deformation.normals_at(time_s) @ matrix[:3, :3].T
         agrees = np.abs(np.einsum("nc,nc->n", found, normals))
         np.testing.assert_allclose(agrees, 1.0, atol=1e-6)
-        centre, radius = deformation.sphere_at(time_s)
-        local = deformation.positions_at(time_s) - centre
+        center, radius = deformation.sphere_at(time_s)
+        local = deformation.positions_at(time_s) - center
         assert np.linalg.norm(local, axis=1).max() <= radius * (1 + 1e-9)
     mesh = scene.meshes[instance.mesh]
     np.testing.assert_allclose(mesh.positions, deformation.positions_at(0.0), atol=ALMOST)
@@ -220,7 +220,7 @@ def test_an_object_plays_the_animation_that_it_names(tmp_path):
     Figure().write(tmp_path / "walker.glb")
     (tmp_path / "scene.toml").write_text(
         'extends = "courtyard"\n[[objects]]\nname = "passer-by"\nfile = "walker.glb"\n'
-        'animation = "walk"\norbit = { centre_m = [0, 0, 0], radius_m = 2.0, period_s = 9.0 }\n'
+        'animation = "walk"\norbit = { center_m = [0, 0, 0], radius_m = 2.0, period_s = 9.0 }\n'
         '[[objects]]\nname = "standing"\nfile = "walker.glb"\n'
     )
     walking, standing = load_scene(tmp_path / "scene.toml").objects

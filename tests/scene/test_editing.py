@@ -76,7 +76,7 @@ def test_only_the_named_object_gets_the_color():
     assert first.colors is part.meshes[0].colors
     assert second.positions is first.positions
     again = scene.recolored("second", (1, 0, 0))
-    assert (len(again.meshes), len(again.materials)) == (2, 2)  # the colour before is gone
+    assert (len(again.meshes), len(again.materials)) == (2, 2)  # the color before is gone
 
 
 def test_a_loaded_object_turns_about_its_node_and_keeps_its_scale():

@@ -83,7 +83,7 @@ def test_colors_are_srgb():
     np.testing.assert_allclose(material.base_color, (0.503, 0.0, 1.0, 1.0), atol=1e-3)
 
 
-def test_a_picture_made_in_memory_is_a_texture():
+def test_a_image_made_in_memory_is_a_texture():
     (material,) = Scene.from_trimesh(
         textured_box(SimpleMaterial(image=Image.fromarray(PIXELS)))
     ).materials

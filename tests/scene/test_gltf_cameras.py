@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from omnisim.apps.cli.images.image_requests import RenderRequest
 from omnisim.apps.cli.inputs import Viewpoint
-from omnisim.apps.cli.pictures.picture_requests import RenderRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.scene import load_scene

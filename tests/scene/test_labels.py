@@ -71,27 +71,27 @@ def test_the_first_table_that_matches_a_name_has_it():
     labels = find_labels(_named("goal_blue", "ball", "kite", labels=rules))
     assert labels.class_of_instance.tolist() == [0, 7, 1, 9]
     assert [(label.id, label.name) for label in labels.classes] == [
-        (1, "thing"), (7, "goal"), (8, "vehicle"), (9, "unlabelled"),
+        (1, "thing"), (7, "goal"), (8, "vehicle"), (9, "unlabeled"),
     ]  # fmt: skip
     assert labels.class_colors[7].tolist() == [1, 2, 3]
-    assert labels.notices() == ("no label for 1 instances, such as 'kite': they are 'unlabelled'",)
+    assert labels.notices() == ("no label for 1 instances, such as 'kite': they are 'unlabeled'",)
 
 
 @pytest.mark.parametrize("name", ["courtyard", "mapping", "soccer"])
 def test_built_in_scenes_label_everything_and_every_label_is_used(name):
     labels = find_labels(load_scene(name))
     assert labels.source == "table"
-    assert labels.unlabelled == ()
+    assert labels.unlabeled == ()
     used = set(labels.class_of_instance[1:].tolist())
     assert {label.name for label in labels.classes if label.id not in used} == {
-        "vehicle", "unlabelled",
+        "vehicle", "unlabeled",
     }  # fmt: skip
     colors = np.array([label.color for label in labels.classes])
     assert len(np.unique(colors, axis=0)) == len(colors)
 
 
-def test_soccers_landmarks_have_a_class_for_each_colour():
-    """Beacons are split in their bands; a goal is of one colour."""
+def test_soccers_landmarks_have_a_class_for_each_color():
+    """Beacons are split in their bands; a goal is of one color."""
     scene = load_scene("soccer")
     labels = find_labels(scene)
     classes = {label.id: label.name for label in labels.classes}
@@ -138,4 +138,4 @@ def test_brackets_in_a_name_are_letters():
     rules = label_rules((LabelTable(name="crate", nodes=("crate[?]",)),))
     labels = find_labels(_named("crate[1]", "crate1", labels=rules))
     classes = {label.id: label.name for label in labels.classes}
-    assert [classes[label.class_id] for label in labels.instances] == ["crate", "unlabelled"]
+    assert [classes[label.class_id] for label in labels.instances] == ["crate", "unlabeled"]

@@ -67,7 +67,7 @@ def test_children_of_a_camera_are_not_lost(gltf, tmp_path):
 
 
 def test_large_coordinates_keep_their_shape(gltf, tmp_path):
-    """A town in map coordinates: float32 has half a metre there, the mesh keeps micrometres."""
+    """A town in map coordinates: float32 has half a meter there, the mesh keeps micrometers."""
     corner = np.array([2.6e6, 1.2e6, 400.0])
     path = tmp_path / "town.obj"
     points = corner + [[0, 0, 0], [0.001, 0, 0], [0, 0.001, 0]]
@@ -106,7 +106,7 @@ def test_factors_are_exact_and_linear(gltf, tmp_path):
         (np.array([[16384, 32768, 65535, 65535]] * 3, "<u2"), True),
     ],
 )
-def test_vertex_colours_in_every_type(gltf, tmp_path, values, normalized):
+def test_vertex_colors_in_every_type(gltf, tmp_path, values, normalized):
     color = gltf.accessor(values, f"VEC{values.shape[1]}", normalized)
     gltf.node(mesh=gltf.triangle(COLOR_0=color))
     mesh = load_scene(gltf.write(tmp_path / "a.gltf")).meshes[0]
@@ -232,7 +232,7 @@ def test_specular_glossiness_keeps_its_texture(gltf, tmp_path):
 
 
 def test_skin_is_drawn_where_its_joints_are(gltf, tmp_path):
-    """The usual export: the mesh in centimetres, the armature scaled by 0.01, a joint moved."""
+    """The usual export: the mesh in centimeters, the armature scaled by 0.01, a joint moved."""
     joints = gltf.accessor(np.zeros((3, 4), "u1"), "VEC4")
     weights = gltf.accessor(np.array([[1, 0, 0, 0]] * 3, "<f4"), "VEC4")
     bind = np.eye(4, dtype="<f4")
@@ -249,13 +249,13 @@ def test_skin_is_drawn_where_its_joints_are(gltf, tmp_path):
     assert scene.instances[0].name == "body"
 
 
-def test_skin_of_normalised_integers(gltf, tmp_path):
+def test_skin_of_normalized_integers(gltf, tmp_path):
     joints = gltf.accessor(np.zeros((3, 4), "u1"), "VEC4")
     weights = gltf.accessor(np.array([[255, 0, 0, 0]] * 3, "u1"), "VEC4", normalized=True)
     mesh = gltf.triangle(JOINTS_0=joints, WEIGHTS_0=weights)
     corners = np.array([[0, 0, 0], [32767, 0, 0], [0, 32767, 0]], "<i2")
-    quantised = gltf.accessor(corners, "VEC3", normalized=True)
-    gltf.tree["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"] = quantised
+    quantized = gltf.accessor(corners, "VEC3", normalized=True)
+    gltf.tree["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"] = quantized
     gltf.tree["skins"] = [{"joints": [1]}]
     gltf.node(mesh=mesh, skin=0)
     gltf.node(scale=[2, 2, 2])
@@ -447,8 +447,8 @@ def test_draco(gltf, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("decoder", ["DracoPy", "a stand-in"])
-def test_draco_with_vertex_colours(gltf, tmp_path, monkeypatch, decoder):
-    """Colours of 16 bits were divided by the 32 bits in which they are decoded: black."""
+def test_draco_with_vertex_colors(gltf, tmp_path, monkeypatch, decoder):
+    """Colors of 16 bits were divided by the 32 bits in which they are decoded: black."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
     colors = np.array([[65535, 32768, 0, 65535]] * 3, "<u2")
     if decoder == "DracoPy":

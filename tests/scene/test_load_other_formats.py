@@ -32,12 +32,12 @@ def test_obj_with_material_and_texture(tmp_path):
     scene = load_scene(_obj(tmp_path, "newmtl m\nKd 1 1 1\nmap_Kd .\\Wood.PNG\n"))
     assert scene.notices == ()
     assert scene.materials[0].texture.pixels[0, 0].tolist() == [255, 0, 0, 255]
-    # vt (0, 0) is the bottom of the picture: v = 1 counted from the top
+    # vt (0, 0) is the bottom of the image: v = 1 counted from the top
     np.testing.assert_allclose(scene.meshes[0].texture_coordinates[0], [0.0, 1.0])
     assert scene.materials[0].double_sided
 
 
-def test_obj_colours_are_display_values(tmp_path):
+def test_obj_colors_are_display_values(tmp_path):
     scene = load_scene(_obj(tmp_path, "newmtl m\nKd 0.8 0.4 0.2\nd 0.5\n"))
     material = scene.materials[0]
     expected = linear_from_srgb([0.8, 0.4, 0.2])
@@ -46,8 +46,8 @@ def test_obj_colours_are_display_values(tmp_path):
     assert material.alpha_mode is AlphaMode.BLEND
 
 
-def test_obj_without_materials_is_light_grey_with_or_without_coordinates(tmp_path):
-    """trimesh puts a dark grey picture where there is no material; it must not be seen."""
+def test_obj_without_materials_is_light_gray_with_or_without_coordinates(tmp_path):
+    """trimesh puts a dark gray image where there is no material; it must not be seen."""
     path = tmp_path / "a.obj"
     for text in (TRIANGLE_OBJ, TRIANGLE_OBJ.replace("mtllib a.mtl\n", "")):
         path.write_text(text)
@@ -135,7 +135,7 @@ def test_alpha_of_a_texture_decides_between_mask_and_blend(tmp_path):
         assert load_scene(path).materials[0].alpha_mode is mode
 
 
-def test_hole_map_without_a_colour_map(tmp_path):
+def test_hole_map_without_a_color_map(tmp_path):
     Image.fromarray(np.array([[0, 255]], dtype=np.uint8)).save(tmp_path / "holes.png")
     material = load_scene(_obj(tmp_path, "newmtl m\nKd 1 0 0\nmap_d holes.png\n")).materials[0]
     assert material.alpha_mode is AlphaMode.MASK
@@ -172,7 +172,7 @@ def test_every_format_gives_the_same_box_in_its_own_axes(tmp_path, suffix):
     assert scene.triangle_count == 12
 
 
-def test_ply_vertex_and_face_colours(tmp_path):
+def test_ply_vertex_and_face_colors(tmp_path):
     for kind in ("vertex_colors", "face_colors"):
         box = trimesh.creation.box()
         setattr(
@@ -232,8 +232,8 @@ def test_bad_files_get_one_line(tmp_path, name, content, words):
     assert "\n" not in str(info.value)
 
 
-def test_face_colours_of_as_many_triangles_as_vertices(tmp_path):
-    """A tetrahedron: four of each, and still one colour a triangle."""
+def test_face_colors_of_as_many_triangles_as_vertices(tmp_path):
+    """A tetrahedron: four of each, and still one color a triangle."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     tetrahedron = trimesh.Trimesh(corners, faces, process=False)
@@ -300,7 +300,7 @@ def test_a_package_that_trimesh_lacks_is_an_error(monkeypatch, tmp_path, package
         load_scene(tmp_path / "a.obj")
 
 
-def test_obj_with_texture_coordinates_of_one_number_is_in_its_plain_colour(tmp_path):
+def test_obj_with_texture_coordinates_of_one_number_is_in_its_plain_color(tmp_path):
     text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0\nvt 1\nvt 1\nf 1/1 2/2 3/3\n"
     (tmp_path / "a.obj").write_text(text, encoding="utf-8")
     assert load_scene(tmp_path / "a.obj").meshes[0].texture_coordinates is None

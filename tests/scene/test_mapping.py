@@ -75,15 +75,15 @@ def test_a_robot_can_drive_into_every_room(scene, triangles):
     """A disc of its half width passes furniture and open doors, from the first start."""
     cell, margin = 0.05, 0.27  # the robot is 0.5 m wide
     low, size = np.array([-4.5, -9.5]), (320, 460)
-    picture = Image.new("1", size)
-    draw = ImageDraw.Draw(picture)
+    image = Image.new("1", size)
+    draw = ImageDraw.Draw(image)
     for polygon in _between(triangles, 0.06, 1.0):
         pixels = (polygon[:, :2] - low) / cell
         if (pixels > 0).all() and (pixels < size).all():
             draw.polygon([tuple(p) for p in pixels], fill=1, outline=1)
     reach = round(margin / cell)
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    blocked = _spread(np.asarray(picture), np.argwhere(x**2 + y**2 <= reach**2) - reach)
+    blocked = _spread(np.asarray(image), np.argwhere(x**2 + y**2 <= reach**2) - reach)
     reached = np.zeros_like(blocked)
     column, row = ((np.array(KNOWN_STARTS[0]) - low) / cell).astype(int)
     reached[row, column] = True

@@ -28,7 +28,7 @@ def test_coverage_is_kept_as_long_as_a_level_can_show_it(width):
         assert width / 8 <= passed < width / 8 + step
 
 
-def test_colour_of_holes_does_not_bleed():
+def test_color_of_holes_does_not_bleed():
     pixels = np.zeros((4, 4, 4), dtype=np.uint8)
     pixels[:, ::2] = (200, 40, 20, 255)
     for level in masked_mipmaps(pixels, 0.5):

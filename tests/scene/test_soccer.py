@@ -1,4 +1,4 @@
-"""The soccer scene against the field's own measures, in metres, to one millimetre."""
+"""The soccer scene against the field's own measures, in meters, to one millimeter."""
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def test_lines_are_where_the_rules_put_them(scene, name):
     np.testing.assert_allclose([low[2], high[2]], 0.0, atol=1e-5)
 
 
-def test_centre_circle_has_its_diameter(scene):
+def test_center_circle_has_its_diameter(scene):
     radius = np.hypot(*np.moveaxis(_corners(scene, "line_centre_circle")[..., :2], -1, 0))
     assert radius.max() == pytest.approx(0.180, abs=MM)
     assert radius.min() == pytest.approx(0.155, abs=MM)

@@ -15,7 +15,7 @@ from omnisim.scene import load_scene, read_scene
 from tests.scene.gltf_builder import GltfBuilder, png
 
 OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
-PICTURE = png(np.full((2, 2, 3), 9))
+IMAGE = png(np.full((2, 2, 3), 9))
 
 
 def _obj(folder, mtl):
@@ -25,11 +25,11 @@ def _obj(folder, mtl):
 
 
 def _obj_with_texture(folder):
-    return _obj(folder, "newmtl m\nKd 0.8 0.4 0.2\nmap_Kd asset\n"), PICTURE
+    return _obj(folder, "newmtl m\nKd 0.8 0.4 0.2\nmap_Kd asset\n"), IMAGE
 
 
 def _obj_with_hole_map(folder):
-    return _obj(folder, "newmtl m\nKd 0.8 0.4 0.2\nmap_d asset\n"), PICTURE
+    return _obj(folder, "newmtl m\nKd 0.8 0.4 0.2\nmap_d asset\n"), IMAGE
 
 
 def _obj_with_material_file(folder):
@@ -43,12 +43,12 @@ def _collada(folder):
     material = trimesh.visual.material.SimpleMaterial(image=Image.new("RGB", (2, 2)))
     box.visual = trimesh.visual.TextureVisuals(np.zeros((len(box.vertices), 2)), material)
     path = folder / "a.dae"
-    path.write_text(_with_picture(box.export(file_type="dae").decode()))
-    return path, PICTURE
+    path.write_text(_with_image(box.export(file_type="dae").decode()))
+    return path, IMAGE
 
 
-def _with_picture(text):
-    """COLLADA whose effects have a picture for a diffuse colour; trimesh writes colours only."""
+def _with_image(text):
+    """COLLADA whose effects have an image for a diffuse color; trimesh writes colors only."""
     surface = (
         '<newparam sid="s"><surface type="2D"><init_from>i</init_from></surface></newparam>'
         '<newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam>'
@@ -72,7 +72,7 @@ def _gltf(folder):
     gltf.tree["materials"] = [{"pbrMetallicRoughness": color}]
     uv = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
     gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=uv))
-    return gltf.write(folder / "a.gltf"), PICTURE
+    return gltf.write(folder / "a.gltf"), IMAGE
 
 
 FORMATS = (_obj_with_texture, _obj_with_hole_map, _obj_with_material_file, _collada, _gltf)
@@ -94,7 +94,7 @@ def _empty(path, content, monkeypatch):
 
 def _damaged(path, content, monkeypatch):
     path.write_bytes(b"\x89PNG\r\n\x1a\n not really")
-    return "is not a picture that can be read|has no materials"
+    return "is not an image that can be read|has no materials"
 
 
 def _ktx(path, content, monkeypatch):
@@ -159,7 +159,7 @@ def test_materials_that_no_file_has_are_noticed(tmp_path):
     path = _obj(tmp_path, "newmtl m\nKd 1 0 0\n")
     assert load_scene(path).notices == ()
     path.write_text(OBJ + "usemtl None\nf 3/3 2/2 1/1\nusemtl gone\nf 3/3 2/2 1/1\n")
-    assert load_scene(path).notices == ("a.obj: no material file has 'gone': drawn in plain grey",)
+    assert load_scene(path).notices == ("a.obj: no material file has 'gone': drawn in plain gray",)
 
 
 @pytest.mark.parametrize("make", [_obj_with_texture, _gltf], ids=lambda make: make.__name__)
@@ -197,6 +197,6 @@ def test_ktx_2_inside_a_gltf_file_is_said_to_be_unsupported(extension, tmp_path)
     path.write_text(json.dumps(tree))
     notice = (
         "a.gltf: texture of 'material 0' is a KTX 2 image, which is not supported: "
-        "its plain colour is drawn"
+        "its plain color is drawn"
     )
     assert read_scene(path).notices == (notice,)

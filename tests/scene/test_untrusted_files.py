@@ -75,7 +75,7 @@ def test_nothing_is_fetched_from_the_net(tmp_path, uri):
 
 
 @pytest.mark.parametrize("name", ["/etc/passwd", "../../../../../../etc/passwd"])
-def test_a_file_that_is_no_picture_shows_nothing_of_itself(tmp_path, name):
+def test_a_file_that_is_no_image_shows_nothing_of_itself(tmp_path, name):
     scene = load_scene(_gltf(tmp_path / "scene", name))
     assert scene.materials[0].texture is None
     assert "root:" not in " ".join(scene.notices)

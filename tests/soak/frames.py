@@ -13,7 +13,7 @@ from tests.soak.gl_objects import gl_objects
 from tests.soak.renderers import resident_bytes
 
 # Bytes, whatever the number of frames: what batches of changing sizes free comes back in parts,
-# which moves the memory up and down by 5 MB. Kept pictures of 6000 frames would take 10 MB.
+# which moves the memory up and down by 5 MB. Kept images of 6000 frames would take 10 MB.
 LARGEST_GROWTH = 8e6
 SIZES_PX = (24, 40)
 BATCHES = (16, 5, 40, 40, 1, 23)  # more and fewer than before, and the same
@@ -84,7 +84,7 @@ def frames(times: int, scene: str = "sheets", print_line=print) -> Growth:
 
 
 def _round(renderer: Renderer, poses) -> int:
-    """Render frames, batches and ground truth of both; return how many pictures."""
+    """Render frames, batches and ground truth of both; return how many images."""
     done = 0
     for count in BATCHES:
         renderer.render_batch(poses[:count])

@@ -89,7 +89,7 @@ def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
 
 @pytest.mark.slow
 def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
-    """The file's focal length is half a percent off the picture's."""
+    """The file's focal length is half a percent off the image's."""
     from omnisim.cameras.calibration import calibration_of
     from omnisim.validation.checks import boards
 
@@ -102,13 +102,13 @@ def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_mirrored_picture_is_found_out(fixture, monkeypatch):
+def test_a_mirrored_image_is_found_out(fixture, monkeypatch):
     flipped = frames.RIG_FROM_OPTICAL_LOOKING_UP @ np.diag([-1.0, 1.0, 1.0])
     monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", flipped)
-    assert any("colour" in name for name in _missed("orientation", fixture))
+    assert any("color" in name for name in _missed("orientation", fixture))
 
 
-def test_a_turned_picture_is_found_out(fixture, monkeypatch):
+def test_a_turned_image_is_found_out(fixture, monkeypatch):
     turned = frames.RIG_FROM_OPTICAL_LOOKING_UP @ poses.rotation_from_roll_pitch_yaw(0, 0, 1e-3)
     monkeypatch.setattr(HyperbolicCamera, "rig_from_optical", turned)
     assert _missed("markers", fixture)

@@ -1,4 +1,4 @@
-"""Shifts between two pictures of a known pattern."""
+"""Shifts between two images of a known pattern."""
 
 import numpy as np
 import pytest

@@ -10,7 +10,7 @@ from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
-from omnisim.validation.fixture import linear_picture
+from omnisim.validation.fixture import linear_image
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.ssim import ssim
 from omnisim.validation.traced_light import fisheye, inside_rim, traced_light
@@ -40,7 +40,7 @@ def scene():
 
 def _ours(scene):
     with open_sensor(scene, SENSOR) as renderer:
-        return linear_picture(renderer.render(AT, linear=True))
+        return linear_image(renderer.render(AT, linear=True))
 
 
 def test_shadows_are_a_path_tracers(scene):

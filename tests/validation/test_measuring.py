@@ -1,4 +1,4 @@
-"""The report's measuring tools, on pictures that are known exactly."""
+"""The report's measuring tools, on images that are known exactly."""
 
 import numpy as np
 import pytest
@@ -10,16 +10,16 @@ from omnisim.validation.report.report import Section
 from omnisim.validation.ring_radii import ring_radii
 
 
-def _smooth_ring(radius, centre, width=1.5):
+def _smooth_ring(radius, center, width=1.5):
     v, u = np.indices((201, 201)).astype(np.float64)
-    distance = np.hypot(u - centre[0], v - centre[1])
+    distance = np.hypot(u - center[0], v - center[1])
     return np.exp(-0.5 * ((distance - radius) / width) ** 2)
 
 
 @pytest.mark.parametrize("radius", [10.0, 40.3, 80.77])
 def test_a_known_ring_is_measured(radius):
-    centre = (100.2, 99.7)
-    found = ring_radii(_smooth_ring(radius, centre), centre, radius + 0.4, 6.0)
+    center = (100.2, 99.7)
+    found = ring_radii(_smooth_ring(radius, center), center, radius + 0.4, 6.0)
     # the root's weight moves a ring that is not blurred, but thick, by half its variance over the
     # radius; what is left then is bilinear interpolation between pixels
     error = found - radius - 0.5 * 1.5**2 / radius
@@ -27,7 +27,7 @@ def test_a_known_ring_is_measured(radius):
     assert abs(error.mean()) < 0.01
 
 
-def test_a_ring_off_the_centre_is_noticed():
+def test_a_ring_off_the_center_is_noticed():
     found = ring_radii(_smooth_ring(50.0, (100.0, 100.0)), (100.5, 100.0), 50.0, 6.0)
     assert np.ptp(found) == pytest.approx(1.0, abs=0.05)
 

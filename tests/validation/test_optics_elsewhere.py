@@ -22,9 +22,9 @@ def test_pixels_show_the_triangles_of_their_rays(source):
 
 @with_warehouse()
 @pytest.mark.parametrize("name", ["sphere", "flat port"])
-def test_pictures_are_those_of_real_optics(source, name):
+def test_images_are_those_of_real_optics(source, name):
     pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")
-    from omnisim.validation.checks.optics_pictures import BOUND_DB, TracedSystem
+    from omnisim.validation.checks.optics_images import BOUND_DB, TracedSystem
 
     scene = opaque_only(load_scene(source))
     traced = TracedSystem(Fixture(), validation_systems()[name], scene.start.position_m)

@@ -20,14 +20,14 @@ def half_plane(at_px: float, angle_deg: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("shift_px", [0.0, 0.4, 1.0, 3.0])
 def test_distance_is_the_shift_of_a_straight_edge(angle_deg, shift_px):
     where = np.zeros((SIZE_PX, SIZE_PX), bool)
-    where[10:-10, 10:-10] = True  # so that ends at the picture's edge do not count
+    where[10:-10, 10:-10] = True  # so that ends at the image's edge do not count
     found = edge_distance_px(
         half_plane(0.2, angle_deg), half_plane(0.2 + shift_px, angle_deg), where
     )
     assert found == pytest.approx(shift_px, abs=0.13)  # edges are whole eighths of a pixel
 
 
-def test_pictures_without_counted_edges_have_no_distance():
+def test_images_without_counted_edges_have_no_distance():
     assert math.isnan(edge_distance_px(half_plane(0.0), half_plane(0.0), np.zeros((40, 40), bool)))
 
 

@@ -7,7 +7,7 @@ from omnisim.core.poses import pose
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Lighting, Material
-from omnisim.validation.fixture import linear_picture
+from omnisim.validation.fixture import linear_image
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.ssim import ssim
 from omnisim.validation.traced_light import fisheye, inside_rim, traced_light
@@ -37,10 +37,10 @@ def scene():
 
 
 def test_light_of_a_panel(scene):
-    """With soft shadows, and colours that bounce between the walls; measured: 41.7 dB and 0.991."""
+    """With soft shadows, and colors that bounce between the walls; measured: 41.7 dB and 0.991."""
     lit = in_baked_light(scene, BakeSettings(texel_m=0.08, samples=64))
     with open_sensor(lit, SENSOR) as renderer:
-        ours = linear_picture(renderer.render(AT, linear=True))
+        ours = linear_image(renderer.render(AT, linear=True))
     traced, inside = traced_light(scene, SENSOR, AT, 16, bounces=True), inside_rim(SENSOR)
     assert psnr_db(traced, ours, inside) > BOUND_DB
     assert ssim(traced, ours, inside) > BOUND_SSIM

@@ -1,4 +1,4 @@
-// One pixel of the wide picture: its ray by the lens's formula, looked up in the cube; the target
+// One pixel of the wide image: its ray by the lens's formula, looked up in the cube; the target
 // encodes to sRGB. The formula is that of a hyperbolic mirror, as in omnisim/cameras/mirrors/hyperbolic.py.
 #version 430 core
 

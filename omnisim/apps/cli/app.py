@@ -31,8 +31,7 @@ from omnisim.apps.cli.datasets.dataset_requests import (
     DatasetViewRequest,
     GenerateRequest,
 )
-from omnisim.apps.cli.pictures.live_requests import LiveRequest
-from omnisim.apps.cli.pictures.picture_requests import (
+from omnisim.apps.cli.images.image_requests import (
     MirrorRequest,
     RenderRequest,
     ScanRequest,
@@ -41,6 +40,7 @@ from omnisim.apps.cli.pictures.picture_requests import (
     SensorRequest,
     UnwarpRequest,
 )
+from omnisim.apps.cli.images.live_requests import LiveRequest
 from omnisim.apps.cli.runs.robot_requests import CheckRequest, ImportRequest
 from omnisim.apps.cli.runs.run_requests import (
     DetectRequest,
@@ -81,7 +81,7 @@ robot_app = typer.Typer(
 landmarks_app = typer.Typer(
     name="landmarks",
     cls=Group,
-    help="Learn the colours of landmarks, and detect them.",
+    help="Learn the colors of landmarks, and detect them.",
     no_args_is_help=True,
 )
 calibration_app = typer.Typer(
@@ -141,7 +141,7 @@ def bake(request: BakeRequest) -> None:
 @command(app, RenderRequest)
 def render(request: RenderRequest) -> None:
     """Render a frame, or a rig along a trajectory, with ground truth."""
-    from omnisim.apps.cli.pictures.render import run
+    from omnisim.apps.cli.images.render import run
 
     run(request)
 
@@ -149,14 +149,14 @@ def render(request: RenderRequest) -> None:
 @command(app, LiveRequest)
 def live(request: LiveRequest) -> None:
     """Serve a page: the camera in a browser, driven by keys, every parameter a control."""
-    from omnisim.apps.cli.pictures.live import run
+    from omnisim.apps.cli.images.live import run
 
     run(request)
 
 
 @command(app, DriveRequest)
 def drive(request: DriveRequest) -> None:
-    """Drive a robot along a path and record pictures, scans, odometry and ground truth."""
+    """Drive a robot along a path and record images, scans, odometry and ground truth."""
     from omnisim.apps.cli.runs.drive import run
 
     run(request)
@@ -164,7 +164,7 @@ def drive(request: DriveRequest) -> None:
 
 @command(app, LocalizeRequest)
 def localize(request: LocalizeRequest) -> None:
-    """Localize the robot of a run by its odometry and the landmarks in its pictures."""
+    """Localize the robot of a run by its odometry and the landmarks in its images."""
     require_extra("reports", "omnisim localize")
     from omnisim.apps.cli.runs.localize import run
 
@@ -173,7 +173,7 @@ def localize(request: LocalizeRequest) -> None:
 
 @command(app, PlotRequest)
 def plot(request: PlotRequest) -> None:
-    """Plot a run from above: map, path, odometry, landmarks, pictures."""
+    """Plot a run from above: map, path, odometry, landmarks, images."""
     require_extra("plots", "omnisim plot")
     from omnisim.apps.cli.runs.plot import run
 
@@ -182,9 +182,9 @@ def plot(request: PlotRequest) -> None:
 
 @command(app, VideoRequest)
 def video(request: VideoRequest) -> None:
-    """Encode the pictures of a run as a video."""
+    """Encode the images of a run as a video."""
     require_extra("video", "omnisim video")
-    from omnisim.apps.cli.pictures.video import run
+    from omnisim.apps.cli.images.video import run
 
     run(request)
 
@@ -199,8 +199,8 @@ def export(request: ExportRequest) -> None:
 
 @command(app, UnwarpRequest)
 def unwarp(request: UnwarpRequest) -> None:
-    """Unwarp an omnidirectional picture to a cylinder, a perspective view or a map."""
-    from omnisim.apps.cli.pictures.unwarp import run
+    """Unwarp an omnidirectional image to a cylinder, a perspective view or a map."""
+    from omnisim.apps.cli.images.unwarp import run
 
     run(request)
 
@@ -208,7 +208,7 @@ def unwarp(request: UnwarpRequest) -> None:
 @command(app, ScanRequest)
 def scan(request: ScanRequest) -> None:
     """Take one scan with a laser scanner, a SICK LMS200."""
-    from omnisim.apps.cli.pictures.scan import run
+    from omnisim.apps.cli.images.scan import run
 
     run(request)
 
@@ -275,7 +275,7 @@ def import_robot(request: ImportRequest) -> None:
 
 @command(landmarks_app, TrainRequest, "train")
 def train_landmarks(request: TrainRequest) -> None:
-    """Learn the colours from a run that was driven with --also instance."""
+    """Learn the colors from a run that was driven with --also instance."""
     from omnisim.apps.cli.runs.landmarks import train
 
     train(request)
@@ -283,7 +283,7 @@ def train_landmarks(request: TrainRequest) -> None:
 
 @command(landmarks_app, DetectRequest, "detect")
 def detect_landmarks(request: DetectRequest) -> None:
-    """Detect landmarks with range and bearing in a picture, or in all pictures of a run."""
+    """Detect landmarks with range and bearing in an image, or in all images of a run."""
     from omnisim.apps.cli.runs.landmarks import detect
 
     detect(request)
@@ -356,7 +356,7 @@ def write_optics_profile(request: OpticsProfileRequest) -> None:
 
 @command(optics_app, OpticsCalibrateRequest, "calibrate")
 def calibrate_optics(request: OpticsCalibrateRequest) -> None:
-    """Fit an optical system's own parameters to the corners of a board in pictures."""
+    """Fit an optical system's own parameters to the corners of a board in images."""
     from omnisim.apps.cli.cameras.optics_calibration import calibrate
 
     calibrate(request)

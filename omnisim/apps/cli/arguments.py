@@ -51,13 +51,13 @@ SceneArgument = Annotated[
         "a scene's .toml), or name of a built-in scene.",
     ),
 ]
-PictureOption = Annotated[
+ImageOption = Annotated[
     Path,
     typer.Option(
         "-o",
         "--output",
         metavar="FILE",
-        help="Picture: .png .jpg .tif (sRGB) or .exr (linear).",
+        help="Image: .png .jpg .tif (sRGB) or .exr (linear).",
     ),
 ]
 AtCameraOption = Annotated[
@@ -75,7 +75,7 @@ AtOption = Annotated[
     typer.Option(
         "--at",
         metavar="X Y Z",
-        help="Viewpoint in metres, z up.",
+        help="Viewpoint in meters, z up.",
         show_default="the scene's start",
         rich_help_panel=VIEWPOINT,
     ),
@@ -170,7 +170,7 @@ SizeOption = Annotated[
     typer.Option(
         "--size",
         metavar="PX",
-        help="Pixels of the picture's shorter side.",
+        help="Pixels of the image's shorter side.",
         show_default="the camera's",
         rich_help_panel=CAMERA,
     ),
@@ -187,7 +187,7 @@ QualityOption = Annotated[
     ),
 ]
 UnlitOption = Annotated[
-    bool, typer.Option("--unlit", help="Show plain base colours, without lights.")
+    bool, typer.Option("--unlit", help="Show plain base colors, without lights.")
 ]
 NoShadowsOption = Annotated[
     bool, typer.Option("--no-shadows", help="Let the light of lamps pass through surfaces.")
@@ -227,7 +227,7 @@ UnitOption = Annotated[
     typer.Option(
         "--meters-per-unit",
         metavar="M",
-        help="Metres in a unit of the scene file: 0.001 for millimetres.",
+        help="Meters in a unit of the scene file: 0.001 for millimeters.",
         show_default="as its format has it",
     ),
 ]

@@ -31,7 +31,7 @@ ENGINES = ("local", "ray")
 LAYOUTS = ("coco", "kitti360", "nerfstudio", "colmap", "colmap-binary")  # of data sets
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 CHECKS = (
-    "rings", "polygons", "viewpoint", "path-tracer", "second-rasteriser", "materials",
+    "rings", "polygons", "viewpoint", "path-tracer", "second-rasterizer", "materials",
     "shadows", "baked", "rays", "quality", "markers", "omnidir", "boards", "orientation",
     "unwarping", "optics", "optics-path-tracer", "optics-triangles", "optics-calibration",
 )  # fmt: skip

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.apps.cli.arguments import Backend
 from omnisim.apps.cli.console import print_note
-from omnisim.apps.cli.pictures.picture_requests import RenderRequest, ScanRequest
+from omnisim.apps.cli.images.image_requests import RenderRequest, ScanRequest
 from omnisim.apps.cli.runs.run_requests import DriveRequest
 from omnisim.core.errors import CalibrationError, OpticsError, OutputError, did_you_mean
 from omnisim.core.extras import require_extra
@@ -23,7 +23,7 @@ from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
-LABELLED = frozenset(("semantic", "instance"))  # channels whose files name classes
+LABELED = frozenset(("semantic", "instance"))  # channels whose files name classes
 
 LARGEST_S = 1e9  # of the world: some 30 years
 
@@ -174,7 +174,7 @@ def refuse_options(request: RenderRequest, options: Mapping[str, str], reason: s
             raise OutputError(f"{option}: {reason}")
 
 
-def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collection[str]) -> Scene:
+def load_labeled_scene(request: RenderRequest | DriveRequest, channels: Collection[str]) -> Scene:
     """Load a scene with its labels, or with those of --labels; print its notices.
 
     Args:
@@ -185,8 +185,8 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
         OutputError: a label file that no channel needs.
         SceneError: from the scene, or from the label file.
     """
-    is_labelled = request.boxes_3d or not LABELLED.isdisjoint(channels)
-    if request.labels is not None and not is_labelled:
+    is_labeled = request.boxes_3d or not LABELED.isdisjoint(channels)
+    if request.labels is not None and not is_labeled:
         raise OutputError("--labels: requires --also semantic")
     scene = load_requested_scene(request, request.sky, request.baked)
     if request.no_shadows:
@@ -194,7 +194,7 @@ def load_labelled_scene(request: RenderRequest | DriveRequest, channels: Collect
     if request.labels is not None:
         rules = read_label_file(request.labels)
         scene = scene.altered(f"labels {rules}", labels=rules)
-    for notice in find_labels(scene).notices() if is_labelled else ():
+    for notice in find_labels(scene).notices() if is_labeled else ():
         print_note(notice)
     return scene
 

@@ -32,7 +32,7 @@ Table = dict[str, Any]
 
 @dataclass(frozen=True)
 class CameraDocument:
-    """Sensor file of a camera, and the size of its picture.
+    """Sensor file of a camera, and the size of its image.
 
     Paths in it are absolute, and an optics file is part of it.
 
@@ -80,7 +80,7 @@ class CameraDocument:
     def of_camera(cls, camera: OmniCamera) -> CameraDocument:
         """Document of a sensor, without keys at their defaults.
 
-        A mirror that fills the picture stays so when it is changed.
+        A mirror that fills the image stays so when it is changed.
         """
         sensor = tomllib.loads(sensor_toml(camera))
         if isinstance(camera.model, HyperbolicCamera):

@@ -48,7 +48,7 @@ class Engine:
 
     Args:
         session: whose wishes.
-        open_source: makes the source of pictures, in this thread.
+        open_source: makes the source of images, in this thread.
         publish: takes messages for all pages, in this thread.
     """
 
@@ -84,7 +84,7 @@ class Engine:
         return tuple(self._source.channel_names)
 
     def stop(self, timeout_s: float) -> bool:
-        """End after the picture at hand; false where it has not ended in time."""
+        """End after the image at hand; false where it has not ended in time."""
         self._session.stop()
         if self._thread.ident is not None:
             self._thread.join(timeout_s)
@@ -119,10 +119,10 @@ class Engine:
             work.reply(message)
             return
         self._publish("error", message, 0)
-        if not work.is_fine:  # its coarse picture could be drawn: the camera stays
+        if not work.is_fine:  # its coarse image could be drawn: the camera stays
             self._session.reject(work.shown.document)
         self._session.drawn(work)
-        self._session.ask()  # who asked has got no picture
+        self._session.ask()  # who asked has got no image
 
     def _draw(self, draw: Draw) -> None:
         self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
@@ -158,13 +158,13 @@ class Engine:
             content["command"] = source.command(shown, taken)
         self._publish("frame", pack("frame", content, parts), shown.change)
         self._session.drawn(draw, time.perf_counter() - begin_s)
-        if is_new:  # after the picture, which is waited for
+        if is_new:  # after the image, which is waited for
             self._publish_camera(draw)
         if draw.is_fine and "map" in shown.views:
             self._renew_map(taken)
 
     def _parts(self, draw: Draw, taken: Taken) -> list[Part]:
-        """Camera's picture, and the views beside it; one that cannot be has a reason instead."""
+        """Camera's image, and the views beside it; one that cannot be has a reason instead."""
         if taken.png is not None:
             first = Part("camera", "image/png", taken.png, {})
         else:
@@ -183,9 +183,7 @@ class Engine:
     def _view(self, name: str, draw: Draw, taken: Taken) -> Part:
         height_m = taken.viewpoint.position_m[2] - self._ground_m
         gaze = draw.shown.gaze
-        return _jpeg(
-            name, self._views.picture(name, taken, gaze, height_m, draw.is_fine), VIEW_JPEG
-        )
+        return _jpeg(name, self._views.image(name, taken, gaze, height_m, draw.is_fine), VIEW_JPEG)
 
     @property
     def _ground_m(self) -> float:
@@ -266,7 +264,7 @@ class Engine:
             self._session.look_at(found["yaw_deg"], found["pitch_deg"])
 
     def _probed(self, job: Job) -> Taken | None:
-        """Picture with the channels of a probe, as far as it rests; they are made once."""
+        """Image with the channels of a probe, as far as it rests; they are made once."""
         if self._truth is None or self._truth[0] != job.shown.change:
             return self._last
         change, taken = self._truth

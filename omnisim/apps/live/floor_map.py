@@ -19,17 +19,17 @@ CUT_M = 0.95  # above the ground: what is higher does not hide the floor
 LONGER_SIDE_PX = 1000
 REACH_M = 20.0  # around the viewpoint, where the scene names no places to be
 MARGIN_M = 6.0  # around the places that it names
-_WORLD_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # looks down, y of the world is up in the picture
+_WORLD_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # looks down, y of the world is up in the image
 DISTANCE = 30.0  # of the camera, in longer sides: rays are nearly parallel
 
 
 @dataclass(frozen=True, eq=False)
 class FloorMap:
-    """Picture of a scene from above, x to the right and y up.
+    """Image of a scene from above, x to the right and y up.
 
     Attributes:
         rgb: (height, width, 3) uint8 sRGB.
-        low_m, high_m: corners (2,) of the picture, world.
+        low_m, high_m: corners (2,) of the image, world.
         ground_m: height of the ground.
     """
 

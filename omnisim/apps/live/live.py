@@ -25,7 +25,7 @@ from omnisim.core.version import __version__
 from omnisim.ground_truth import CHANNELS
 from omnisim.robots.body_boxes import BodyBoxes
 
-STOP_S = 1.0  # that the picture at hand may take to be done with
+STOP_S = 1.0  # that the image at hand may take to be done with
 
 
 class LivePage:
@@ -110,7 +110,7 @@ class LivePage:
 
 
 def run(page: LivePage, is_open: Callable[[], None]) -> bool:
-    """Serve a page until Ctrl-C or SIGTERM; false where a picture had to be left unfinished.
+    """Serve a page until Ctrl-C or SIGTERM; false where an image had to be left unfinished.
 
     Raises:
         OmnisimError: as `LivePage.serve`.

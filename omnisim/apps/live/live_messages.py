@@ -30,7 +30,7 @@ class Message(Table):
 
 
 class Ask(Message):
-    """Next picture, as the last one is drawn."""
+    """Next image, as the last one is drawn."""
 
 
 class Drive(Message):
@@ -119,9 +119,9 @@ class Probe(Message):
 
 
 class Save(Message):
-    """Files to save: the camera's, or the picture's with its channels."""
+    """Files to save: the camera's, or the image's with its channels."""
 
-    what: Annotated[str, Field(pattern="^(toml|picture)$")]
+    what: Annotated[str, Field(pattern="^(toml|image)$")]
 
 
 class Replay(Message):

@@ -1,4 +1,4 @@
-"""Pictures of the live page by the renderer: coarse and fine, of a camera that is edited."""
+"""Images of the live page by the renderer: coarse and fine, of a camera that is edited."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene
 
-ADVANCE_M = 0.1  # to the next picture, for flow, as `omnisim render` has it
-SCALES = (1.0, 0.7, 0.5)  # of coarse pictures
-SLOW_S, QUICK_S = 0.14, 0.035  # of a coarse picture: smaller then, or larger
+ADVANCE_M = 0.1  # to the next image, for flow, as `omnisim render` has it
+SCALES = (1.0, 0.7, 0.5)  # of coarse images
+SLOW_S, QUICK_S = 0.14, 0.035  # of a coarse image: smaller then, or larger
 COARSE = "fast"  # capture quality
 
 
@@ -155,7 +155,7 @@ class LiveSource:
         if scale is not None:
             self._adapt(time.monotonic() - begin_s)
         camera = renderer.camera
-        png = image_bytes(Path("picture.png"), frame.rgb, frame.metadata) if draw.is_fine else None
+        png = image_bytes(Path("image.png"), frame.rgb, frame.metadata) if draw.is_fine else None
         base = self._base(renderer, draw.shown.place)
         return Taken(
             camera.model, camera.base_from_optical, base, frame.rgb, png, frame.channels,
@@ -163,15 +163,15 @@ class LiveSource:
         )  # fmt: skip
 
     def files(self, draw: Draw) -> dict[str, bytes]:
-        """Picture with all channels, as `omnisim render --also all` writes them."""
+        """Image with all channels, as `omnisim render --also all` writes them."""
         self.use(draw.shown.document)
         frame = self._render(self._renderer(None), draw, tuple(CHANNELS))
         with tempfile.TemporaryDirectory() as folder:
-            frame.save(Path(folder) / "picture.png", previews=True)
+            frame.save(Path(folder) / "image.png", previews=True)
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
     def command(self, shown: Shown, taken: Taken) -> str:
-        """Shell commands that render the same picture, with the camera's file if it was changed."""
+        """Shell commands that render the same image, with the camera's file if it was changed."""
         document = shown.document
         scene_words, lines = self._settings.scene_words, []
         if document.light:
@@ -198,7 +198,7 @@ class LiveSource:
                 words += [option, f"{angle!r}"]
         if shown.time_s:
             words += ["--time", f"{shown.time_s!r}"]
-        words += ["-o", "picture.png"]
+        words += ["-o", "image.png"]
         return "".join(lines) + shlex.join(words)
 
     def about(self) -> dict[str, Any]:
@@ -245,7 +245,7 @@ class LiveSource:
         return SCALES[-1] if self._is_slow else SCALES[self._scale]
 
     def _adapt(self, seconds: float) -> None:
-        """Smaller coarse pictures where two in a row were slow, larger ones where all are quick."""
+        """Smaller coarse images where two in a row were slow, larger ones where all are quick."""
         if self._is_slow:  # another size would cost more than it saves
             return
         self._slow = self._slow + 1 if seconds > SLOW_S else 0

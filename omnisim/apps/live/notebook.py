@@ -72,7 +72,7 @@ def live(
         camera: sensor, camera model, or path of a sensor or calibration file; by default the
             paper's; a robot brings its own.
         robot: that drives and carries the camera, or its file or built-in name; None: free flight.
-        size_px: of the picture's shorter side.
+        size_px: of the image's shorter side.
         height_px: of the cell.
         port: to listen on, on this machine alone; 0 takes a free one.
         device: number of the GPU; None takes the first.

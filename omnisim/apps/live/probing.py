@@ -24,13 +24,13 @@ def probe(
 ) -> dict[str, Any]:
     """Answer to a probe, as JSON can hold it.
 
-    `u`, `v` in the camera's picture; `yaw_deg`, `pitch_deg` relative to the vehicle; `direction` in
+    `u`, `v` in the camera's image; `yaw_deg`, `pitch_deg` relative to the vehicle; `direction` in
     the world; `range_m`, `class`, `instance`, `point_m` as far as they are known; `marks`: places
     in all views, as shares of their sides.
 
     Args:
         message: view and place in it.
-        taken: picture, with channels of ground truth.
+        taken: image, with channels of ground truth.
         views: makes the other views.
         gaze: of the perspective view.
         height_m: of the viewpoint above the ground.
@@ -55,7 +55,7 @@ def probe(
     marks: dict[str, tuple[float, float]] = {}
     if own is not None:
         marks["camera"] = own = _center(taken, *own)
-        with suppress(OpticsError):  # the pixel's centre may be beyond the rim
+        with suppress(OpticsError):  # the pixel's center may be beyond the rim
             direction = direction_in(cameras["camera"], *own)
     for name, camera in cameras.items():
         if name != "camera" and (place := place_in(camera, direction)) is not None:
@@ -74,14 +74,14 @@ def probe(
 
 
 def _center(taken: Taken, u: float, v: float) -> tuple[float, float]:
-    """Shares of the sides at the centre of the pixel there, whose ray the channels are of."""
+    """Shares of the sides at the center of the pixel there, whose ray the channels are of."""
     height, width = taken.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
     return (column + 0.5) / width, (row + 0.5) / height
 
 
 def _channels_at(taken: Taken, u: float, v: float) -> Json:
-    """Pixel of the camera's picture, and the values of the channels there."""
+    """Pixel of the camera's image, and the values of the channels there."""
     height, width = taken.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
     found: Json = {"pixel": [column, row], "color": taken.rgb[row, column].tolist()}

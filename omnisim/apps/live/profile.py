@@ -22,7 +22,7 @@ Json = dict[str, Any]
 def profile(model: CentralCamera) -> Json:
     """Lines of a camera, as JSON can hold them.
 
-    `kind` is "section": x and z in millimetres, z along the camera's axis, with `curves`, `rays`,
+    `kind` is "section": x and z in millimeters, z along the camera's axis, with `curves`, `rays`,
     `caustic` and `pinhole`; or "mapping": `points` of an angle in degrees and a radius in pixels.
     """
     if isinstance(model, HyperbolicCamera):
@@ -117,7 +117,7 @@ def _mapping(model: CentralCamera) -> Json:
 
 
 def _line(points_m: Floats) -> list[list[float]]:
-    """Points (n, 2) in millimetres, without those that are no number."""
+    """Points (n, 2) in millimeters, without those that are no number."""
     finite = points_m[np.all(np.isfinite(points_m), axis=1)]
     rounded: list[list[float]] = np.round(1e3 * finite, 3).tolist()
     return rounded

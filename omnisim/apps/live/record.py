@@ -20,7 +20,7 @@ RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
 
 
 def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
-    """Write a film, and return the number of its pictures.
+    """Write a film, and return the number of its images.
 
     Raises:
         OmnisimError: a file that cannot be written, or as `LiveSource`.
@@ -28,12 +28,12 @@ def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
     check_video_target(path)
     source = LiveSource(settings)
     try:
-        return write_video(path, _pictures(source, settings, start_place(settings, at)), RATE_HZ)
+        return write_video(path, _images(source, settings, start_place(settings, at)), RATE_HZ)
     finally:
         source.close()
 
 
-def _pictures(
+def _images(
     source: LiveSource, settings: LiveSettings, start: Place
 ) -> Iterator[NDArray[np.uint8]]:
     """Camera, and beside it range, on a circle that begins at the start; below the panorama."""
@@ -53,15 +53,15 @@ def _pictures(
         taken = source.take(draw, ("range",))
         depth = preview("range", taken.channels["range"], taken.labels)
         top = np.concatenate((taken.rgb, depth), axis=1)
-        panorama = views.picture("panorama", taken, draw.shown.gaze, z, True)
+        panorama = views.image("panorama", taken, draw.shown.gaze, z, True)
         yield np.concatenate((top, _fitted(panorama, top.shape[1])))
 
 
-def _fitted(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """Picture in the middle of rows of a width, or its middle."""
-    height, own = picture.shape[:2]
+def _fitted(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """Image in the middle of rows of a width, or its middle."""
+    height, own = image.shape[:2]
     rows = np.zeros((height, width, 3), dtype=np.uint8)
     shown = min(width, own)
     left, from_left = (width - shown) // 2, (own - shown) // 2
-    rows[:, left : left + shown] = picture[:, from_left : from_left + shown]
+    rows[:, left : left + shown] = image[:, from_left : from_left + shown]
     return rows

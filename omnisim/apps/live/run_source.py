@@ -1,4 +1,4 @@
-"""Pictures of a recorded run, to be replayed and scrubbed."""
+"""Images of a recorded run, to be replayed and scrubbed."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from omnisim.core.errors import RunError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.trajectories import read_trajectory
 from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.picture_file import read_picture
 from omnisim.rendering.stage import Stage
 from omnisim.runs.run_folder import GROUND_TRUTH, RunFolder
 
 
 class RunSource:
-    """Pictures of a run's camera, with the channels that were recorded.
+    """Images of a run's camera, with the channels that were recorded.
 
     Args:
         folder: of the run.
@@ -31,7 +31,7 @@ class RunSource:
         device: number of the GPU, for the map.
 
     Raises:
-        OmnisimError: no run, no camera, no picture yet, or a damaged file.
+        OmnisimError: no run, no camera, no image yet, or a damaged file.
     """
 
     def __init__(
@@ -47,16 +47,16 @@ class RunSource:
         self.scene = recorded.load(scene)
         self.steps = self._run.measurements_done(self._camera_name)
         if self.steps == 0:
-            raise RunError(f"{folder}: has no pictures yet: run its command again to go on")
-        first = read_picture(self._picture(0))
+            raise RunError(f"{folder}: has no images yet: run its command again to go on")
+        first = read_captured_image(self._image(0))
         self.camera = OmniCamera(first.camera, polygons=None)
         self.channel_names = self._run.channels_at(0, self._camera_name)
         self.stage = Stage(self.scene, device=device)
 
     def take(self, draw: Draw, channels: Collection[str]) -> Taken:
-        """Read the picture of a step, and those of the channels that it has."""
-        path = self._picture(min(draw.shown.step, self.steps - 1))
-        taken = read_picture(path)
+        """Read the image of a step, and those of the channels that it has."""
+        path = self._image(min(draw.shown.step, self.steps - 1))
+        taken = read_captured_image(path)
         stored = StoredChannels(path, taken.metadata)
         names = [name for name in stored.names if name in set(channels)]
         base = np.eye(4) if taken.world_from_base is None else taken.world_from_base
@@ -79,8 +79,8 @@ class RunSource:
         return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
 
     def command(self, shown: Shown, taken: Taken) -> str:
-        """Name of the picture's file."""
-        return f"# {self._picture(min(shown.step, self.steps - 1))}"
+        """Name of the image's file."""
+        return f"# {self._image(min(shown.step, self.steps - 1))}"
 
     def about(self) -> dict[str, Any]:
         """Title and steps, and the path that was driven."""
@@ -102,5 +102,5 @@ class RunSource:
         """Free the GPU memory."""
         self.stage.close()
 
-    def _picture(self, step: int) -> Path:
+    def _image(self, step: int) -> Path:
         return self._run.file(self._camera_name, step, ".png")

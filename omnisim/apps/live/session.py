@@ -17,7 +17,7 @@ from omnisim.apps.live.presets import with_preset
 from omnisim.apps.live.viewpoint_motion import Pilot, Place, Wish
 from omnisim.core.errors import OutputError, SceneError
 
-REST_S, LONGEST_REST_S = 0.12, 1.5  # after the last change until the fine picture
+REST_S, LONGEST_REST_S = 0.12, 1.5  # after the last change until the fine image
 HELD_S = 1.0  # after which keys count as let go: the page repeats them
 SAME_EDIT_S = 1.5  # changes of one key within this time are undone together
 UNDO_STEPS = 200
@@ -26,7 +26,7 @@ MAX_JOBS = 8
 
 @dataclass(frozen=True)
 class Shown:
-    """All that a picture depends on.
+    """All that an image depends on.
 
     Attributes:
         document: of the camera.
@@ -49,7 +49,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Draw:
-    """Picture to draw: coarse while something moves, or fine."""
+    """Image to draw: coarse while something moves, or fine."""
 
     shown: Shown
     is_fine: bool
@@ -115,7 +115,7 @@ class Session:
         return self._pilot.blocked_by
 
     def ask(self) -> None:
-        """Somebody has drawn the last picture and takes another."""
+        """Somebody has drawn the last image and takes another."""
         with self._condition:
             self._is_asked = True
             self._condition.notify()
@@ -184,7 +184,7 @@ class Session:
             return None
 
     def drawn(self, draw: Draw, seconds: float = 0.0) -> None:
-        """A picture is done, in a time: the longer the fine ones take, the later they begin."""
+        """An image is done, in a time: the longer the fine ones take, the later they begin."""
         with self._condition:
             if draw.is_fine:
                 self._rest_s = min(max(REST_S, 0.3 * seconds), LONGEST_REST_S)
@@ -248,7 +248,7 @@ class Session:
         pilot, shown = self._pilot, self._shown
         match message:
             case messages.Drive():
-                # a key that is pressed and let go while a picture is drawn counts, too
+                # a key that is pressed and let go while an image is drawn counts, too
                 self._advance(time.monotonic(), pilot.is_moving)
                 self._driven_s = time.monotonic()
                 pilot.wish = Wish(**dict(message))

@@ -1,4 +1,4 @@
-"""Picture with its camera and pose, whatever made it: the renderer, or a recorded run."""
+"""Image with its camera and pose, whatever made it: the renderer, or a recorded run."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from omnisim.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """Picture of a camera.
+    """Image of a camera.
 
     Attributes:
         model: of the camera.
         base_from_optical: (4, 4) camera on its vehicle.
         world_from_base: (4, 4) pose of the vehicle.
         rgb: (height, width, 3) uint8 sRGB.
-        png: bytes of its file; None: a coarse picture.
+        png: bytes of its file; None: a coarse image.
         channels: ground truth by name.
         labels: of the IDs in it.
     """
@@ -56,7 +56,7 @@ class Taken:
 
 
 class Source(Protocol):
-    """Maker of pictures for the live page; all of it belongs to one thread.
+    """Maker of images for the live page; all of it belongs to one thread.
 
     Attributes:
         scene: that is seen.
@@ -67,7 +67,7 @@ class Source(Protocol):
     channel_names: tuple[str, ...]
 
     def take(self, draw: Draw, channels: Collection[str]) -> Taken:
-        """Picture of a state with channels of ground truth.
+        """Image of a state with channels of ground truth.
 
         Raises:
             OmnisimError: a camera that cannot be, or a file of the run that is damaged.
@@ -75,7 +75,7 @@ class Source(Protocol):
         ...
 
     def files(self, draw: Draw) -> dict[str, bytes]:
-        """Files of the picture with all its channels, by name.
+        """Files of the image with all its channels, by name.
 
         Raises:
             OmnisimError: as `take`.
@@ -83,7 +83,7 @@ class Source(Protocol):
         ...
 
     def command(self, shown: Shown, taken: Taken) -> str:
-        """Shell commands that make the same picture."""
+        """Shell commands that make the same image."""
         ...
 
     def about(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Views beside the camera's picture: unwarped, each with its own camera at the same viewpoint."""
+"""Views beside the camera's image: unwarped, each with its own camera at the same viewpoint."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class _Key(NamedTuple):
 
 
 class ViewMaker:
-    """Makes views of pictures; keeps their remap tables while the camera stays."""
+    """Makes views of images; keeps their remap tables while the camera stays."""
 
     def __init__(self) -> None:
         # with the camera itself, or another may have its identity later
@@ -53,7 +53,7 @@ class ViewMaker:
 
         Args:
             name: one of `UNWARPED`.
-            taken: picture that it is of.
+            taken: image that it is of.
             gaze: direction of the perspective view.
             height_m: of the viewpoint above the ground.
 
@@ -68,10 +68,10 @@ class ViewMaker:
         height_m = max(height_m, LEAST_HEIGHT_M)
         return birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
 
-    def picture(
+    def image(
         self, name: str, taken: Taken, gaze: Gaze, height_m: float, is_fine: bool
     ) -> NDArray[np.uint8]:
-        """Unwarped picture (height, width, 3), see `view`; fine ones have four samples a pixel.
+        """Unwarped image (height, width, 3), see `view`; fine ones have four samples a pixel.
 
         Raises:
             OpticsError: the camera sees nothing of it, or its rays do not meet in one point.
@@ -80,7 +80,7 @@ class ViewMaker:
         numbers: tuple[float, ...] = ()
         if name == "perspective":
             numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
-        # of a map: its extent grows with the height, and its picture stays
+        # of a map: its extent grows with the height, and its image stays
         key = _Key(id(taken.model), rotation.tobytes(), name, numbers, is_fine)
         if key not in self._tables:
             view = self.view(name, taken, gaze, height_m)
@@ -93,8 +93,8 @@ class ViewMaker:
                 samples=FINE_SAMPLES if is_fine else 1,
             )
             self._tables[key] = (taken.model, table)
-        picture: NDArray[np.uint8] = self._tables[key][1](taken.rgb)
-        return picture
+        image: NDArray[np.uint8] = self._tables[key][1](taken.rgb)
+        return image
 
     def _highest_rad(self, taken: Taken) -> float:
         rotation = taken.base_from_optical[:3, :3]

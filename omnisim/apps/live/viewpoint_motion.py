@@ -16,9 +16,9 @@ from omnisim.robots.kinematics import Kinematics
 FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # of free flight at full keys
 SPEED_UP_S = 0.15  # to full speed in free flight
 NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # of a point that is reached
-LONGEST_STEP_S = 0.2  # of a motion between two pictures: a pause is no jump
+LONGEST_STEP_S = 0.2  # of a motion between two images: a pause is no jump
 FARTHEST_M = 1e5
-# Digits of positions in metres and angles in degrees: what a command line is to repeat.
+# Digits of positions in meters and angles in degrees: what a command line is to repeat.
 DIGITS_M, DIGITS_DEG = 4, 3
 
 
@@ -48,7 +48,7 @@ class Wish:
 
 @dataclass(frozen=True)
 class Place:
-    """Position in metres and attitude in degrees, world."""
+    """Position in meters and attitude in degrees, world."""
 
     position_m: tuple[float, float, float]
     yaw_deg: float = 0.0

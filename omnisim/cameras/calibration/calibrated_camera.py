@@ -27,7 +27,7 @@ class NamedPose:
 
     Attributes:
         target, source: names of the frames.
-        target_from_source: (4, 4), metres.
+        target_from_source: (4, 4), meters.
     """
 
     target: str
@@ -40,7 +40,7 @@ class NamedPose:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Reprojection residuals of a fitted camera: distances in the picture from its source's.
+    """Reprojection residuals of a fitted camera: distances in the image from its source's.
 
     Attributes:
         rms_px: root mean square, evenly over the pixels that both cameras see.

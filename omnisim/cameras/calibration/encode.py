@@ -30,8 +30,8 @@ from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError
 
-MIN_COVERED = 0.95  # of the picture's pixels; a fit that shows fewer is another camera
-MAX_RESIDUAL = 0.02  # of the picture's shorter side; a fit further off is no calibration
+MIN_COVERED = 0.95  # of the image's pixels; a fit that shows fewer is another camera
+MAX_RESIDUAL = 0.02  # of the image's shorter side; a fit further off is no calibration
 GRID = 65
 GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less
 
@@ -210,7 +210,7 @@ def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:
 
 
 def _widest_rad(camera: CentralCamera) -> float:
-    """Largest angle from the axis that a grid over the picture, border included, shows."""
+    """Largest angle from the axis that a grid over the image, border included, shows."""
     steps = np.linspace(0.0, 1.0, GRID)
     u, v = np.meshgrid(steps * camera.width_px - 0.5, steps * camera.height_px - 0.5)
     rays = camera.ray_from_pixel(np.stack((u, v), axis=-1))
@@ -225,7 +225,7 @@ def _best_fit(
     model: type[CentralCamera] | None,
     reasons: list[str],
 ) -> Fit[LensT]:
-    """Fit with the smallest largest residual, of those that show the whole picture."""
+    """Fit with the smallest largest residual, of those that show the whole image."""
     # a mirrored lens is fitted as the lens that it is
     source = camera.lens if isinstance(camera, MirroredCamera) else camera
     mirrored = source is camera and is_catadioptric(camera)
@@ -258,14 +258,14 @@ def nearest_fit(
         CalibrationError: no model is near, with the reasons.
     """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
-    centred = {"principal_point_px": middle} if form.centred else {}
+    centerd = {"principal_point_px": middle} if form.centerd else {}
     fits = []
     for target, fixed in form.fits:
         if model not in (None, target):
             continue
         try:
             with np.errstate(all="ignore"):  # a step too far of a fit is taken back
-                fit = fit_model(target, {**fixed, **centred})
+                fit = fit_model(target, {**fixed, **centerd})
         except OmnisimError as error:
             reasons.append(str(error).removeprefix("camera: "))
             continue

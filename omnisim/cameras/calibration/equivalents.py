@@ -108,8 +108,8 @@ def _double_sphere(camera: CentralCamera) -> DoubleSphereCamera | None:
     unified = _plain_unified(camera)
     if unified is None:
         return None
-    width, height, focal, centre, alpha = _alpha_form(unified)
-    return DoubleSphereCamera(width, height, focal, centre, 0.0, alpha)
+    width, height, focal, center, alpha = _alpha_form(unified)
+    return DoubleSphereCamera(width, height, focal, center, 0.0, alpha)
 
 
 def _alpha_form(

@@ -1,7 +1,7 @@
 """Conversion between the optical frame and the frame of files, where cameras look along +z.
 
 A mirror's rays are (x, y, −z) in a file. The way back finds the mirror's own model where the
-file's model, the picture and the rim's angle suffice, and else a `MirroredCamera`.
+file's model, the image and the rim's angle suffice, and else a `MirroredCamera`.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ def is_catadioptric(camera: CentralCamera) -> bool:
 
 def lens_of(camera: CentralCamera) -> CentralCamera | None:
     """Lens with the rays of a camera, or (x, y, −z) of a mirror's, or None."""
-    size, centre = (camera.width_px, camera.height_px), camera.principal_point_px
+    size, center = (camera.width_px, camera.height_px), camera.principal_point_px
     match camera:
         case MirroredCamera(lens=lens):
             return lens
         case PlanarCamera(focal_length_px=focal):
-            return PerspectiveCamera(*size, focal, centre)
+            return PerspectiveCamera(*size, focal, center)
         case ParabolicCamera(horizon_radius_px=radius, theta_max_rad=limit):
-            return StereographicCamera(*size, 0.5 * radius, centre, limit)
+            return StereographicCamera(*size, 0.5 * radius, center, limit)
         case EllipticCamera(half_angle_ratio=ratio):
             xi = (ratio * ratio - 1.0) / (ratio * ratio + 1.0)
             gamma = camera.focal_length_px * (1.0 + xi) / ratio
-            return UnifiedCamera(*size, (gamma, gamma), centre, xi)
+            return UnifiedCamera(*size, (gamma, gamma), center, xi)
         case HyperbolicCamera(unified_focal_length_px=gamma):
-            return UnifiedCamera(*size, (gamma, gamma), centre, camera.mirror.xi)
+            return UnifiedCamera(*size, (gamma, gamma), center, camera.mirror.xi)
     return None if is_catadioptric(camera) else camera
 
 
@@ -95,22 +95,22 @@ def _special_camera(
     # what a rounded sum or product leaves behind is no second focal length
     if abs(gamma - other) > 4e-16 * gamma:
         return None
-    size, centre, xi = (lens.width_px, lens.height_px), lens.principal_point_px, unified.xi
+    size, center, xi = (lens.width_px, lens.height_px), lens.principal_point_px, unified.xi
     if limit_rad is None:
-        return PlanarCamera(*size, gamma, centre) if mirrored and xi == 0.0 else None
+        return PlanarCamera(*size, gamma, center) if mirrored and xi == 0.0 else None
     try:
         if abs(xi - 1.0) < 1e-15:
             if mirrored:
-                return ParabolicCamera(*size, gamma, centre, limit_rad)
-            return StereographicCamera(*size, 0.5 * gamma, centre, limit_rad)
+                return ParabolicCamera(*size, gamma, center, limit_rad)
+            return StereographicCamera(*size, 0.5 * gamma, center, limit_rad)
         root = math.sqrt(max((1.0 - xi) * (1.0 + xi), 0.0))
         if mirrored and turned and 0.0 < xi < 1.0:
             focal = gamma / root  # γ K/(1 + ξ)
-            return EllipticCamera(*size, focal, centre, xi / (1.0 + root), limit_rad)
+            return EllipticCamera(*size, focal, center, xi / (1.0 + root), limit_rad)
         if mirrored and xi < 1.0:
             k = 1.0 + 1.0 / root
             mirror = HyperbolicMirror(k=k, theta_max_rad=limit_rad)
-            return HyperbolicCamera(*size, gamma * (k - 1.0), centre, mirror)
+            return HyperbolicCamera(*size, gamma * (k - 1.0), center, mirror)
     except OpticsError:  # a rim that this mirror cannot have
         return None
     return None

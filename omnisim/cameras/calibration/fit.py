@@ -1,8 +1,8 @@
 """Best fit of one camera model to another, and its reprojection residuals.
 
-A fit minimises the sum of squared reprojection errors, in pixels, over pixels spread evenly over
+A fit minimizes the sum of squared reprojection errors, in pixels, over pixels spread evenly over
 what the source shows, its edge included. Where both models can be the same lens, the linear
-initialisation (`linear_fit`) already is the answer; otherwise Levenberg and Marquardt's method
+initialization (`linear_fit`) already is the answer; otherwise Levenberg and Marquardt's method
 refines it. The residuals that a fit states are of other pixels than it was made from.
 """
 
@@ -44,10 +44,10 @@ from omnisim.core.errors import CalibrationError, OpticsError
 
 EXACT_PX = 1e-10  # rounding of a projection
 MARGIN_RAD = 1e-9  # the source's edge, rounded, is still seen
-MIN_COVERED = 0.05  # of the source's pixels; less is no picture of it
-MAX_RMS = 0.02  # as a share of the picture's longer side; more is another kind of picture
+MIN_COVERED = 0.05  # of the source's pixels; less is no image of it
+MAX_RMS = 0.02  # as a share of the image's longer side; more is another kind of image
 WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # from the axis, of the first lenses tried
-INNER = 0.85  # of the picture's radius
+INNER = 0.85  # of the image's radius
 LEAST_SHARE = 0.3  # of the area samples that see something; else there are more of them
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
@@ -124,7 +124,7 @@ def fit_camera(
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
 def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Samples:
-    """Pixels that see something, evenly all over the picture and on the edge, and their rays.
+    """Pixels that see something, evenly all over the image and on the edge, and their rays.
 
     Args:
         camera: the camera.
@@ -144,16 +144,16 @@ def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Sam
 
 
 def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> NDArray[np.float64]:
-    """Pixels (count, 2) evenly all over a picture."""
+    """Pixels (count, 2) evenly all over an image."""
     steps = np.arange(1, count + 1)[:, None] / np.array([PLASTIC, PLASTIC**2]) + phase
     pixels: NDArray[np.float64] = steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
     return pixels
 
 
 def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
-    """Matrix (3, 3) from a mirror's optical frame to one in which its picture is a lens's.
+    """Matrix (3, 3) from a mirror's optical frame to one in which its image is a lens's.
 
-    (x, y, −z), a reflection as the mirror itself is one; (−x, −y, −z) where the picture is also
+    (x, y, −z), a reflection as the mirror itself is one; (−x, −y, −z) where the image is also
     upside down, as the elliptic mirror's. It is its own inverse.
     """
     beside = source.ray_from_pixel(np.add(source.principal_point_px, (0.25, 0.0))).directions
@@ -165,7 +165,7 @@ class _Axis(NamedTuple):
     """Optical axis of a source, about which its rays are nearly symmetric."""
 
     rotation: NDArray[np.float64]  # (3, 3) to axes whose z it is
-    centre_px: tuple[float, float]
+    center_px: tuple[float, float]
 
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
@@ -176,16 +176,16 @@ def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
     if len(samples.pixels_px) == 0:
         return _Axis(np.eye(3), camera.principal_point_px)
     axis = _equidistant_axis(camera, samples)
-    radii = np.linalg.norm(samples.pixels_px - axis.centre_px, axis=1)
+    radii = np.linalg.norm(samples.pixels_px - axis.center_px, axis=1)
     samples = samples.subset(radii < INNER * radii.max())  # a ball's outline is a fold
     turned = samples.rotated(axis.rotation)
     try:
-        profile = radial_profile(camera, turned, axis.centre_px)
+        profile = radial_profile(camera, turned, axis.center_px)
         start = linear_fit(KannalaBrandtCamera, profile, False)
         seen = turned.subset(start.pixel_from_ray(turned.directions).valid)
         with np.errstate(all="ignore"):
             lens, turn = _refined(start, seen, FITTED[KannalaBrandtCamera].free, {}, True)
-    except OpticsError:  # a picture that is inside out, as a cone's, is none of such a lens
+    except OpticsError:  # an image that is inside out, as a cone's, is none of such a lens
         return axis
     return _Axis(turn @ axis.rotation, lens.principal_point_px)
 
@@ -197,8 +197,8 @@ def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
     """
     u, v = samples.pixels_px.mean(axis=0).tolist()
     best, found = -math.inf, _Axis(np.eye(3), source.principal_point_px)
-    for centre_px in (source.principal_point_px, (u, v)):
-        offsets = samples.pixels_px - centre_px
+    for center_px in (source.principal_point_px, (u, v)):
+        offsets = samples.pixels_px - center_px
         radii = np.linalg.norm(offsets, axis=1)
         for widest_rad in np.radians(WIDEST_DEG):
             theta = widest_rad * radii / max(float(radii.max()), 1e-9)
@@ -207,7 +207,7 @@ def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
             left, sizes, right = np.linalg.svd(lens.T @ samples.directions)
             signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
             if float(sizes @ signs) > best:  # the sum of all cosines
-                best, found = float(sizes @ signs), _Axis((left * signs) @ right, centre_px)
+                best, found = float(sizes @ signs), _Axis((left * signs) @ right, center_px)
     return found
 
 
@@ -220,10 +220,10 @@ def _fitted(
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
     """Camera of a model with the smallest residuals, and its rotation, near an axis if any."""
     rotation = np.eye(3) if axis is None else axis.rotation
-    centre_px = None if axis is None else axis.centre_px
+    center_px = None if axis is None else axis.center_px
     samples = samples.rotated(rotation)
     is_pinhole = model is UnifiedCamera and fixed.get("xi") == 0.0
-    profile = radial_profile(source, samples, fixed.get("principal_point_px", centre_px))
+    profile = radial_profile(source, samples, fixed.get("principal_point_px", center_px))
     camera = dataclasses.replace(linear_fit(model, profile, is_pinhole), **fixed)
     seen = camera.pixel_from_ray(samples.directions)
     if not (seen.valid.all() and np.abs(seen.positions_px - samples.pixels_px).max() <= EXACT_PX):
@@ -325,7 +325,7 @@ def _evaluate(
             + _hint(source, mirrored)
         )
     errors_px = np.linalg.norm(seen.positions_px - samples.pixels_px, axis=-1)
-    # the edge's samples would count for more than their share of the picture
+    # the edge's samples would count for more than their share of the image
     on_area = errors_px[seen.valid & samples.on_area]
     residuals = Residuals(
         float(np.sqrt(np.mean(on_area * on_area))) if len(on_area) else math.inf,

@@ -1,6 +1,6 @@
-"""Linear initialisation of a fit: for each model the linear problem that is nearest to the fit.
+"""Linear initialization of a fit: for each model the linear problem that is nearest to the fit.
 
-All take the picture as a plane scaled to its axis, with the source's principal point and ratio of
+All take the image as a plane scaled to its axis, with the source's principal point and ratio of
 focal lengths, and use the angle θ from +z and the radius r there alone. Where the source is
 symmetric about its axis and the target can be the same lens, this is the answer already: the
 unified models, for one, have r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
@@ -44,10 +44,10 @@ from omnisim.cameras.plane_camera import PlaneCamera
 from omnisim.core.errors import OpticsError
 
 MIN_SAMPLES = 20
-MAX_ALPHA = 0.99  # ξ = 99 for the unified model, beyond which the picture hardly changes
+MAX_ALPHA = 0.99  # ξ = 99 for the unified model, beyond which the image hardly changes
 STEEPEST_RAD = math.radians(80.0)  # further out a tangent's pixels would drown all others
 TABLE_NODES = 48
-OCAMCALIB_POWERS = (0, 2, 3, 4, 5, 6)  # a1 = 0: the picture is smooth at the axis
+OCAMCALIB_POWERS = (0, 2, 3, 4, 5, 6)  # a1 = 0: the image is smooth at the axis
 IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | OrthographicCamera
 
 
@@ -58,7 +58,7 @@ class Samples:
     Attributes:
         pixels_px: (n, 2).
         directions: (n, 3), unit.
-        on_area: (n,) spread evenly over the picture; the others are on its edge.
+        on_area: (n,) spread evenly over the image; the others are on its edge.
     """
 
     pixels_px: NDArray[np.float64]
@@ -85,15 +85,15 @@ class Profile(NamedTuple):
     """Profile of the source as a radially symmetric lens.
 
     Attributes:
-        size: the picture's width and height in px.
-        centre_px: (u, v) of the axis.
+        size: the image's width and height in px.
+        center_px: (u, v) of the axis.
         aspect: focal length along v over that along u.
         theta_rad: (n,) angles from +z.
         radii_px: (n,) distances from the axis, in pixels along u.
     """
 
     size: tuple[int, int]
-    centre_px: tuple[float, float]
+    center_px: tuple[float, float]
     aspect: float
     theta_rad: NDArray[np.float64]
     radii_px: NDArray[np.float64]
@@ -102,13 +102,13 @@ class Profile(NamedTuple):
         self, focal_px: float
     ) -> tuple[int, int, tuple[float, float], tuple[float, float]]:
         """Size, focal lengths along u and v, and principal point."""
-        return *self.size, (focal_px, focal_px * self.aspect), self.centre_px
+        return *self.size, (focal_px, focal_px * self.aspect), self.center_px
 
 
 def radial_profile(
-    camera: CentralCamera, samples: Samples, centre_px: tuple[float, float] | None = None
+    camera: CentralCamera, samples: Samples, center_px: tuple[float, float] | None = None
 ) -> Profile:
-    """Profile of a camera about its principal point, or another centre for the target.
+    """Profile of a camera about its principal point, or another center for the target.
 
     Raises:
         OpticsError: too few samples in front of the target.
@@ -121,8 +121,8 @@ def radial_profile(
     offset = (samples.pixels_px - (u, v)) / (1.0, aspect)
     radii = np.hypot(offset[:, 0], offset[:, 1])
     size = camera.width_px, camera.height_px
-    centre = (float(u), float(v)) if centre_px is None else centre_px
-    return Profile(size, centre, aspect, samples.theta_rad, radii)
+    center = (float(u), float(v)) if center_px is None else center_px
+    return Profile(size, center, aspect, samples.theta_rad, radii)
 
 
 def linear_fit(
@@ -133,7 +133,7 @@ def linear_fit(
     Raises:
         OpticsError: there is no such camera.
     """
-    return _pinhole(profile) if is_pinhole else FITTED[model].initialise(profile)
+    return _pinhole(profile) if is_pinhole else FITTED[model].initialize(profile)
 
 
 def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -228,14 +228,14 @@ def _f_theta(profile: Profile) -> FThetaCamera:
     powers = [profile.theta_rad**power for power in (1, 2, 3, 4)]
     coefficients_px = tuple(_solve(powers, profile.radii_px).tolist())
     return FThetaCamera(
-        *profile.size, profile.centre_px, coefficients_px, aspect_ratio=profile.aspect
+        *profile.size, profile.center_px, coefficients_px, aspect_ratio=profile.aspect
     )
 
 
 def _f_theta_inverse(profile: Profile) -> FThetaInverseCamera:
     powers = [profile.radii_px**power for power in (1, 2, 3, 4, 5)]
     coefficients = tuple(_solve(powers, profile.theta_rad).tolist())
-    return FThetaInverseCamera(*profile.size, profile.centre_px, coefficients)
+    return FThetaInverseCamera(*profile.size, profile.center_px, coefficients)
 
 
 def _ocamcalib(profile: Profile) -> OcamcalibCamera:
@@ -244,7 +244,7 @@ def _ocamcalib(profile: Profile) -> OcamcalibCamera:
     columns = [sine * profile.radii_px**power for power in OCAMCALIB_POWERS]
     a0, *others = _solve(columns, -profile.radii_px * cosine).tolist()
     affine = (profile.aspect, 0.0, 0.0)
-    return OcamcalibCamera(*profile.size, profile.centre_px, (a0, 0.0, *others), affine)
+    return OcamcalibCamera(*profile.size, profile.center_px, (a0, 0.0, *others), affine)
 
 
 def _radial_table(profile: Profile) -> RadialTableCamera:
@@ -254,7 +254,7 @@ def _radial_table(profile: Profile) -> RadialTableCamera:
     radii = np.interp(nodes, np.append(0.0, theta), np.append(0.0, radius))
     radii += np.arange(TABLE_NODES) * 1e-9 * radii[-1]  # rising, even where the source is not
     return RadialTableCamera(
-        *profile.size, profile.centre_px, tuple(nodes.tolist()), tuple(radii.tolist())
+        *profile.size, profile.center_px, tuple(nodes.tolist()), tuple(radii.tolist())
     )
 
 
@@ -270,7 +270,7 @@ def _gazebo(profile: Profile) -> GazeboCamera:
             shape = function(profile.theta_rad / c2)
             focal = _scale(shape, profile.radii_px) / c2
             residual = float(np.linalg.norm(profile.radii_px - focal * c2 * shape))
-            camera = GazeboCamera(*profile.size, focal, profile.centre_px, c2, c2, 0.0, name)
+            camera = GazeboCamera(*profile.size, focal, profile.center_px, c2, c2, 0.0, name)
             candidates.append((residual, camera))
     if not candidates:
         raise OpticsError("none of its functions reaches that far from the axis")
@@ -278,7 +278,7 @@ def _gazebo(profile: Profile) -> GazeboCamera:
 
 
 def _perspective(profile: Profile) -> PerspectiveCamera:
-    return PerspectiveCamera(*profile.size, _perspective_focal(profile), profile.centre_px)
+    return PerspectiveCamera(*profile.size, _perspective_focal(profile), profile.center_px)
 
 
 def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
@@ -289,7 +289,7 @@ def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
         raise OpticsError("it sees nothing of what that shows")
     shape = c1 * FUNCTIONS[function](np.minimum(profile.theta_rad[seen], limit) / c2)
     focal = _scale(shape, profile.radii_px[seen])
-    return model(*profile.size, focal, profile.centre_px, limit)
+    return model(*profile.size, focal, profile.center_px, limit)
 
 
 def _scale(shape: NDArray[np.float64], values: NDArray[np.float64]) -> float:
@@ -300,15 +300,15 @@ def _scale(shape: NDArray[np.float64], values: NDArray[np.float64]) -> float:
 Bounds = tuple[float, float]
 FREE: Bounds = (-math.inf, math.inf)
 POSITIVE: Bounds = (1e-9, math.inf)
-_CENTRE = {"principal_point_px": FREE}
-_FOCAL = {"focal_length_px": (0.0, math.inf), **_CENTRE}
-_FOCALS = {"focal_lengths_px": (0.0, math.inf), **_CENTRE}
+_CENTER = {"principal_point_px": FREE}
+_FOCAL = {"focal_length_px": (0.0, math.inf), **_CENTER}
+_FOCALS = {"focal_lengths_px": (0.0, math.inf), **_CENTER}
 
 
 class FittedModel(NamedTuple):
-    """Initialisation of a fit, and bounds of the model's free parameters."""
+    """Initialization of a fit, and bounds of the model's free parameters."""
 
-    initialise: Callable[[Profile], ParametricCamera]
+    initialize: Callable[[Profile], ParametricCamera]
     free: Mapping[str, Bounds]
 
 
@@ -321,14 +321,14 @@ FITTED: Mapping[type[ParametricCamera], FittedModel] = {
     DoubleSphereCamera: FittedModel(
         _double_sphere, {**_FOCALS, "xi": (-0.999, 0.999), "alpha": (0.0, 1.0)}
     ),
-    OcamcalibCamera: FittedModel(_ocamcalib, {**_CENTRE, "polynomial": FREE, "affine": FREE}),
+    OcamcalibCamera: FittedModel(_ocamcalib, {**_CENTER, "polynomial": FREE, "affine": FREE}),
     FThetaCamera: FittedModel(
-        _f_theta, {**_CENTRE, "coefficients_px": FREE, "aspect_ratio": (0.1, 10.0)}
+        _f_theta, {**_CENTER, "coefficients_px": FREE, "aspect_ratio": (0.1, 10.0)}
     ),
-    FThetaInverseCamera: FittedModel(_f_theta_inverse, {**_CENTRE, "coefficients": FREE}),
-    RadialTableCamera: FittedModel(_radial_table, {**_CENTRE, "radii_px": FREE}),
+    FThetaInverseCamera: FittedModel(_f_theta_inverse, {**_CENTER, "coefficients": FREE}),
+    RadialTableCamera: FittedModel(_radial_table, {**_CENTER, "radii_px": FREE}),
     GazeboCamera: FittedModel(
-        _gazebo, {**_CENTRE, "c1": POSITIVE, "c2": POSITIVE, "c3": (-math.inf, 0.0)}
+        _gazebo, {**_CENTER, "c1": POSITIVE, "c2": POSITIVE, "c3": (-math.inf, 0.0)}
     ),
     **{
         model: FittedModel(partial(_fisheye, model), _FOCAL)

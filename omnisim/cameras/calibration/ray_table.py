@@ -1,6 +1,6 @@
 """Ray tables: origin and direction of each pixel's ray, for users without the camera model.
 
-An EXR file of 32-bit floats, one value for each pixel's centre, first row at the top:
+An EXR file of 32-bit floats, one value for each pixel's center, first row at the top:
 
 | channel | unit | |
 | --- | --- | --- |
@@ -9,7 +9,7 @@ An EXR file of 32-bit floats, one value for each pixel's centre, first row at th
 | valid | 0 or 1 | the pixel sees something; where it is 0 the direction means nothing |
 
 The file's attributes repeat this: `omnisim:frame`, `omnisim:unit`, `omnisim:pixel`. The camera
-and its pose are in ImageDescription as JSON, as in omnisim's pictures. A
+and its pose are in ImageDescription as JSON, as in omnisim's images. A
 mirror that is drawn as a mesh has the exact mirror's rays here.
 """
 
@@ -32,8 +32,8 @@ from omnisim.core.version import __version__
 AXES = "XYZ"
 ATTRIBUTES = {
     "omnisim:frame": "optical: x right, y down, z forward, or into the mirror",
-    "omnisim:unit": "metres; directions are unit vectors",
-    "omnisim:pixel": "a value is that of the pixel's centre; the first row is the top one",
+    "omnisim:unit": "meters; directions are unit vectors",
+    "omnisim:pixel": "a value is that of the pixel's center; the first row is the top one",
 }
 BAND_PIXELS = 1 << 20  # computed at once, which bounds the memory of intermediate results
 UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
@@ -41,7 +41,7 @@ UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 
 @dataclass(frozen=True, eq=False)
 class RayTable:
-    """The rays of a picture's pixels.
+    """The rays of an image's pixels.
 
     Attributes:
         directions: (height, width, 3) float32, unit vectors where valid, optical frame.

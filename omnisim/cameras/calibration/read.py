@@ -25,8 +25,8 @@ from omnisim.cameras.calibration.metadata import CameraMetadata, read_metadata
 from omnisim.core.errors import CalibrationError
 
 GOOD_PX = 0.05  # what no corner detector sees
-MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the picture's shorter side
-MAX_CENTRE_OFFSET = 0.5  # of the picture's size beside it: further away, one of both is wrong
+MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the image's shorter side
+MAX_CENTER_OFFSET = 0.5  # of the image's size beside it: further away, one of both is wrong
 
 
 def read_cameras(
@@ -124,23 +124,23 @@ def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
 
 
 def _check_camera(camera: CentralCamera, place: str) -> None:
-    """Refuse a camera whose picture shows nothing, or whose axis is far beside it.
+    """Refuse a camera whose image shows nothing, or whose axis is far beside it.
 
     Raises:
-        CalibrationError: with the centre, or with what the picture shows.
+        CalibrationError: with the center, or with what the image shows.
     """
     size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
-    centre = np.asarray(camera.principal_point_px)
-    offset = np.maximum(-0.5 - centre, centre - (size - 0.5)) / size
-    if not offset.max() <= MAX_CENTRE_OFFSET:
-        u, v = centre
+    center = np.asarray(camera.principal_point_px)
+    offset = np.maximum(-0.5 - center, center - (size - 0.5)) / size
+    if not offset.max() <= MAX_CENTER_OFFSET:
+        u, v = center
         raise CalibrationError(
-            f"{place}: centre: expected in the picture of {size[0]:g} × {size[1]:g} px or near by, "
-            f"got ({u:g}, {v:g}): is one of both another picture's?"
+            f"{place}: center: expected in the image of {size[0]:g} × {size[1]:g} px or near by, "
+            f"got ({u:g}, {v:g}): is one of both another image's?"
         )
     steps = np.linspace(0.0, 1.0, 33)
     grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
-    # not the centre itself, which broken numbers show, too, but the pixel there
-    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(centre)[None])))
+    # not the center itself, which broken numbers show, too, but the pixel there
+    rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(center)[None])))
     if not (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
         raise CalibrationError(f"{place}: no pixel of this camera sees anything: expected a lens")

@@ -1,7 +1,7 @@
 """Mirror shapes of revolution and their meshes, in the mirror frame.
 
 Mirror frame, for every shape: origin at the effective viewpoint, z from there towards the camera
-that looks at the mirror, metres. Azimuth turns from +x to +y.
+that looks at the mirror, meters. Azimuth turns from +x to +y.
 """
 
 from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror, SurfacePoints

@@ -2,7 +2,7 @@
 
 A ray of the scene passes through the effective viewpoint, meets the hollow inside of the ellipsoid
 behind it, and goes on to the pinhole. So the viewpoint is a real place that rays cross in, and the
-picture is upside down as a telescope's: a point of the mirror at azimuth φ shows the scene
+image is upside down as a telescope's: a point of the mirror at azimuth φ shows the scene
 at φ + 180°. With e the ellipsoid's eccentricity and β the angle at the pinhole:
 
     tan(θ/2) = K tan(β/2),  K = (1 + e)/(1 − e),  r = f tan β
@@ -10,7 +10,7 @@ at φ + 180°. With e the ellipsoid's eccentricity and β the angle at the pinho
 θ is measured at the viewpoint from the direction of the pinhole: 0 looks back at the camera, 90°
 is the horizon. It is the law of the hyperbolic mirror with 1/e, and of the unified model with
 ξ = 2e/(1 + e²); a pixel's ray is (−sin θ cos φ, −sin θ sin φ, −cos θ). Baker and Nayar's k and c
-have e = c/√(2k + c²); nothing else of the two shows in the picture.
+have e = c/√(2k + c²); nothing else of the two shows in the image.
 
 Domain: 0 ≤ θ ≤ θ_max ≤ 90°: a mirror that reached further would stand in its own light. The outside
 of the ellipsoid is of no use, as the pinhole is inside. e = 0, the sphere, would see itself, e = 1
@@ -19,7 +19,7 @@ is the parabolic mirror.
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 200 to 2000: at 90° the radius is f (1 − e²)/2e |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | eccentricity | – | 0.5 to 0.9; 0.01 to 0.9999 |
 | theta_max_deg | degrees | 90 |
 
@@ -42,22 +42,22 @@ from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 
 ECCENTRICITIES = (0.01, 0.9999)
-HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # so that the rig's front is at the top of the picture
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # so that the rig's front is at the top of the image
 
 
 @dataclass(frozen=True)
 class EllipticCamera(FocalCamera, RadialCamera):
-    """A picture of the inside of an elliptic mirror.
+    """An image of the inside of an elliptic mirror.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_length_px: focal length of the pinhole camera.
-        principal_point_px: (u, v) of the mirror's axis in the picture.
+        principal_point_px: (u, v) of the mirror's axis in the image.
         eccentricity: e of the ellipsoid.
         theta_max_rad: angle at the viewpoint that the rim shows.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, a centre that is not finite, an
+        OpticsError: a size or focal length that is not positive, a center that is not finite, an
             eccentricity outside its limits, or a rim that is not between 0 and 90°.
     """
 

@@ -3,7 +3,7 @@
     tan(θ/2) = K tan(β/2),  K = k − 1 + √(k(k−2)),  r = f tan β
 
 θ is measured at the mirror's inner focus, the effective viewpoint, from its axis: 0 looks down at
-the camera, 90° is the horizon, of radius f/√(k(k−2)) in the picture; β is the same at the pinhole.
+the camera, 90° is the horizon, of radius f/√(k(k−2)) in the image; β is the same at the pinhole.
 A pixel's ray is (sin θ cos φ, sin θ sin φ, −cos θ). With z reflected it is the unified
 model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
 
@@ -12,7 +12,7 @@ Domain: 0 ≤ θ ≤ θ_max, the rim, which is below the mirror's asymptote acos
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 1300 for 360 px; `framed_on_rim` finds it |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | k | – | ≥ 2: the paper's 11.546; 2 is a plane |
 | c | mirror units | from viewpoint to pinhole: the paper's 2.321 |
 | meters_per_unit | m | 0.04: a mirror of 24 mm |
@@ -63,16 +63,16 @@ class Incidences(NamedTuple):
 
 @dataclass(frozen=True)
 class HyperbolicCamera(FocalCamera):
-    """A picture of a hyperbolic mirror: pixels to rays of the scene and back.
+    """An image of a hyperbolic mirror: pixels to rays of the scene and back.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_length_px: focal length of the pinhole camera.
-        principal_point_px: (u, v) of the mirror's axis in the picture.
+        principal_point_px: (u, v) of the mirror's axis in the image.
         mirror: the mirror, which also bounds the domain: θ ≤ θ_max.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a centre that is not finite.
+        OpticsError: a size or focal length that is not positive, or a center that is not finite.
     """
 
     mirror: HyperbolicMirror
@@ -88,7 +88,7 @@ class HyperbolicCamera(FocalCamera):
     def framed_on_rim(
         cls, mirror: HyperbolicMirror, width_px: int, height_px: int
     ) -> HyperbolicCamera:
-        """Camera in whose picture the rim touches the nearest edges.
+        """Camera in whose image the rim touches the nearest edges.
 
         Raises:
             OpticsError: a size below 1.
@@ -129,7 +129,7 @@ class HyperbolicCamera(FocalCamera):
         """γ of the unified (Geyer, Mei) model with the mirror's ξ: f ψ = f/(k − 1).
 
         That model has its z axis along the mirror's: (x, y, −z) of the optical frame. It is a
-        mirrored frame, as the picture of a mirror is a mirrored picture.
+        mirrored frame, as the image of a mirror is a mirrored image.
         """
         return self.focal_length_px / (self.mirror.k - 1.0)
 
@@ -141,7 +141,7 @@ class HyperbolicCamera(FocalCamera):
 
     @property
     def rim_radius_px(self) -> float:
-        """Radius of the rim in the picture."""
+        """Radius of the rim in the image."""
         tangent = self.mirror.tangent_from_theta(self.mirror.theta_max_rad)
         return self.focal_length_px * float(tangent)
 

@@ -42,7 +42,7 @@ class HyperbolicMirror:
     Attributes:
         k: shape constant of Eq. 1, at least 2 (2 is the plane mirror), no unit.
         c: distance from the effective viewpoint to the pinhole, in the paper's units.
-        meters_per_unit: size of one of those units in metres.
+        meters_per_unit: size of one of those units in meters.
         theta_max_rad: angle of incidence of the rim.
 
     Raises:
@@ -88,7 +88,7 @@ class HyperbolicMirror:
         c: float = PAPER_C,
         meters_per_unit: float = PAPER_METERS_PER_UNIT,
     ) -> HyperbolicMirror:
-        """Mirror whose rim is a circle of `rim_radius_m` metres.
+        """Mirror whose rim is a circle of `rim_radius_m` meters.
 
         Raises:
             OpticsError: a radius ≤ 0, or anything that the constructor refuses.
@@ -186,7 +186,7 @@ class HyperbolicMirror:
         return SurfacePoints(positions, valid)
 
     def height_from_radius_m(self, radius_m: ArrayLike) -> NDArray[np.float64]:
-        """Height z (...,) of the surface at a distance (...,) in metres from the axis."""
+        """Height z (...,) of the surface at a distance (...,) in meters from the axis."""
         radius = np.asarray(radius_m, dtype=np.float64)
         a = self.semi_major_axis_m
         # c/2 − √(a² + r²(k/2 − 1)), on the branch of the effective viewpoint

@@ -15,7 +15,7 @@ class MirrorMesh:
     """Triangles whose vertices lie on the mirror, in the mirror frame.
 
     Attributes:
-        vertices_m: (n, 3) float64, metres.
+        vertices_m: (n, 3) float64, meters.
         normals: (n, 3) float64, unit, on the reflecting side.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
         polygons: polygons in the paper's sense: a triangle next to the vertex counts as one, so
@@ -53,10 +53,10 @@ class UnfoldedMirrorMesh:
     """A mirror mesh clipped along the edges of the cube, one copy of each vertex for each face.
 
     Attributes:
-        vertices_m: (n, 3) float64, mirror frame, metres.
+        vertices_m: (n, 3) float64, mirror frame, meters.
         normals: (n, 3) float64, unit.
         texture_coordinates: (n, 2) float64 in [0, 1] on the unfolded cube (`omnisim.core.cube`),
-            origin at the top left of the picture.
+            origin at the top left of the image.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
     """
 

@@ -1,4 +1,4 @@
-"""Distortion of the picture by a mirror's mesh, computed without rendering.
+"""Distortion of the image by a mirror's mesh, computed without rendering.
 
 Each flat triangle shows the direction of its own point instead of the mirror's. Its points, the
 pinhole and the effective viewpoint share a plane through the axis: the error is along the radius,
@@ -35,7 +35,7 @@ class MeshError(NamedTuple):
 
 
 class Annulus(NamedTuple):
-    """Part of the mirror's picture between two circles, in tangents at the pinhole."""
+    """Part of the mirror's image between two circles, in tangents at the pinhole."""
 
     inner: float
     outer: float
@@ -45,7 +45,7 @@ WHOLE_MIRROR = Annulus(0.0, math.inf)
 
 
 def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) -> MeshError:
-    """Error of a mesh, over its area, in a picture whose rim has a radius of `rim_radius_px`.
+    """Error of a mesh, over its area, in an image whose rim has a radius of `rim_radius_px`.
 
     Raises:
         OpticsError: see `sectors_and_rings`.
@@ -65,7 +65,7 @@ def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) ->
 def largest_error(
     mirror: HyperbolicMirror, sectors: int, rings: int, shown: Annulus = WHOLE_MIRROR
 ) -> float:
-    """Largest error of a mesh in a part of the picture, in tangents at the pinhole.
+    """Largest error of a mesh in a part of the image, in tangents at the pinhole.
 
     Its straight edges lie inside of the round rim: that distance is an error, too.
     """
@@ -94,7 +94,7 @@ def needed_polygons(
     Args:
         mirror: the mirror.
         max_error: in tangents at the pinhole: pixels over the focal length.
-        shown: part of the mirror in the picture.
+        shown: part of the mirror in the image.
 
     Returns:
         None: no mesh of `MAX_POLYGONS` does.
@@ -122,7 +122,7 @@ class _Samples(NamedTuple):
 
     Attributes:
         errors: (triangles, samples).
-        radii: (triangles, samples) distances from the axis in the picture.
+        radii: (triangles, samples) distances from the axis in the image.
     """
 
     errors: NDArray[np.float64]
@@ -159,7 +159,7 @@ def _sample(
     mirror: HyperbolicMirror, corners: NDArray[np.float64], coordinates: NDArray[np.float64]
 ) -> _Samples:
     """Sample triangles at barycentric coordinates (samples, 3), or (triangles, samples, 3)."""
-    # evenly in the picture: perspective interpolation, as rasterizers do it
+    # evenly in the image: perspective interpolation, as rasterizers do it
     weights = coordinates / (1.0 - corners[:, None, :, 2])
     points = (weights @ corners) / weights.sum(axis=-1, keepdims=True)
     across = np.hypot(points[..., 0], points[..., 1])
@@ -169,7 +169,7 @@ def _sample(
 
 
 def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Areas (triangles,) in the picture."""
+    """Areas (triangles,) in the image."""
     seen = corners[..., :2] / (1.0 - corners[..., 2:])
     (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
     areas: NDArray[np.float64] = 0.5 * np.abs(x1 * y2 - x2 * y1)

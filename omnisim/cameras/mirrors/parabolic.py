@@ -3,16 +3,16 @@
     r = h tan(θ/2) = h sin θ/(1 + cos θ)
 
 θ is measured at the mirror's focus from its axis: 0 looks down at the camera, 90° is the horizon,
-of radius h in the picture. The mirror z = (h_m² − r²)/(2 h_m) and its camera of p pixels to a metre
-have h = p h_m; nothing else of either shows in the picture. A pixel's ray is
+of radius h in the image. The mirror z = (h_m² − r²)/(2 h_m) and its camera of p pixels to a meter
+have h = p h_m; nothing else of either shows in the image. A pixel's ray is
 (sin θ cos φ, sin θ sin φ, −cos θ), as the hyperbolic mirror's, of which this is the limit ξ = 1.
 
-Domain: 0 ≤ θ ≤ θ_max < 180°; in the picture r ≤ h tan(θ_max/2).
+Domain: 0 ≤ θ ≤ θ_max < 180°; in the image r ≤ h tan(θ_max/2).
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | horizon_radius_px | px | 100 to 500 |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | theta_max_deg | degrees | 90 to 110 |
 
 GLSL twin: `shaders/camera/parabolic.glsl`. Source: Baker & Nayar 1999, section 2.2 (the
@@ -36,16 +36,16 @@ from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 @dataclass(frozen=True)
 class ParabolicCamera(RadialCamera):
-    """A picture of a parabolic mirror.
+    """An image of a parabolic mirror.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         horizon_radius_px: h, radius of the 90° circle.
-        principal_point_px: (u, v) of the mirror's axis in the picture.
+        principal_point_px: (u, v) of the mirror's axis in the image.
         theta_max_rad: angle of incidence of the rim.
 
     Raises:
-        OpticsError: a size or radius that is not positive, a centre that is not finite, or a rim
+        OpticsError: a size or radius that is not positive, a center that is not finite, or a rim
             that is not between 0 and 179°.
     """
 

@@ -10,7 +10,7 @@ Domain: z < 0, all pixels.
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 
 GLSL twin: `shaders/camera/planar.glsl`. Source: Baker & Nayar 1999, section 2.2 (the plane).
 """
@@ -30,7 +30,7 @@ from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 @dataclass(frozen=True)
 class PlanarCamera(PerspectiveCamera):
-    """A picture of a plane mirror; see `PerspectiveCamera` for its attributes."""
+    """An image of a plane mirror; see `PerspectiveCamera` for its attributes."""
 
     model_name = "planar"
     _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP

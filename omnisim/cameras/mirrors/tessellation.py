@@ -16,7 +16,7 @@ MIN_POLYGONS = 8
 MAX_POLYGONS = 1 << 20
 # A cell is as tall as wide for about four sectors a ring; up to this factor off is accepted.
 MAX_STRETCH = 4.0
-# Ring j of R stands at (j/R)^0.7 of the rim's radius in the picture. Equal spacing (exponent 1)
+# Ring j of R stands at (j/R)^0.7 of the rim's radius in the image. Equal spacing (exponent 1)
 # wastes rings on the middle, where cells are narrow anyway. Swept from 0.5 to 1.3 over five mesh
 # sizes for the paper's mirror: 0.7 has the smallest mean error and 8 to 14 % less maximum.
 RING_EXPONENT = 0.7

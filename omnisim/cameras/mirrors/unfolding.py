@@ -2,7 +2,7 @@
 
 Inside one face of the cube, point projection gives a polygon its texture coordinates. A polygon
 that an edge of the cube crosses belongs to two faces; it is clipped there, and the new vertices
-are put on the mirror, where the same direction meets it. Both neighbours of a clipped edge share
+are put on the mirror, where the same direction meets it. Both neighbors of a clipped edge share
 the new vertex, so the mesh has no cracks.
 """
 

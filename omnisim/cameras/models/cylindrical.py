@@ -7,7 +7,7 @@ Domain: azimuths from −180° to 180°; all directions but the cylinder's own a
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px/rad | a turn is 2π f wide: 100 for 628 px |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 
 GLSL twin: `shaders/camera/cylindrical.glsl`. Source: Szeliski, "Computer vision", section 8.2.
 """
@@ -26,18 +26,18 @@ from omnisim.cameras.focal_camera import FocalCamera
 
 @dataclass(frozen=True)
 class CylindricalCamera(FocalCamera):
-    """A picture on a cylinder around the y axis of the optical frame.
+    """An image on a cylinder around the y axis of the optical frame.
 
     A column is an azimuth from the z axis towards x, (u − u0)/f in radians; a row is the tangent
     of an elevation, (v − v0)/f downwards. Azimuths run from −180° to 180°.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_length_px: pixels in a radian of azimuth, and in a tangent of 1.
-        principal_point_px: (u, v) of the z axis in the picture.
+        principal_point_px: (u, v) of the z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a centre that is not finite.
+        OpticsError: a size or focal length that is not positive, or a center that is not finite.
     """
 
     model_name = "cylindrical"

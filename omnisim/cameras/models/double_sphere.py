@@ -4,8 +4,8 @@
     (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d2 + (1 − α)(ξ d1 + z)
 
 Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: ξ d1 + z > −w d2, which is
-z > −w' d1 with w' = w t + ξ, t = √(1 − ξ²(1 − w²)) − w ξ. For α > 0.5 the picture ends at
-m_x² + m_y² = 1/(2α − 1) on the normalised plane. For |ξ| < 1 the shift of the first sphere turns
+z > −w' d1 with w' = w t + ξ, t = √(1 − ξ²(1 − w²)) − w ξ. For α > 0.5 the image ends at
+m_x² + m_y² = 1/(2α − 1) on the normalized plane. For |ξ| < 1 the shift of the first sphere turns
 every direction into another one, so nothing else can fold. The paper and Basalt take t = 1, which
 ends the projection, but not its inverse, a degree or more too early: 125.2° instead of 126.1° for
 TUM-VI's camera.
@@ -15,7 +15,7 @@ TUM-VI's camera.
 | xi | – | −1 < ξ < 1; −0.2 for a fisheye |
 | alpha | – | 0 to 1; 0.6 for a fisheye |
 | focal_lengths_px | px | fx, fy |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 
 GLSL twin: `shaders/camera/double_sphere.glsl`. Source: "The double sphere camera model", 2018,
 Eq. 40 to 51; names as in Basalt and Kalibr.
@@ -39,13 +39,13 @@ from omnisim.core.errors import OpticsError
 
 @dataclass(frozen=True)
 class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
-    """A wide lens as two projections onto unit spheres whose centres are ξ apart.
+    """A wide lens as two projections onto unit spheres whose centers are ξ apart.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_lengths_px: (fx, fy).
         principal_point_px: (cx, cy).
-        xi: ξ, distance of the spheres' centres, between −1 and 1.
+        xi: ξ, distance of the spheres' centers, between −1 and 1.
         alpha: α, from 0 to 1.
 
     Raises:

@@ -1,11 +1,11 @@
 """The equidistant fisheye, r = f θ: as many pixels to a degree all along a radius.
 
-Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the picture r ≤ f θ_max.
+Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the image r ≤ f θ_max.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px/rad | 100 to 1000 |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | theta_max_deg | degrees | 90 to 110; 180 sees everything |
 
 GLSL twin: `shaders/camera/equidistant.glsl`. Source: Kannala & Brandt 2006, Eq. 3.

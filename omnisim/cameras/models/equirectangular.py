@@ -1,6 +1,6 @@
 """The equirectangular panorama: all directions, a column a longitude, a row a latitude.
 
-    longitude = 2π (u + 0.5)/width − π, from +z (the picture's middle) towards +x (right)
+    longitude = 2π (u + 0.5)/width − π, from +z (the image's middle) towards +x (right)
     latitude = π/2 − π (v + 0.5)/height, from the horizon upwards (−y)
     (x, y, z) = (cos lat sin lon, −sin lat, cos lat cos lon)
 
@@ -28,10 +28,10 @@ from omnisim.cameras.parametric_camera import ParametricCamera
 
 @dataclass(frozen=True)
 class EquirectangularCamera(ParametricCamera):
-    """A picture of everything, longitude by latitude.
+    """An image of everything, longitude by latitude.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
 
     Raises:
         OpticsError: a size that is not positive.
@@ -41,7 +41,7 @@ class EquirectangularCamera(ParametricCamera):
 
     @property
     def principal_point_px(self) -> tuple[float, float]:
-        """Middle of the picture."""
+        """Middle of the image."""
         return 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
 
     @property
@@ -50,7 +50,7 @@ class EquirectangularCamera(ParametricCamera):
         return 2.0 * math.pi / self.width_px, math.pi / self.height_px
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
-        """Rays of pixels (..., 2); valid inside the picture."""
+        """Rays of pixels (..., 2); valid inside the image."""
         pixels = as_pixels(pixels_px)
         size = np.array([self.width_px, self.height_px], dtype=np.float64)
         offset = pixels - self.principal_point_px
@@ -72,4 +72,4 @@ class EquirectangularCamera(ParametricCamera):
 
     def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/equirectangular.glsl`."""
-        return {"u_picture_size_px": (float(self.width_px), float(self.height_px))}
+        return {"u_image_size_px": (float(self.width_px), float(self.height_px))}

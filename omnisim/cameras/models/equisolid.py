@@ -1,11 +1,11 @@
 """The equisolid fisheye, r = 2 f sin(θ/2): equal solid angles have equal areas.
 
-Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the picture r ≤ 2 f sin(θ_max/2).
+Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the image r ≤ 2 f sin(θ_max/2).
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | theta_max_deg | degrees | 90 to 110; 180 sees everything |
 
 GLSL twin: `shaders/camera/equisolid.glsl`. Source: Kannala & Brandt 2006, Eq. 4.

@@ -4,15 +4,15 @@
     (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d + (1 − α) z
 
 Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: z > −w d. Up to α = 0.5 that is
-q > 0; above, the picture would fold over, and ends at m_x² + m_y² = 1/(β (2α − 1)) on the
-normalised plane. Exact, because (√β x, √β y, z) turns it into the unified model.
+q > 0; above, the image would fold over, and ends at m_x² + m_y² = 1/(β (2α − 1)) on the
+normalized plane. Exact, because (√β x, √β y, z) turns it into the unified model.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | alpha | – | 0 (perspective) to 1; 0.6 for a fisheye |
 | beta | – | > 0; 1 is the unified model, 1.1 |
 | focal_lengths_px | px | fx, fy |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 
 GLSL twin: `shaders/camera/eucm.glsl`. Source: Khomutenko, Garcia & Martinet, "An enhanced unified
 camera model", 2016, Eq. 12 and 17; names as in Kalibr and Basalt.
@@ -38,7 +38,7 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
     """A wide lens with the shape parameters α and β.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_lengths_px: (fx, fy).
         principal_point_px: (cx, cy).
         alpha: α, from 0 to 1.

@@ -7,7 +7,7 @@ Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), θ_fold the first θ > 0 with dr/dθ 
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | coefficients_px | px/radⁿ | k1 … kn, at most 8; k1 > 0 is the focal length |
 | theta_max_deg | degrees | 95 to 110 |
 | aspect_ratio | – | 1: square pixels |
@@ -35,8 +35,8 @@ class FThetaCamera(PolynomialLens):
     """A fisheye lens with a polynomial from angle to radius.
 
     Attributes:
-        width_px, height_px: size of the picture.
-        principal_point_px: (u, v) of the optical axis in the picture.
+        width_px, height_px: size of the image.
+        principal_point_px: (u, v) of the optical axis in the image.
         coefficients_px: k1 … kn.
         theta_max_rad: angle from the axis where the domain ends, if the fold is not before it.
         aspect_ratio: pixels along v per pixel along u at the same radius.

@@ -1,4 +1,4 @@
-"""Field of view of a picture: angles, share of valid pixels, edge of the valid domain.
+"""Field of view of an image: angles, share of valid pixels, edge of the valid domain.
 
 All of it follows from the camera's rays alone, so that it holds for every model.
 """
@@ -20,7 +20,7 @@ MAX_PIXELS = 1 << 19  # are counted: a share to some hundredths of a per cent, a
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """Field of view of a picture.
+    """Field of view of an image.
 
     Angles of view are those that a ray sweeps through the axis, from one edge of the valid pixels
     to the other; they may be more than 180°.
@@ -28,8 +28,8 @@ class FieldOfView:
     Attributes:
         covered: share of the valid pixels.
         axis: (3,) origin of the angles: +z of the optical frame, −z for a mirror.
-        theta_max_rad: largest angle from the axis in the picture.
-        theta_limit_rad: largest angle from the axis in a picture without edges: by θ_max, a fold
+        theta_max_rad: largest angle from the axis in the image.
+        theta_limit_rad: largest angle from the axis in an image without edges: by θ_max, a fold
             or the model's nature; π without a limit.
         horizontal_rad, vertical_rad: angles of view along the row and the column of the axis.
         diagonal_rad: the larger one from corner to corner.
@@ -45,7 +45,7 @@ class FieldOfView:
 
 
 def field_of_view(camera: CentralCamera) -> FieldOfView:
-    """Field of view of a camera's picture."""
+    """Field of view of a camera's image."""
     axis = optical_axis(camera)
     left, right, up, down, *corners = _sweeps(camera)
     return FieldOfView(
@@ -65,7 +65,7 @@ def optical_axis(camera: CentralCamera) -> float:
 
 
 def covered_share(camera: CentralCamera) -> float:
-    """Share of the valid pixels in a picture; every n-th is counted of a large one."""
+    """Share of the valid pixels in an image; every n-th is counted of a large one."""
     skip = math.ceil(math.sqrt(camera.width_px * camera.height_px / MAX_PIXELS))
     columns = np.arange(0, camera.width_px, skip, dtype=np.float64)
     rows = np.arange(0, camera.height_px, skip, dtype=np.float64)
@@ -74,7 +74,7 @@ def covered_share(camera: CentralCamera) -> float:
 
 
 def largest_theta_rad(camera: CentralCamera) -> float:
-    """Largest angle from the axis in the picture; 0 without a valid pixel."""
+    """Largest angle from the axis in the image; 0 without a valid pixel."""
     pixels = np.concatenate((edge_pixels(camera, 720), corner_pixels(camera)))
     rays = camera.ray_from_pixel(pixels)
     return float(angles_from_axis(rays.directions[rays.valid], optical_axis(camera)).max(initial=0))
@@ -88,7 +88,7 @@ def angles_from_axis(directions: NDArray[np.float64], axis: float) -> NDArray[np
 def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> NDArray[np.float64]:
     """Positions (n, 2) on the edge of the valid pixels.
 
-    To the last bit where the domain ends in the picture, else on the picture's own border, half a
+    To the last bit where the domain ends in the image, else on the image's own border, half a
     pixel outside the outermost pixels.
 
     Args:
@@ -126,7 +126,7 @@ def _last_seen(
 
 
 def _start(camera: CentralCamera) -> NDArray[np.float64]:
-    """Principal point (2,), or the nearest point of the picture."""
+    """Principal point (2,), or the nearest point of the image."""
     return np.clip(np.asarray(camera.principal_point_px, dtype=np.float64), -0.5, _last(camera))
 
 
@@ -135,7 +135,7 @@ def _last(camera: CentralCamera) -> NDArray[np.float64]:
 
 
 def corner_pixels(camera: CentralCamera) -> NDArray[np.float64]:
-    """Corners (4, 2) of the picture, half a pixel outside its corner pixels."""
+    """Corners (4, 2) of the image, half a pixel outside its corner pixels."""
     u, v = _last(camera)
     return np.array([[-0.5, -0.5], [u, -0.5], [-0.5, v], [u, v]])
 

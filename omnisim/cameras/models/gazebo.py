@@ -3,15 +3,15 @@
     r = c1 f fun(θ/c2 + c3), fun one of sin, tan, id
 
 Domain: θ_min ≤ θ ≤ θ_edge. θ_min = max(0, −c2 c3): before it r would be negative. θ_edge is θ_max,
-or for sin c2 (90° − c3), where the picture would fold over, or for tan c2 (89.9° − c3), before it
+or for sin c2 (90° − c3), where the image would fold over, or for tan c2 (89.9° − c3), before it
 is infinitely far away.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | c1, c2 | – | > 0; 2, 2 with tan: stereographic; 1, 1 with id: equidistant |
-| c3 | – | ≤ 0; above, the picture would have a hole |
+| c3 | – | ≤ 0; above, the image would have a hole |
 | function | – | "sin", "tan" or "id" |
 | theta_max_deg | degrees | 90 to 110 |
 
@@ -48,9 +48,9 @@ class GazeboCamera(FocalCamera, RadialCamera):
     """A fisheye lens by a function and three constants.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_length_px: f.
-        principal_point_px: (u, v) of the optical axis in the picture.
+        principal_point_px: (u, v) of the optical axis in the image.
         c1, c2, c3: constants; c1 and c2 positive, c3 not.
         function: "sin", "tan" or "id".
         theta_max_rad: angle from the axis where the domain ends at the latest.
@@ -71,7 +71,7 @@ class GazeboCamera(FocalCamera, RadialCamera):
         super().__post_init__()
         for name in ("c1", "c2"):
             check_limits(self, name, 1e-9, math.inf, "more than 0")
-        check_limits(self, "c3", -math.inf, 0.0, "at most 0, as above the picture has a hole")
+        check_limits(self, "c3", -math.inf, 0.0, "at most 0, as above the image has a hole")
         if self.function not in FUNCTIONS:
             raise OpticsError(f"camera: function: expected sin, tan or id, got {self.function!r}")
         if not self.theta_min_rad < self.theta_edge_rad:

@@ -5,12 +5,12 @@
     (u, v) = (fx θ_d cos φ + cx, fy θ_d sin φ + cy)
 
 Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), where θ_fold is the first θ > 0 with dθ_d/dθ = 0: there the
-picture would fold over itself. Right beyond 90°, where OpenCV's own is not: it takes θ from x/z.
+image would fold over itself. Right beyond 90°, where OpenCV's own is not: it takes θ from x/z.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_lengths_px | px/rad | fx, fy: 190 for 512 px and 195° |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | coefficients | – | k1 … k4, each below 0.1 |
 | theta_max_deg | degrees | 100; 180 leaves it to the fold |
 
@@ -35,7 +35,7 @@ class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
     """A fisheye lens with an odd polynomial of θ.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_lengths_px: (fx, fy).
         principal_point_px: (cx, cy).
         coefficients: k1, k2, k3, k4.

@@ -2,7 +2,7 @@
 
 With x' rows down and y' columns right, ρ = √(x'² + y'²) and F(ρ) = a0 + a1 ρ + … + aN ρᴺ:
 
-    (row, column) = [[c, d], [e, 1]] (x', y') + (centre's row, column)
+    (row, column) = [[c, d], [e, 1]] (x', y') + (center's row, column)
     the toolbox's ray is (x', y', F(ρ)) and looks along −z, so ours is (y', x', −F(ρ))
     θ = atan2(ρ, −F(ρ))
 
@@ -14,7 +14,7 @@ a thousandth of the axis's −1/a0: there many pixels see nearly one ray. The wa
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | polynomial | px^(1−n) | a0 < 0 (−200), a1 = 0, a2 (1e-3) … aN, N at most 7 |
 | affine | – | c, d, e: 1, 0, 0 |
 | theta_max_deg | degrees | 90 to 110 |
@@ -49,7 +49,7 @@ class OcamcalibCamera(RadialCamera):
     """A mirror or fisheye lens with a polynomial along the axis.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         principal_point_px: (u, v), that is (column, row), of the axis.
         polynomial: a0 … aN.
         affine: c, d, e.
@@ -68,7 +68,7 @@ class OcamcalibCamera(RadialCamera):
     pixels_per_plane = 1.0  # the plane is in pixels
 
     def scaled(self, scale: float) -> OcamcalibCamera:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
+        """The same view in an image `scale` times as large; sizes are rounded."""
         # z and ρ are both in pixels
         grown = tuple(a * scale ** (1 - n) for n, a in enumerate(self.polynomial))
         return dataclasses.replace(super().scaled(scale), polynomial=grown)

@@ -7,7 +7,7 @@ Domain: z > 0, all pixels.
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | half the width for 90° |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 
 GLSL twin: `shaders/camera/perspective.glsl`. Source: Hartley & Zisserman, "Multiple view geometry
 in computer vision", section 6.1.
@@ -28,15 +28,15 @@ from omnisim.core.errors import OpticsError
 
 @dataclass(frozen=True)
 class PerspectiveCamera(FocalCamera):
-    """A camera without a mirror or distortion: (u, v) = f (x, y)/z + centre, for z > 0.
+    """A camera without a mirror or distortion: (u, v) = f (x, y)/z + center, for z > 0.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_length_px: focal length.
-        principal_point_px: (u, v) of the optical axis in the picture.
+        principal_point_px: (u, v) of the optical axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a centre that is not finite.
+        OpticsError: a size or focal length that is not positive, or a center that is not finite.
     """
 
     model_name = "perspective"
@@ -45,7 +45,7 @@ class PerspectiveCamera(FocalCamera):
     def with_field_of_view(
         cls, width_px: int, height_px: int, field_of_view_rad: float
     ) -> PerspectiveCamera:
-        """Camera whose picture is `field_of_view_rad` wide, its axis in the middle.
+        """Camera whose image is `field_of_view_rad` wide, its axis in the middle.
 
         Raises:
             OpticsError: a field of view that is not between 0 and 180°, or a size below 1.
@@ -70,7 +70,7 @@ class PerspectiveCamera(FocalCamera):
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid in front."""
         rays = as_directions(directions)
-        # at 90° from the axis the picture is infinitely far away
+        # at 90° from the axis the image is infinitely far away
         valid = rays[..., 2] > 1e-12 * np.hypot(rays[..., 0], rays[..., 1])
         depth = np.where(valid, rays[..., 2], 1.0)[..., None]
         return Pixels(self.focal_length_px * rays[..., :2] / depth + self.principal_point_px, valid)

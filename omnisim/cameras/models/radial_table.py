@@ -7,7 +7,7 @@ Domain: 0 ≤ θ ≤ the table's last angle.
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | thetas_deg | degrees | 0, 5, …, 100; rising, 2 to 64 of them, the first 0 |
 | radii_px | px | 0 …; rising, as many |
 
@@ -37,8 +37,8 @@ class RadialTableCamera(RadialCamera):
     """A lens as a table of angles and radii.
 
     Attributes:
-        width_px, height_px: size of the picture.
-        principal_point_px: (u, v) of the optical axis in the picture.
+        width_px, height_px: size of the image.
+        principal_point_px: (u, v) of the optical axis in the image.
         thetas_rad: angles from the axis, rising from 0.
         radii_px: their radii, rising from 0.
 

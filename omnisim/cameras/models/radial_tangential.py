@@ -1,4 +1,4 @@
-"""Radial and tangential distortion of the normalised plane, k1, k2, p1, p2, k3, and its inverse.
+"""Radial and tangential distortion of the normalized plane, k1, k2, p1, p2, k3, and its inverse.
 
     a = 1 + k1 r² + k2 r⁴ + k3 r⁶
     x' = a x + 2 p1 x y + p2 (r² + 2 x²)

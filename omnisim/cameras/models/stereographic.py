@@ -1,12 +1,12 @@
 """The stereographic fisheye, r = 2 f tan(θ/2): small shapes keep their angles (conformal).
 
-Domain: 0 ≤ θ ≤ θ_max ≤ 179°; in the picture r ≤ 2 f tan(θ_max/2). At 180° the picture is
+Domain: 0 ≤ θ ≤ θ_max ≤ 179°; in the image r ≤ 2 f tan(θ_max/2). At 180° the image is
 infinitely far away.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the picture's middle |
+| principal_point_px | px | the image's middle |
 | theta_max_deg | degrees | 90 to 120 |
 
 GLSL twin: `shaders/camera/stereographic.glsl`. Source: Kannala & Brandt 2006, Eq. 2.

@@ -4,7 +4,7 @@
     (x_d, y_d) = distorted by k1, k2, p1, p2, k3, see `radial_tangential`
     (u, v) = (γu x_d + s y_d + u0, γv y_d + v0)
 
-Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the picture would fold over; and
+Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the image would fold over; and
 x_n² + y_n² ≤ r_max², the disc on which the distortion does not fold. For ξ > 1 the first is
 x_n² + y_n² ≤ 1/(ξ² − 1). Where nothing else ends it, r_max is 1000: nearly the first's limit.
 
@@ -40,10 +40,10 @@ MAX_RADIUS = 1000.0
 
 @dataclass(frozen=True)
 class UnifiedCamera(TwoFocalCamera, PlaneCamera):
-    """A mirror or fisheye lens as a projection from a point ξ above a unit sphere's centre.
+    """A mirror or fisheye lens as a projection from a point ξ above a unit sphere's center.
 
     Attributes:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         focal_lengths_px: (γu, γv).
         principal_point_px: (u0, v0).
         xi: ξ, not negative.

@@ -1,4 +1,4 @@
-"""Derivatives of a system's rays by their pixels, and its caustic, where neighbours meet.
+"""Derivatives of a system's rays by their pixels, and its caustic, where neighbors meet.
 
 Source: Swaminathan, Grossberg & Nayar, Caustics of catadioptric cameras (ICCV 2001): points
 o + t d whose Jacobian by pixel and t is singular, a quadratic equation in t.

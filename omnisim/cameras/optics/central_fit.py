@@ -87,11 +87,11 @@ def fit_central(
 def _note(residuals: Residuals) -> str:
     """Residuals of a fit in one line."""
     errors = ", ".join(map(str, residuals.at_distances))
-    return f"fitted to optics without one viewpoint: off by up to {errors} (99 % of the picture)"
+    return f"fitted to optics without one viewpoint: off by up to {errors} (99 % of the image)"
 
 
 def _is_mirrored(system: OpticalSystem) -> bool:
-    """True where the picture is mirrored: turning from u to v is not from right to down."""
+    """True where the image is mirrored: turning from u to v is not from right to down."""
     view = CentralView(system)
     pixels = view.seen_rays.pixels_px
     pixels = pixels[:: max(1, len(pixels) // _ORIENTATION_PIXELS)]

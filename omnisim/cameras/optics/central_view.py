@@ -38,7 +38,7 @@ class CentralView:
     Attributes:
         system: the optical system.
         distance_m: of the points that it shows right; infinite: directions alone count.
-        axes: (3, 3) orthogonal view_from_optical; a reflection, where files mirror a picture.
+        axes: (3, 3) orthogonal view_from_optical; a reflection, where files mirror an image.
 
     Raises:
         OpticsError: a distance that is not positive, or a system that sees nothing.
@@ -61,12 +61,12 @@ class CentralView:
 
     @property
     def width_px(self) -> int:
-        """Width of the picture."""
+        """Width of the image."""
         return self.system.width_px
 
     @property
     def height_px(self) -> int:
-        """Height of the picture."""
+        """Height of the image."""
         return self.system.height_px
 
     @property
@@ -82,7 +82,7 @@ class CentralView:
 
     @cached_property
     def seen_rays(self) -> SeenRays:
-        """Rays evenly over the picture, in the sensor's optical frame."""
+        """Rays evenly over the image, in the sensor's optical frame."""
         return seen_rays(self.system)
 
     @cached_property
@@ -98,7 +98,7 @@ class CentralView:
         return found
 
     def scaled(self, scale: float) -> CentralView:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
+        """The same view in an image `scale` times as large; sizes are rounded."""
         return dataclasses.replace(self, system=self.system.scaled(scale))
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
@@ -135,7 +135,7 @@ class CentralView:
         exact = "infinity" if math.isinf(self.distance_m) else f"{self.distance_m:g} m"
         return (
             f"rays meet in no point: one is assumed, right for points at {exact}; off by up to "
-            f"{errors} (99 % of the picture)"
+            f"{errors} (99 % of the image)"
         )
 
     def uniforms(self) -> Uniforms:

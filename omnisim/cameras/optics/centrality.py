@@ -15,7 +15,7 @@ from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
 
-_SAMPLES = 10_000  # rays of a picture, more or less
+_SAMPLES = 10_000  # rays of an image, more or less
 
 
 class RaySource(Protocol):
@@ -37,7 +37,7 @@ class RaySource(Protocol):
 
 
 class SeenRays(NamedTuple):
-    """Rays of a picture, in the sensor's optical frame."""
+    """Rays of an image, in the sensor's optical frame."""
 
     pixels_px: Floats  # (n, 2)
     origins_m: Floats  # (n, 3)
@@ -50,7 +50,7 @@ class Centrality:
 
     Attributes:
         viewpoint_m: (3,) point nearest to all rays, in the sensor's optical frame.
-        misses_m: (n,) distances of rays from it, evenly over the picture.
+        misses_m: (n,) distances of rays from it, evenly over the image.
         errors: of the central model that has the rays' directions and that viewpoint.
     """
 
@@ -103,7 +103,7 @@ def check_distances(distances_m: Sequence[float]) -> None:
 
 
 def seen_rays(system: RaySource) -> SeenRays:
-    """Rays of the pixels that see something, evenly over the picture.
+    """Rays of the pixels that see something, evenly over the image.
 
     Raises:
         OpticsError: no pixel sees anything.
@@ -126,7 +126,7 @@ def central_errors(
     """Errors of a central model: where it shows the points of rays, against where those are.
 
     Args:
-        rays: of the picture.
+        rays: of the image.
         viewpoint_m: (3,) of the model, in the sensor's optical frame.
         distances_m: of points from the viewpoint; may be infinite.
         pixel_from_ray: projection of directions (n, 3), sensor's optical frame, by the model.
@@ -158,7 +158,7 @@ def directions_at(
 
 
 def _pixels(system: RaySource) -> Floats:
-    """Positions (n, 2) evenly over the picture, to the middles of its outermost pixels."""
+    """Positions (n, 2) evenly over the image, to the middles of its outermost pixels."""
     step = max(1.0, np.sqrt(system.width_px * system.height_px / _SAMPLES))
     sides = [
         np.linspace(0.0, size - 1.0, int(np.ceil(size / step)))

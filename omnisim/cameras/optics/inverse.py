@@ -1,6 +1,6 @@
 """From points to pixels: Fermat's principle, by Newton's method on the optical path's length.
 
-The path from the camera over one point on each surface to the target is as long as its neighbours,
+The path from the camera over one point on each surface to the target is as long as its neighbors,
 to first order. Unknown are the points on the surfaces, two coordinates each: steps are taken in
 the tangent planes, with the surfaces' curvature in the Hessian, and end on the surfaces.
 
@@ -21,10 +21,10 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Surface
 from omnisim.cameras.optics.tracing import Fate, Paths
 
-_GRID = 64  # rays to a side of the picture from which Newton's method starts
-_FAR_TURN = 0.5  # between rays of neighbours, as a chord; more rays are traced between them
+_GRID = 64  # rays to a side of the image from which Newton's method starts
+_FAR_TURN = 0.5  # between rays of neighbors, as a chord; more rays are traced between them
 _MOST_CELLS, _PARTS = 256, 8  # of the grid that have more rays, and how many to a side
-_MARGIN = 0.02  # of the picture's side around it
+_MARGIN = 0.02  # of the image's side around it
 _STARTS = 4  # nearest rays by direction, of which the best is taken
 _ITERATIONS = 30
 _CONVERGED = 1e-13  # step, as a share of the path's length
@@ -39,7 +39,7 @@ _SAME_PX = 1e-5
 class Targets(NamedTuple):
     """Points to find."""
 
-    points: Floats  # (n, 3), system frame: positions in metres, or directions
+    points: Floats  # (n, 3), system frame: positions in meters, or directions
     weight: float  # 1: positions; 0: directions to infinity
 
     def take(self, rows: NDArray[np.int64] | slice) -> Targets:
@@ -111,7 +111,7 @@ class Inverse:
 
     def all_pixels(self, target: Targets) -> Floats:
         """All pixels (n, 2) that show one point, from each ray that is nearer to it than its
-        neighbours."""  # fmt: skip
+        neighbors."""  # fmt: skip
         all_misses = self._misses(target)[0]
         misses = np.full(self._seen.shape, np.inf)
         misses[self._seen] = all_misses[: int(self._seen.sum())]
@@ -261,7 +261,7 @@ class Inverse:
 
 
 def _grid(camera: CentralCamera) -> Floats:
-    """Pixels (rows, columns, 2) all over the picture and somewhat around it."""
+    """Pixels (rows, columns, 2) all over the image and somewhat around it."""
     sides = [
         np.linspace(-0.5 - _MARGIN * size, size - 0.5 + _MARGIN * size, _GRID)
         for size in (camera.width_px, camera.height_px)

@@ -1,4 +1,4 @@
-"""Lateral colour: pixels by which red and blue of far points are apart."""
+"""Lateral color: pixels by which red and blue of far points are apart."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from omnisim.cameras.optics.system import OpticalSystem
 def lateral_color_px(system: OpticalSystem) -> Floats:
     """Distances (n,) between the pixels of R and B that show what pixels show at infinity.
 
-    Evenly over the picture; empty for mirrors alone, which do not refract, and where not both
-    colours are seen.
+    Evenly over the image; empty for mirrors alone, which do not refract, and where not both
+    colors are seen.
 
     Raises:
         OpticsError: no pixel sees anything.

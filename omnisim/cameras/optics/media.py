@@ -70,7 +70,7 @@ def refractive_index(medium: Medium, color: str | None = None) -> float:
         color: "R", "G" or "B"; None: the index at the d line, of three that of G.
 
     Raises:
-        OpticsError: an unknown medium or colour, or an impossible index.
+        OpticsError: an unknown medium or color, or an impossible index.
     """
     if color is not None and color not in WAVELENGTHS_UM:
         raise OpticsError(f"color: expected R, G or B, got {color!r}")

@@ -1,4 +1,4 @@
-"""Distortion of an optical system's picture by a mesh of its mirror, in pixels.
+"""Distortion of an optical system's image by a mesh of its mirror, in pixels.
 
 A pixel shows by the mesh what the exact system shows some way off: the difference of the two
 directions over the derivative of the exact one by the pixel.
@@ -27,7 +27,7 @@ _STEPS = 1.0 / 1.32471795724474602596 ** np.array([1.0, 2.0])
 
 
 class SystemMeshErrors:
-    """Errors of meshes of one optical system, at samples all over its picture.
+    """Errors of meshes of one optical system, at samples all over its image.
 
     Args:
         camera: the optical system.
@@ -93,7 +93,7 @@ class SystemMeshErrors:
 
 
 def _lost_px(mesh: MeshRays) -> float:
-    """Largest distance between the mesh's outline and the rim, where the picture shows the rim."""
+    """Largest distance between the mesh's outline and the rim, where the image shows the rim."""
     inside_px, rim_px = (mesh.pixels_of(points_m) for points_m in mesh.outline_m)
     is_seen = mesh.system.paths(inside_px).fates == Fate.SEEN
     sizes = np.array((mesh.system.width_px, mesh.system.height_px))

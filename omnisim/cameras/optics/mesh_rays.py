@@ -27,7 +27,7 @@ from omnisim.cameras.optics.tracing import Fate, Paths, deflected, trace
 from omnisim.core.errors import OpticsError
 
 _STEPS = 200  # at most, from the polygon behind a pixel's exact point to the one in front of it
-_WIDER = 2.0  # the rims of later surfaces, for corners whose neighbours' rays stay within them
+_WIDER = 2.0  # the rims of later surfaces, for corners whose neighbors' rays stay within them
 _PIXELS_PER_BATCH = 1 << 15  # intermediate arrays stay in the cache
 
 
@@ -41,7 +41,7 @@ class _Corners(NamedTuple):
 class MeshRays:
     """Rays of pixels by a mesh.
 
-    Pixels see what polygons they see, so the picture ends where the mesh does; shadows, and holes
+    Pixels see what polygons they see, so the image ends where the mesh does; shadows, and holes
     and rims of other surfaces, are those of the exact rays.
 
     Args:
@@ -66,7 +66,7 @@ class MeshRays:
         self._is_whole = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
     @cached_property
-    def _neighbours(self) -> NDArray[np.int64]:
+    def _neighbors(self) -> NDArray[np.int64]:
         """Triangles (m, 3) beyond the edges opposite to each corner; −1: none."""
         corners = self._mesh.connectivity
         edges = np.stack((corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]), axis=1)
@@ -198,7 +198,7 @@ class MeshRays:
             inside = volumes.min(axis=1, initial=np.inf) >= 0.0
             weights[active[inside]] = volumes[inside]
             active, least = active[~inside], least[~inside]
-            found[active] = self._neighbours[found[active], least]
+            found[active] = self._neighbors[found[active], least]
             active = active[found[active] >= 0]
             if len(active) == 0:
                 break

@@ -57,10 +57,10 @@ class AlignmentTable(Table):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     position_m: Point | None = None
-    """Metres in the system's frame: x right, y down, z forward, from the camera where it is not
+    """Meters in the system's frame: x right, y down, z forward, from the camera where it is not
     misaligned. Left out: 0 for a camera, the pinhole in the focus for a hyperbolic mirror."""
     decenter_m: Point = (0.0, 0.0, 0.0)
-    """Metres, added to the position."""
+    """Meters, added to the position."""
     tilt_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)
     """Degrees about its own x, y and z axes, as roll, pitch and yaw."""
     pose: _Pose | None = None
@@ -97,9 +97,9 @@ class TableShape(Table):
     file: str | None = None
     """CSV file with the columns r_m and z_m, relative to this file; r_m grows from 0."""
     r_m: _Numbers | None = None
-    """Metres from the axis, from 0 on, in place of file."""
+    """Meters from the axis, from 0 on, in place of file."""
     z_m: _Numbers | None = None
-    """Metres along the axis, as many as r_m has."""
+    """Meters along the axis, as many as r_m has."""
     tip: Literal["smooth", "pointed"] = "smooth"
     """Profile on the axis: level, or with a slope as a cone has."""
 
@@ -131,25 +131,25 @@ class SphereShape(Table):
     """A sphere."""
 
     radius_m: Annotated[Number, Field(ge=-1e3, le=1e3)]
-    """Metres; more than 0: bulges towards the camera."""
+    """Meters; more than 0: bulges towards the camera."""
 
 
 class PortShape(Table):
     """A flat window: two boundaries. Its position is the middle of the side at the camera."""
 
     thickness_m: Length
-    """Metres."""
+    """Meters."""
     wall: MediumKey = "acrylic"
     """Medium of the window."""
 
 
 class DomeShape(Table):
-    """A spherical window: two concentric boundaries. Its position is its centre."""
+    """A spherical window: two concentric boundaries. Its position is its center."""
 
     radius_m: Length
-    """Radius of the outer side in metres."""
+    """Radius of the outer side in meters."""
     thickness_m: Length
-    """Metres, less than the radius."""
+    """Meters, less than the radius."""
     wall: MediumKey = "acrylic"
     """Medium of the window."""
 
@@ -203,11 +203,11 @@ class SurfaceTable(AlignmentTable):
     medium: MediumKey | None = None
     """Medium behind it, seen from the camera; left out: it is a mirror."""
     rim_radius_m: Length | None = None
-    """Radius of its rim in metres; left out: as far as its shape goes."""
+    """Radius of its rim in meters; left out: as far as its shape goes."""
     rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
-    """(x, y) of the rim's middle from its axis in metres."""
+    """(x, y) of the rim's middle from its axis in meters."""
     hole_radius_m: Annotated[Number, Field(ge=0.0, le=1e3)] = 0.0
-    """Radius of a hole about its axis in metres."""
+    """Radius of a hole about its axis in meters."""
 
     def make_surfaces(self, source: str, key: str) -> list[Surface]:
         """The surface, or both boundaries of a window.

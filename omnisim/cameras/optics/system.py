@@ -58,10 +58,10 @@ class OpticalSystem:
         color: "R", "G" or "B", whose wavelength is refracted; None: the d line.
         orientation: (3, 3) rig_from_optical in a level rig; None: up into a mirror, else the
             camera's own.
-        chromatic: pictures show R, G and B by rays of their own; all else is by those of G.
+        chromatic: images show R, G and B by rays of their own; all else is by those of G.
 
     Raises:
-        OmnisimError: no camera with one viewpoint, no surface, an unknown medium or colour, or a
+        OmnisimError: no camera with one viewpoint, no surface, an unknown medium or color, or a
             misalignment or orientation that is no pose.
     """
 
@@ -103,12 +103,12 @@ class OpticalSystem:
 
     @property
     def width_px(self) -> int:
-        """Width of the picture."""
+        """Width of the image."""
         return self.camera.width_px
 
     @property
     def height_px(self) -> int:
-        """Height of the picture."""
+        """Height of the image."""
         return self.camera.height_px
 
     @property
@@ -145,7 +145,7 @@ class OpticalSystem:
         return self.surfaces[number]
 
     def scaled(self, scale: float) -> Self:
-        """The same view in a picture `scale` times as large; sizes are rounded."""
+        """The same view in an image `scale` times as large; sizes are rounded."""
         return dataclasses.replace(self, camera=self.camera.scaled(scale))
 
     def of_color(self, color: str | None) -> Self:

@@ -88,11 +88,11 @@ class ObstacleTable(Table):
     name: str = "obstacle"
     """Name in messages."""
     begin_m: Point
-    """Middle of one end, metres in the system's frame."""
+    """Middle of one end, meters in the system's frame."""
     end_m: Point
     """Middle of the other end."""
     radius_m: Length
-    """Metres."""
+    """Meters."""
 
     @model_validator(mode="after")
     def _has_length(self) -> ObstacleTable:
@@ -110,7 +110,7 @@ class OpticsFile(Table):
     """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
     left out: up into a mirror, else as the camera itself."""
     origin_m: Point = (0.0, 0.0, 0.0)
-    """Origin of the sensor's frame, metres in the system's; by default the camera's pinhole."""
+    """Origin of the sensor's frame, meters in the system's; by default the camera's pinhole."""
     color: Literal["R", "G", "B"] | None = None
     """Primary whose wavelength is refracted; left out: helium's d line."""
     chromatic: Annotated[bool, Field(strict=True)] = False

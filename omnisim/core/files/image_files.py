@@ -27,7 +27,7 @@ from omnisim.core.version import __version__
 EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FLOAT_SUFFIXES = (".exr",)
 METADATA_KEY = "ImageDescription"
-# On a mirror's picture JPEG artefacts at edges would be mistaken for the camera's: keep them low.
+# On a mirror's image JPEG artifacts at edges would be mistaken for the camera's: keep them low.
 JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
 _PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -53,9 +53,7 @@ def is_float_format(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix not in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
         known = " ".join(EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES)
-        raise OutputError(
-            f"{path}: unknown picture format: expected one of {known}, got {suffix!r}"
-        )
+        raise OutputError(f"{path}: unknown image format: expected one of {known}, got {suffix!r}")
     return suffix in FLOAT_SUFFIXES
 
 
@@ -65,9 +63,9 @@ def write_image(
     metadata: Metadata | None = None,
     jpeg_quality: int = JPEG_QUALITY,
 ) -> None:
-    """Write a picture (height, width, 3 or 4): uint8 sRGB, or float32 linear for EXR.
+    """Write an image (height, width, 3 or 4): uint8 sRGB, or float32 linear for EXR.
 
-    A fourth channel is alpha; JPEG, which has none, leaves it out. Equal pictures make equal bytes.
+    A fourth channel is alpha; JPEG, which has none, leaves it out. Equal images make equal bytes.
 
     Raises:
         OutputError: an unknown format, pixels that do not suit it, or a file that cannot be
@@ -112,7 +110,7 @@ def image_bytes(
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """A picture (height, width, 3 or 4) uint8 sRGB as the bytes of a PNG file.
+    """An image (height, width, 3 or 4) uint8 sRGB as the bytes of a PNG file.
 
     Raises:
         OutputError: pixels of another kind.
@@ -123,13 +121,13 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
         "oiio:ColorSpace": "srgb_rec709_scene",
         "png:compressionLevel": _PNG_LEVEL,
     }
-    return _encode(Path("picture.png"), pixels, attributes)
+    return _encode(Path("image.png"), pixels, attributes)
 
 
 def write_numbers(
     path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: Metadata | None = None
 ) -> None:
-    """Write whole numbers, not colours, (height, width) or (height, width, n) as a PNG file.
+    """Write whole numbers, not colors, (height, width) or (height, width, n) as a PNG file.
 
     Args:
         path: with the suffix .png.
@@ -168,7 +166,7 @@ def write_channels(
     metadata: Metadata | None = None,
     attributes: Attributes | None = None,
 ) -> None:
-    """Write data, not a picture, as 32-bit floats of an EXR file, losslessly compressed.
+    """Write data, not an image, as 32-bit floats of an EXR file, losslessly compressed.
 
     Args:
         path: with the suffix .exr.
@@ -220,12 +218,12 @@ def read_channels(path: Path) -> ExrData:
 
 
 def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
-    """Return a picture's pixels (height, width, channels), as stored, and omnisim's metadata.
+    """Return an image's pixels (height, width, channels), as stored, and omnisim's metadata.
 
-    The metadata is None where the picture has none of ours.
+    The metadata is None where the image has none of ours.
 
     Raises:
-        OutputError: the file is missing or not a picture.
+        OutputError: the file is missing or not an image.
     """
     spec, pixels = _read(path)
     with _utf8_header(path):
@@ -233,17 +231,17 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
 
 
 def read_radiance(path: Path) -> NDArray[np.float32]:
-    """Read the linear RGB (height, width, 3) of a float picture, such as .hdr and .exr.
+    """Read the linear RGB (height, width, 3) of a float image, such as .hdr and .exr.
 
     Raises:
-        OutputError: the file is missing, not a picture, or has less than three channels.
+        OutputError: the file is missing, not an image, or has less than three channels.
     """
     spec, pixels = _read(path, oiio.FLOAT)
     with _utf8_header(path):
         names = [name.upper() for name in spec.channelnames]
     places = [names.index(name) for name in "RGB"] if set("RGB") <= set(names) else [0, 1, 2]
     if pixels.ndim != 3 or pixels.shape[2] < 3:
-        raise OutputError(f"{path}: expected a picture of red, green and blue")
+        raise OutputError(f"{path}: expected an image of red, green and blue")
     return np.ascontiguousarray(pixels[..., places])
 
 
@@ -265,10 +263,10 @@ def write_radiance(path: Path, pixels: NDArray[np.float16]) -> None:
 
 
 def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
-    """Encode a picture (height, width, 3) sRGB as JPEG, and decode it again.
+    """Encode an image (height, width, 3) sRGB as JPEG, and decode it again.
 
     Args:
-        pixels: the picture.
+        pixels: the image.
         quality: 1 to 100, as libjpeg counts.
         subsampling: "4:4:4", "4:2:2" or "4:2:0".
 
@@ -338,7 +336,7 @@ def _encode(
 @contextmanager
 def _memory_file() -> Iterator[tuple[int, Path]]:
     """A file in memory: its descriptor, and a path for libraries that want one."""
-    memory = os.memfd_create("omnisim picture")
+    memory = os.memfd_create("omnisim image")
     try:
         yield memory, Path(f"/proc/self/fd/{memory}")
     finally:
@@ -349,7 +347,7 @@ def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec
     """Read a file's header and pixels (height, width, channels), as stored or as `kind`.
 
     Raises:
-        OutputError: the file is missing or not a picture.
+        OutputError: the file is missing or not an image.
     """
     note_file(path)
     _check_png(path)

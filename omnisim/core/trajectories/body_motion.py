@@ -1,6 +1,6 @@
 """Motion of a body: where it is at any time, and how fast it moves and turns there.
 
-All that a robot carries asks one motion: pictures, their shutters, lidars, IMUs, odometry and
+All that a robot carries asks one motion: images, their shutters, lidars, IMUs, odometry and
 ground truth. Where a plan made the drive it is the plan (`omnisim.robots.planned_motion`); else a
 spline through poses (`spline_motion`).
 """

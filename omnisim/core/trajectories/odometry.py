@@ -27,10 +27,10 @@ class OdometryErrors:
     paper's robots.
 
     Attributes:
-        distance_scale: distance reported for a metre driven (wheels worn smaller: above 1).
+        distance_scale: distance reported for a meter driven (wheels worn smaller: above 1).
         turn_scale: turn reported for a radian turned. Wheels that skid sideways turn more than the
             robot does: above 1 on skid steering, by what its calibration has left.
-        drift_radpm: turn reported for each metre driven straight (wheels of unequal size).
+        drift_radpm: turn reported for each meter driven straight (wheels of unequal size).
         distance_noise_m_per_sqrt_m: sigma of the distance after 1 m.
         turn_noise_rad_per_sqrt_m: sigma of the heading after 1 m.
         turn_noise_rad_per_sqrt_rad: sigma of the heading after a turn of 1 rad.
@@ -73,7 +73,7 @@ class Odometry:
         times_s: (n,) of the readings.
         distances_m: (n − 1,) along the arc from each reading to the next, negative backwards.
         turns_rad: (n − 1,) turns along with them; a whole turn and more are possible.
-        start: x and y in metres and yaw in radians at the first reading.
+        start: x and y in meters and yaw in radians at the first reading.
 
     Raises:
         TrajectoryError: shapes that do not match, or values that are not finite.
@@ -107,7 +107,7 @@ class Odometry:
 
     @property
     def planar_poses(self) -> NDArray[np.float64]:
-        """x, y in metres and yaw in radians (n, 3) by dead reckoning; yaw is not wrapped."""
+        """x, y in meters and yaw in radians (n, 3) by dead reckoning; yaw is not wrapped."""
         x, y, yaw = self.start
         yaws = yaw + np.concatenate(((0.0,), np.cumsum(self.turns_rad)))
         along = yaws[:-1] + 0.5 * self.turns_rad
@@ -199,5 +199,5 @@ def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64
 
 
 def _chord_per_arc(turns_rad: ArrayLike) -> NDArray[np.float64]:
-    """Straight distance for each metre along arcs of given turns: sin(turn / 2) / (turn / 2)."""
+    """Straight distance for each meter along arcs of given turns: sin(turn / 2) / (turn / 2)."""
     return np.sinc(np.asarray(turns_rad) / (2.0 * math.pi))

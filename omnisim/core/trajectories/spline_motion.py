@@ -23,7 +23,7 @@ from omnisim.core.poses import pose_from_rotation
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
 from omnisim.core.trajectories.trajectory import Trajectory
 
-REST = 1e-8  # metres and radians in a step: files print nine digits
+REST = 1e-8  # meters and radians in a step: files print nine digits
 SMALL_RAD = 1e-4  # below, series of angles are exact to rounding
 
 

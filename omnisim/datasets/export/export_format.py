@@ -27,7 +27,7 @@ class ExportSettings:
 
     Attributes:
         start_ns: stamp of the time 0 s, nanoseconds since 1970.
-        compressed: pictures as PNG files in place of their pixels, where a format has both.
+        compressed: images as PNG files in place of their pixels, where a format has both.
         with_points: also points of each camera's ranges, where a format has point clouds.
     """
 
@@ -56,7 +56,7 @@ class ExportFormat(ABC):
 
     Attributes:
         name: on the command line.
-        one_camera: it holds the pictures of one camera.
+        one_camera: it holds the images of one camera.
         sensors: classes of the sensors that it holds beside cameras.
         lone_sensors: classes of those that it holds where the run has no camera.
         holds_motion: it holds more of the motion than poses of sensors.

@@ -38,23 +38,23 @@ FORMATS = {
     "kitti360": FormatEntry(
         "KITTI-360: fisheyes, pinholes, lidar, poses", "formats.kitti360", "Kitti360"
     ),
-    "tum": FormatEntry("TUM RGB-D: pictures, depths of a pinhole, poses", "formats.tum", "Tum"),
+    "tum": FormatEntry("TUM RGB-D: images, depths of a pinhole, poses", "formats.tum", "Tum"),
     "euroc": FormatEntry(
         "EuRoC MAV and TUM VI: cameras, IMU, true states", "formats.euroc", "Euroc"
     ),
     "nerfstudio": FormatEntry(
-        "nerfstudio: transforms.json, pictures, points", "formats.nerfstudio", "Nerfstudio"
+        "nerfstudio: transforms.json, images, points", "formats.nerfstudio", "Nerfstudio"
     ),
     "colmap": FormatEntry(
-        "COLMAP: reconstruction as text, pictures, points", "formats.colmap", "Colmap"
+        "COLMAP: reconstruction as text, images, points", "formats.colmap", "Colmap"
     ),
     "colmap-binary": FormatEntry(
-        "COLMAP: reconstruction in binary files, pictures, points",
+        "COLMAP: reconstruction in binary files, images, points",
         "formats.colmap",
         "ColmapBinary",
     ),
     "tartanair": FormatEntry(
-        "TartanAir V2: pictures, depths, classes, poses", "formats.tartanair", "Tartanair"
+        "TartanAir V2: images, depths, classes, poses", "formats.tartanair", "Tartanair"
     ),
 }
 

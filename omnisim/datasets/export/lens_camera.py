@@ -1,6 +1,6 @@
 """Cameras of a run as lenses, which is what the formats of other tools know.
 
-A mirror's picture is a mirror image: no lens has it. Flipped left to right it is a lens's, whose
+A mirror's image is a mirror image: no lens has it. Flipped left to right it is a lens's, whose
 frame is turned by half a turn. Ranges are flipped along; rays and points stay what they are.
 """
 
@@ -57,7 +57,7 @@ class LensCamera:
 
         Args:
             recorded: the camera.
-            print_note: called where its pictures are flipped.
+            print_note: called where its images are flipped.
 
         Raises:
             RunError: it has no single viewpoint.
@@ -65,7 +65,7 @@ class LensCamera:
         camera = cls(recorded, recorded.central)
         if camera.is_flipped:
             print_note(
-                f"{recorded.name}: looks into a mirror: its pictures are flipped left to right, as "
+                f"{recorded.name}: looks into a mirror: its images are flipped left to right, as "
                 "a lens has them"
             )
         return camera
@@ -77,7 +77,7 @@ class LensCamera:
 
     @property
     def is_flipped(self) -> bool:
-        """True for a mirror's pictures."""
+        """True for a mirror's images."""
         return is_catadioptric(self.model)
 
     @property
@@ -91,7 +91,7 @@ class LensCamera:
         """The lens, without the rim of a mirror.
 
         Raises:
-            CalibrationError: its model has no flipped pictures.
+            CalibrationError: its model has no flipped images.
         """
         lens = lens_of(self.model)
         if not self.is_flipped or lens is None:
@@ -130,25 +130,25 @@ class LensCamera:
         return flipped_lens(encoded.lens, place) if self.is_flipped else encoded.lens
 
     def flip(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Array (height, width, …) of the picture, flipped where the picture is."""
+        """Array (height, width, …) of the image, flipped where the image is."""
         return np.ascontiguousarray(values[:, ::-1]) if self.is_flipped else values
 
-    def copy_picture(self, step: int, target: Path) -> None:
-        """Write the picture of a step as a PNG file.
+    def copy_image(self, step: int, target: Path) -> None:
+        """Write the image of a step as a PNG file.
 
         Raises:
             OutputError: a file cannot be read or written.
         """
-        picture = self.recorded.picture(step)  # a damaged one is not worth a copy
-        source = self.recorded.picture_file(step)
+        image = self.recorded.image(step)  # a damaged one is not worth a copy
+        source = self.recorded.image_file(step)
         if self.is_flipped or source.suffix != target.suffix:
-            write_image(target, self.flip(picture))
+            write_image(target, self.flip(image))
         else:
             shutil.copyfile(source, target)
 
     @property
     def is_pinhole(self) -> bool:
-        """True for a lens whose picture is a plane's, distorted or not."""
+        """True for a lens whose image is a plane's, distorted or not."""
         lens = self.lens
         return isinstance(lens, PerspectiveCamera) or (
             isinstance(lens, UnifiedCamera) and lens.xi == 0.0
@@ -156,7 +156,7 @@ class LensCamera:
 
     @property
     def is_panorama(self) -> bool:
-        """True for a picture of all directions."""
+        """True for an image of all directions."""
         return isinstance(self.model, EquirectangularCamera)
 
     def depths_m(self, step: int) -> NDArray[np.float32]:
@@ -199,7 +199,7 @@ class LensCamera:
 
 
 def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
-    """Lens whose picture is another's, flipped left to right.
+    """Lens whose image is another's, flipped left to right.
 
     Args:
         lens: the other.
@@ -209,7 +209,7 @@ def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
         CalibrationError: its model has none.
     """
     if not isinstance(lens, ParametricCamera):
-        raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped pictures")
+        raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped images")
     size = lens.width_px, lens.height_px
     changes: dict[str, Any] = {}
     if any(field.name == "principal_point_px" for field in dataclasses.fields(lens)):
@@ -226,5 +226,5 @@ def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
     seen = own.valid & mirrored.valid
     same = np.abs(own.directions[seen] * (-1.0, 1.0, 1.0) - mirrored.directions[seen])
     if not np.array_equal(own.valid, mirrored.valid) or same.max(initial=0.0) > 1e-9:
-        raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped pictures")
+        raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped images")
     return flipped

@@ -1,4 +1,4 @@
-"""Coloured points as a PLY file."""
+"""Colored points as a PLY file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _FIELDS = {"x": "float", "y": "float", "z": "float", "red": "uchar", "green": "u
 
 
 def write_ply(path: Path, points: ScenePoints) -> None:
-    """Write positions in metres and sRGB colours, binary.
+    """Write positions in meters and sRGB colors, binary.
 
     Raises:
         OutputError: the file cannot be written.

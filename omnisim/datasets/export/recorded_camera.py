@@ -1,4 +1,4 @@
-"""Cameras of a recorded run: pictures and ground truth by step."""
+"""Cameras of a recorded run: images and ground truth by step."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from omnisim.runs.run_folder import RunFolder
 from omnisim.sensors.calibration_file import CALIBRATION, read_mount
 from omnisim.sensors.depth_camera.mounted_depth_camera import STEPS_PER_M
 
-PICTURE = ".png"
+IMAGE = ".png"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,19 +73,19 @@ class RecordedCamera:
             )
         return self.mount.camera
 
-    def picture_file(self, step: int) -> Path:
-        """File of the picture of a step."""
+    def image_file(self, step: int) -> Path:
+        """File of the image of a step."""
         index = step if self.indices is None else int(self.indices[step])
-        return self.run.file(self.name, index, PICTURE)
+        return self.run.file(self.name, index, IMAGE)
 
-    def picture(self, step: int) -> NDArray[np.uint8]:
-        """Picture (height, width, 3) of a step, sRGB.
+    def image(self, step: int) -> NDArray[np.uint8]:
+        """Image (height, width, 3) of a step, sRGB.
 
         Raises:
             OutputError: the file is missing or damaged.
             RunError: it is not one of this camera.
         """
-        path = self.picture_file(step)
+        path = self.image_file(step)
         pixels, _ = read_image(path)
         width, height = self.size_px
         if pixels.shape[:2] != (height, width) or pixels.shape[2] < 3 or pixels.dtype != np.uint8:
@@ -102,7 +102,7 @@ class RecordedCamera:
             OutputError: the file is missing or damaged.
             RunError: it is not one of this camera.
         """
-        path = self.picture_file(step)
+        path = self.image_file(step)
         depths = read_image(path)[0][..., 0]
         width, height = self.size_px
         if depths.shape != (height, width) or depths.dtype != np.uint16:
@@ -118,9 +118,9 @@ class RecordedCamera:
         """Channel of ground truth of a step.
 
         Raises:
-            OutputError: a file is missing or damaged, or of another picture's size.
+            OutputError: a file is missing or damaged, or of another image's size.
         """
-        path = self.picture_file(step)
+        path = self.image_file(step)
         values: NDArray[Any] = StoredChannels(path, {}).read([name])[name]
         width, height = self.size_px
         if values.shape[:2] != (height, width):
@@ -133,7 +133,7 @@ class RecordedCamera:
         Raises:
             OutputError: a damaged table.
         """
-        return StoredChannels(self.picture_file(step), {}).labels
+        return StoredChannels(self.image_file(step), {}).labels
 
     @cached_property
     def _rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.bool_]]:

@@ -223,7 +223,7 @@ class Recording:
         return read_cloud(self.run.file(name, index, f".{table['file_format']}"))
 
     def depth_camera(self, name: str) -> RecordedCamera:
-        """Depth camera, whose pictures are depths.
+        """Depth camera, whose images are depths.
 
         Raises:
             RunError: its calibration cannot be read.

@@ -1,6 +1,6 @@
-"""Points of the scene from the ranges of a run's pictures, with the pictures that see each.
+"""Points of the scene from the ranges of a run's images, with the images that see each.
 
-Every k-th pixel of every picture gives a point. Another picture sees it where its own range agrees
+Every k-th pixel of every image gives a point. Another image sees it where its own range agrees
 to 1 %: at most that much the range of the nearest pixel differs on a surface that is not grazed,
 and past the edge of what hides the point it differs by more.
 """
@@ -24,11 +24,11 @@ AGREEMENT = 0.01  # of the range
 
 
 class Observations(NamedTuple):
-    """Points that a picture sees.
+    """Points that an image sees.
 
     Attributes:
         points: (n,) their numbers, rising.
-        pixels: (n, 2) in the exported picture, from the centre of the first.
+        pixels: (n, 2) in the exported image, from the center of the first.
     """
 
     points: NDArray[np.intp]
@@ -54,7 +54,7 @@ class ScenePoints:
 def sample_points(
     recording: Recording, cameras: list[LensCamera], most: int = MAX_POINTS
 ) -> ScenePoints:
-    """Points of pictures' pixels at even distances; none without ranges.
+    """Points of images' pixels at even distances; none without ranges.
 
     Args:
         recording: the run.
@@ -80,14 +80,14 @@ def sample_points(
             base_from_optical = camera.recorded.mount.base_from_optical
             pose = recording.truth.world_from_base[step] @ base_from_optical
             positions.append(points_m @ pose[:3, :3].T + pose[:3, 3])
-            colors.append(camera.recorded.picture(step)[hit])
+            colors.append(camera.recorded.image(step)[hit])
     return ScenePoints(np.concatenate(positions), np.concatenate(colors))
 
 
 def observations(
     recording: Recording, cameras: list[LensCamera], points: ScenePoints, front_only: bool
 ) -> Iterator[Observations]:
-    """Points that each picture sees, step by step and camera by camera.
+    """Points that each image sees, step by step and camera by camera.
 
     Args:
         recording: the run.

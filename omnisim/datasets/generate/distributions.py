@@ -1,4 +1,4 @@
-"""Distributions of a plan's numbers, drawn from streams that depend on seed and picture alone.
+"""Distributions of a plan's numbers, drawn from streams that depend on seed and image alone.
 
 | in the file | drawn |
 | --- | --- |
@@ -102,7 +102,7 @@ class Even:
 
 
 class Stream:
-    """Random numbers that are a function of some whole numbers: seed, picture, attempt, purpose.
+    """Random numbers that are a function of some whole numbers: seed, image, attempt, purpose.
 
     Args:
         seed: of the plan.

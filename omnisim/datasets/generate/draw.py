@@ -1,4 +1,4 @@
-"""Draws of samples: scene, rig, place, colours and objects as functions of seed and number."""
+"""Draws of samples: scene, rig, place, colors and objects as functions of seed and number."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def draw_which(plan: Plan, number: int) -> Which:
     stream = Stream(plan.seed, number, 0, _WHICH)
     scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
     rig = stream.choose(range(len(plan.cameras)), [one.weight for one in plan.cameras])
-    setup = number // plan.vary.pictures_per_setup
+    setup = number // plan.vary.images_per_setup
     varies = plan.cameras[rig].varies
     return Which(scene, rig, setup if plan.vary.lights else 0, setup if varies else 0)
 

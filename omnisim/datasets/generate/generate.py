@@ -130,7 +130,7 @@ class Generation:
             return None
         manifest = Manifest(
             self.prepared.plan.title or self.job.plan.stem,
-            self.prepared.plan.licence,
+            self.prepared.plan.license,
             self.prepared.fingerprint,
             self.prepared.plan.channels,
             summaries,
@@ -196,7 +196,7 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
         prepared = PreparedPlan.read(path, folder)
         prepared.check()
         read_s = time.perf_counter() - begin_s
-        samples = min(PROBED_SAMPLES, prepared.plan.pictures_per_shard)
+        samples = min(PROBED_SAMPLES, prepared.plan.images_per_shard)
         job = Job(path, folder, device, samples)
         times_s: dict[int, list[float]] = {number: [] for number in range(workers)}
         if workers > 1:
@@ -217,4 +217,4 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
     count = samples * workers
     if not rate:
         rate = 1.0 / max(start_s - read_s, 1e-3)
-    return Estimate(prepared.plan.pictures, sizes / count, rate, start_s)
+    return Estimate(prepared.plan.images, sizes / count, rate, start_s)

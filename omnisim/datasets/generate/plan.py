@@ -12,7 +12,7 @@ from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.core.files.parameters import Fraction, NotNegative, Positive, Table
 from omnisim.core.files.toml_file import read_toml
 from omnisim.datasets.generate.distributions import LARGEST_SEED, Distributed, Distribution
-from omnisim.datasets.generate.plan_vary import MAX_PICTURES, Name, VaryTable, fixed
+from omnisim.datasets.generate.plan_vary import MAX_IMAGES, Name, VaryTable, fixed
 from omnisim.ground_truth import check_channels
 from omnisim.ground_truth.coco import BoxLimits
 
@@ -24,7 +24,7 @@ MAX_SHARDS = 1_000_000  # of a data set
 def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
     needs_others = [name for name in names if "flow" in name or "occluded" in name]
     if needs_others:
-        raise ValueError(f"{needs_others[0]}: expected channels of single pictures")
+        raise ValueError(f"{needs_others[0]}: expected channels of single images")
     try:
         return check_channels(names)
     except OmnisimError as reason:
@@ -32,18 +32,18 @@ def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class PlanSceneTable(Table):
-    """Scene that pictures are taken in."""
+    """Scene that images are taken in."""
 
     file: Name
     """Scene file, relative to the plan; or the name of a built-in scene."""
     name: Name | None = None
     """Name in the data set; left out: that of its file."""
     weight: Weight = 1.0
-    """Share of the pictures, relative to the other scenes'."""
+    """Share of the images, relative to the other scenes'."""
     up_axis: Literal["x", "y", "z"] | None = None
     """Axis of the file that points up; left out: as its format has it."""
     meters_per_unit: Positive | None = None
-    """Metres in a unit of the file; left out: as its format has it."""
+    """Meters in a unit of the file; left out: as its format has it."""
     labels: Name | None = None
     """Label file, relative to the plan, instead of the scene's own labels."""
     floor_m: Annotated[float, Field(strict=True, ge=-1e6, le=1e6)] | None = None
@@ -56,7 +56,7 @@ class PlanSceneTable(Table):
 
 
 class PlanCameraTable(Table):
-    """Camera, or rig, that takes pictures; without sensor, calibration and optics the paper's."""
+    """Camera, or rig, that takes images; without sensor, calibration and optics the paper's."""
 
     name: Name | None = None
     """Name in the data set, distinct; left out: that of its file."""
@@ -72,7 +72,7 @@ class PlanCameraTable(Table):
     optics: Name | None = None
     """Optics file, relative to the plan."""
     size_px: Annotated[int, Field(strict=True, ge=1, le=16384)] | None = None
-    """Shorter side of the picture; left out: as in the file."""
+    """Shorter side of the image; left out: as in the file."""
     quality: Literal["fast", "default", "fine"] | None = None
     """Quality of the capture."""
     preset: Name | None = None
@@ -83,11 +83,11 @@ class PlanCameraTable(Table):
     degradation: dict[Name, dict[Name, Distributed]] = Field(default_factory=dict)
     """Parameters of degradations that are drawn, as in the sensor file's [degradation]."""
     mount_shift_m: Distributed = fixed(0.0)
-    """Shift of each camera on its rig along each axis, metres: extrinsics that are not exact."""
+    """Shift of each camera on its rig along each axis, meters: extrinsics that are not exact."""
     mount_turn_deg: Distributed = fixed(0.0)
     """Turn of each camera on its rig about each axis, degrees."""
     weight: Weight = 1.0
-    """Share of the pictures, relative to the other cameras'."""
+    """Share of the images, relative to the other cameras'."""
 
     @model_validator(mode="after")
     def _one_file(self) -> PlanCameraTable:
@@ -120,7 +120,7 @@ class StandTable(Table):
     """`free`: on the free floor; `path`: along paths of the scene; `around`: around objects;
     `poses`: those of a file."""
     height_m: Distributed = fixed(1.0)
-    """Height of the viewpoint above the floor, metres."""
+    """Height of the viewpoint above the floor, meters."""
     radius_m: Positive = 0.25
     """Radius around the viewpoint, down to the floor, that is clear of surfaces."""
     step_m: NotNegative = 0.1
@@ -130,11 +130,11 @@ class StandTable(Table):
     paths: tuple[Name, ...] = ()
     """Names of the scene's paths; none: all of them."""
     beside_m: Distributed = fixed(0.0)
-    """Distance to the left of a path, metres."""
+    """Distance to the left of a path, meters."""
     nodes: tuple[Name, ...] = ()
     """Names of the objects to stand around; `*` and `?` stand for any letters."""
     distance_m: Distributed = Distribution("uniform", (1.0, 3.0))
-    """Distance from the object's middle on the floor plan, metres."""
+    """Distance from the object's middle on the floor plan, meters."""
     file: Name | None = None
     """File of poses, relative to the plan: TUM, KITTI, EuRoC or CSV; of the viewpoint on a level
     vehicle, x forward."""
@@ -160,16 +160,16 @@ class PlacedTable(Table):
     up_axis: Literal["x", "y", "z"] | None = None
     """Axis of the file that points up; left out: as its format has it."""
     meters_per_unit: Positive | None = None
-    """Metres in a unit of the file; left out: as its format has it."""
+    """Meters in a unit of the file; left out: as its format has it."""
     count: tuple[
         Annotated[int, Field(strict=True, ge=0, le=100)],
         Annotated[int, Field(strict=True, ge=0, le=100)],
     ] = (1, 1)
-    """Least and most of them in a picture."""
+    """Least and most of them in an image."""
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
     """Heading, degrees."""
     distance_m: Distributed = Distribution("uniform", (0.5, 5.0))
-    """Distance from the viewpoint on the floor plan, metres."""
+    """Distance from the viewpoint on the floor plan, meters."""
 
     @model_validator(mode="after")
     def _ordered(self) -> PlacedTable:
@@ -184,7 +184,7 @@ class PlacedTable(Table):
 
 
 class RejectTable(Table):
-    """Pictures that are drawn again."""
+    """Images that are drawn again."""
 
     least_hits: Fraction = 0.1
     """Least share of the pixels with a ray that hit something."""
@@ -197,12 +197,12 @@ class RejectTable(Table):
 
     @property
     def is_needed(self) -> bool:
-        """True where a picture can be rejected."""
+        """True where an image can be rejected."""
         return self.least_hits > 0.0 or (self.near_m > 0.0 and self.most_near < 1.0)
 
 
 class Plan(Table):
-    """Data set: what is in its pictures, and how they are stored."""
+    """Data set: what is in its images, and how they are stored."""
 
     synonyms: ClassVar[Mapping[str, str]] = {"scene": "scenes", "camera": "cameras"}
 
@@ -213,27 +213,27 @@ class Plan(Table):
     objects: tuple[PlacedTable, ...] = ()
     reject: RejectTable = RejectTable()
     channels: Annotated[tuple[Name, ...], AfterValidator(_channels)] = ()
-    """Channels of ground truth beside the pictures."""
+    """Channels of ground truth beside the images."""
     min_area_px: Annotated[int, Field(strict=True, ge=1)] = 1
     """Visible pixels of an object from which on it is annotated; with the channel instance."""
     min_visible: Fraction | None = None
     """Share of the pixels that an object would cover alone, from which on it is annotated; with the
     channel instance and the extra `rays`. Annotations then have their `visible_share`, also with 0;
     left out: shares are not found."""
-    pictures_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 100
+    images_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGES)] = 100
     """Samples of a shard."""
     shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1
     """Number of shards."""
     seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] = 0
-    """Seed of all that is drawn: another seed, other pictures."""
-    picture_format: Literal["png", "jpg"] = "png"
-    """File format of the pictures."""
+    """Seed of all that is drawn: another seed, other images."""
+    image_format: Literal["png", "jpg"] = "png"
+    """File format of the images."""
     channel_format: Literal["auto", "npy"] = "auto"
     """`npy`: arrays as they are, quick to load; `auto`: a common file format for each."""
     title: Name | None = None
     """Name of the data set; left out: the plan's."""
-    licence: Name | None = None
-    """Licence of the data set, for its card."""
+    license: Name | None = None
+    """License of the data set, for its card."""
 
     @model_validator(mode="after")
     def _distinct(self) -> Plan:
@@ -264,9 +264,9 @@ class Plan(Table):
         return BoxLimits(self.min_area_px, self.min_visible)
 
     @property
-    def pictures(self) -> int:
+    def images(self) -> int:
         """Samples of all shards."""
-        return self.shards * self.pictures_per_shard
+        return self.shards * self.images_per_shard
 
     @property
     def sky_files(self) -> tuple[str, ...]:
@@ -274,8 +274,8 @@ class Plan(Table):
         return () if self.vary.sky is None else self.vary.sky.files
 
     def content(self) -> dict[str, Any]:
-        """Keys and values that pictures depend on, as JSON can hold them, without defaults."""
-        left_out = ("shards", "title", "licence")
+        """Keys and values that images depend on, as JSON can hold them, without defaults."""
+        left_out = ("shards", "title", "license")
         found: dict[str, Any] = _plain(self)
         return {key: value for key, value in found.items() if key not in left_out}
 

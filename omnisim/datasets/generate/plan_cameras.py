@@ -49,7 +49,7 @@ class RigFile:
     Args:
         table: of the plan.
         plan: path of its file.
-        is_exposed: the exposure varies from picture to picture.
+        is_exposed: the exposure varies from image to image.
 
     Attributes:
         sources: files that it was read from.
@@ -139,7 +139,7 @@ class RigFile:
         return parse_degradation(tables, self._place("").removesuffix(": "), self._plan.parent)
 
     def _exposed(self, camera: OmniCamera) -> OmniCamera:
-        """Camera whose exposure can be set for each picture."""
+        """Camera whose exposure can be set for each image."""
         degradation = camera.degradation
         if degradation.is_metered:
             raise PlanError(

@@ -125,7 +125,7 @@ def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
 
 
 def _of_temperature(lamp: Light, kelvin: float) -> Light:
-    """Lamp of a black body's colour, as bright as it was."""
+    """Lamp of a black body's color, as bright as it was."""
     level = float(_LUMINANCE @ lamp.color)
     red, green, blue = (level * one for one in black_body_rgb(kelvin))
     return dataclasses.replace(lamp, color=(red, green, blue))

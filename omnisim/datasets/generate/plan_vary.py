@@ -1,4 +1,4 @@
-"""Tables of a plan for what varies: attitude, time, light, sky and colours."""
+"""Tables of a plan for what varies: attitude, time, light, sky and colors."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from omnisim.core.files.parameters import LARGEST, Fraction, Table
 from omnisim.datasets.generate.distributions import Distributed, Distribution, within
 
 Name = Annotated[str, Field(min_length=1, strict=True)]
-MAX_PICTURES = 100_000  # of a shard, or a setup
-COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colours are known
+MAX_IMAGES = 100_000  # of a shard, or a setup
+COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colors are known
 
 
 def fixed(value: float) -> Distribution:
@@ -20,18 +20,18 @@ def fixed(value: float) -> Distribution:
 
 
 class RecolorTable(Table):
-    """Instances of a colour of their own in each picture."""
+    """Instances of a color of their own in each image."""
 
     nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
     """Names of the instances; `*` and `?` stand for any letters."""
     hue_deg: Distributed = Distribution("uniform", (0.0, 360.0))
-    """Hue of the colour, degrees."""
+    """Hue of the color, degrees."""
     saturation: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.0, 0.9))
     """Saturation, 0 to 1."""
     value: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.2, 0.95))
     """Value, 0 to 1."""
     share: Fraction = 1.0
-    """Share of the pictures that have it."""
+    """Share of the images that have it."""
 
 
 class VaryLightTable(Table):
@@ -40,7 +40,7 @@ class VaryLightTable(Table):
     lamp_factor: Distributed = fixed(1.0)
     """Factor of each lamp's intensity, at least 0: another for each lamp."""
     lamp_temperature_k: Distributed | None = None
-    """Colour temperature of each lamp, kelvin; left out: the lamps' own colours."""
+    """Color temperature of each lamp, kelvin; left out: the lamps' own colors."""
     ambient_factor: Distributed = fixed(1.0)
     """Factor of the light from everywhere, at least 0."""
 
@@ -100,7 +100,7 @@ class VarySkyTable(Table):
 
 
 class VaryTable(Table):
-    """Attitude, time, light and colours of the pictures."""
+    """Attitude, time, light and colors of the images."""
 
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
     """Heading, degrees from the world's x; along paths and poses it counts from theirs, and is 0
@@ -110,18 +110,18 @@ class VaryTable(Table):
     roll_deg: Distributed = fixed(0.0)
     """Roll of the vehicle, degrees: the left side up."""
     shift_m: Distributed = fixed(0.0)
-    """Shift of the camera on its vehicle along each axis, metres: a mount that is not exact."""
+    """Shift of the camera on its vehicle along each axis, meters: a mount that is not exact."""
     time_s: Distributed = fixed(0.0)
     """Time of the world, for scenes with objects that move."""
     exposure_ev: Distributed = fixed(0.0)
-    """Exposure of each picture in stops, on top of the camera's: 1 is twice the light."""
-    pictures_per_setup: Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURES)] = 25
+    """Exposure of each image in stops, on top of the camera's: 1 is twice the light."""
+    images_per_setup: Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGES)] = 25
     """Successive samples that share a setup: light, sky, and cameras whose parameters vary; to
-    open another takes as long as some pictures."""
+    open another takes as long as some images."""
     light: VaryLightTable | None = None
     sky: VarySkyTable | None = None
     recolor: tuple[RecolorTable, ...] = ()
-    """Colours of instances."""
+    """Colors of instances."""
 
     @property
     def lights(self) -> bool:

@@ -196,7 +196,7 @@ class PreparedPlan:
         scene = self.scene(number)
         names = self.instances(number, self.plan.stand.nodes, "stand.nodes")
         boxes = [scene.instance_boxes[name] for name in names if name in scene.instance_boxes]
-        return tuple(np.asarray(box.centre_m, dtype=np.float64) for box in boxes)
+        return tuple(np.asarray(box.center_m, dtype=np.float64) for box in boxes)
 
     def instances(self, number: int, patterns: Sequence[str], key: str) -> tuple[str, ...]:
         """Names of a scene's instances that match patterns.
@@ -271,7 +271,7 @@ class PreparedPlan:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hexadecimal digits of all that pictures depend on: the plan and its files' contents."""
+        """Hexadecimal digits of all that images depend on: the plan and its files' contents."""
         digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
         scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
         objects = [fingerprint(one.scene) for one in self.objects]

@@ -173,7 +173,7 @@ class _OpenRig:
         self._shares: dict[str, VisibleShares] = {}
 
     def visible_shares(self, name: str) -> VisibleShares:
-        """Visible shares in the pictures of a camera, whose rays are found on first use."""
+        """Visible shares in the images of a camera, whose rays are found on first use."""
         if name not in self._shares:
             self._shares[name] = VisibleShares(self.renderers[name].camera)
         return self._shares[name]
@@ -194,7 +194,7 @@ class _OpenRig:
 
 
 def _exposure_ev(renderer: Renderer, drawn: Draw) -> float | None:
-    """Exposure of a picture; None: its camera has no other than its own."""
+    """Exposure of an image; None: its camera has no other than its own."""
     exposure = renderer.camera.degradation.exposure
     return None if exposure is None or exposure.auto else exposure.ev + drawn.exposure_ev
 

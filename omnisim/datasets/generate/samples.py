@@ -21,7 +21,7 @@ from omnisim.core.files.image_files import read_image
 from omnisim.datasets.dataset_manifest import Manifest, read_manifest
 from omnisim.ground_truth.stored_channels import StoredChannels
 
-PICTURES = (".png", ".jpg")
+IMAGES = (".png", ".jpg")
 _PREFIX = "omnisim-"  # of temporary folders
 
 
@@ -60,7 +60,7 @@ class Shards:
         with self.damage_named(row), self.files(row) as folder:
             content = _metadata(folder)
             parts = {}
-            for path in self.pictures(folder):
+            for path in self.images(folder):
                 camera = path.stem.partition(".")[2] or "camera"
                 pixels, metadata = read_image(path)
                 stored = StoredChannels(path, metadata or {})
@@ -69,10 +69,10 @@ class Shards:
             return {**parts["camera"], "metadata": content}
         return {**parts, "metadata": content}
 
-    def picture(self, row: int) -> NDArray[np.uint8]:
-        """Picture (height, width, 3) of a sample's first camera."""
+    def image(self, row: int) -> NDArray[np.uint8]:
+        """Image (height, width, 3) of a sample's first camera."""
         with self.damage_named(row), self.files(row) as folder:
-            pixels: NDArray[np.uint8] = read_image(self.pictures(folder)[0])[0]
+            pixels: NDArray[np.uint8] = read_image(self.images(folder)[0])[0]
             return pixels
 
     def metadata(self, row: int) -> dict[str, Any]:
@@ -127,13 +127,13 @@ class Shards:
         with tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
             yield self.extract(row, Path(name))
 
-    def pictures(self, folder: Path) -> list[Path]:
-        """Pictures of the cameras among a sample's files; others of these formats are channels."""
+    def images(self, folder: Path) -> list[Path]:
+        """Images of the cameras among a sample's files; others of these formats are channels."""
         metadata = _metadata(folder)
         key = f"{metadata['number']:09d}"
-        cameras = list(metadata["pictures"])
+        cameras = list(metadata["images"])
         stems = [key if name == "camera" else f"{key}.{name}" for name in cameras]
-        found = [folder / f"{stem}{suffix}" for stem in stems for suffix in PICTURES]
+        found = [folder / f"{stem}{suffix}" for stem in stems for suffix in IMAGES]
         return [path for path in found if path.is_file()]
 
     def extract(self, row: int, folder: Path, only: str = "") -> Path:

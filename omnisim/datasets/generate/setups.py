@@ -1,7 +1,7 @@
 """Setups: light and cameras that successive samples share, each a function of seed and number.
 
-To open a scene in another light, or another camera, takes as long as several pictures: a setup
-lasts for `vary.pictures_per_setup` of them. What a camera cannot have is drawn again.
+To open a scene in another light, or another camera, takes as long as several images: a setup
+lasts for `vary.images_per_setup` of them. What a camera cannot have is drawn again.
 """
 
 from __future__ import annotations

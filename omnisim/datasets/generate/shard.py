@@ -126,8 +126,8 @@ class ShardMaker:
             OmnisimError: a sample that cannot be drawn, or a file that cannot be written.
         """
         plan = self._prepared.plan
-        first = number * plan.pictures_per_shard
-        numbers = range(first, first + (samples or plan.pictures_per_shard))
+        first = number * plan.images_per_shard
+        numbers = range(first, first + (samples or plan.images_per_shard))
         statistics = Statistics()
         with tempfile.TemporaryDirectory(prefix="omnisim-shard-") as name:
             scratch = Path(name)
@@ -153,7 +153,7 @@ class ShardMaker:
         key = f"{drawn.number:0{KEY_DIGITS}d}"
         for name, frame in frames.items():
             stem = f"{key}.{name}" if name else key
-            path = scratch / f"{stem}.{plan.picture_format}"
+            path = scratch / f"{stem}.{plan.image_format}"
             frame.save(path, channel_format=plan.channel_format)
             if plan.box_limits != BoxLimits():
                 limit_boxes(path, plan.box_limits, sample.shares.get(name, {}))
@@ -174,7 +174,7 @@ class ShardMaker:
             "colors": {name: list(color) for name, color in drawn.colors.items()},
             "objects": {placed.name: placed.world_from_object.tolist() for placed in drawn.objects},
             **({"light": sample.light} if sample.light else {}),
-            "pictures": metadata,
+            "images": metadata,
         }
         try:
             (scratch / f"{key}.json").write_text(json.dumps(content), encoding="utf-8")

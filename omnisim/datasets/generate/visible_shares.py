@@ -17,7 +17,7 @@ from omnisim.scene import Scene
 
 
 class VisibleShares:
-    """Finds visible shares by casting rays through all that stands in a camera's picture.
+    """Finds visible shares by casting rays through all that stands in a camera's image.
 
     Args:
         camera: as its renderer has it.
@@ -54,7 +54,7 @@ class VisibleShares:
             instances,
         )
         numbers, visible_px = np.unique(instances[instances > 0], return_counts=True)
-        # at the rim a pixel may have a ray for the picture alone
+        # at the rim a pixel may have a ray for the image alone
         shares = np.minimum(visible_px / whole_px[numbers], 1.0)
         return dict(zip(numbers.tolist(), shares.tolist(), strict=True))
 

@@ -21,7 +21,7 @@ from omnisim.datasets.generate.shard import ShardMaker
 
 MOST_DEATHS = 3  # of workers on one shard, until it is given up
 END_S = 5.0  # that a worker has for removing its files
-_THREADS = "LP_NUM_THREADS"  # of Mesa's rasteriser in a process
+_THREADS = "LP_NUM_THREADS"  # of Mesa's rasterizer in a process
 
 
 class Job(NamedTuple):
@@ -160,7 +160,7 @@ def _end(*_: object) -> None:
 
 @contextmanager
 def threads_shared(workers: int) -> Iterator[None]:
-    """Share the processor's cores among processes, for Mesa's rasteriser.
+    """Share the processor's cores among processes, for Mesa's rasterizer.
 
     Two processes of one thread each draw more than one of two threads.
     """

@@ -1,9 +1,9 @@
-"""Colour model of landmarks: 3-D colour histograms and their likelihood ratio.
+"""Color model of landmarks: 3-D color histograms and their likelihood ratio.
 
-One histogram for each landmark colour and one, *neg*, for everything else. A colour is a
+One histogram for each landmark color and one, *neg*, for everything else. A color is a
 landmark's where it is Θ times as likely there as elsewhere:
 
-    P(rgb | landmark colour) / P(rgb | neg) ≥ Θ
+    P(rgb | landmark color) / P(rgb | neg) ≥ Θ
 
 Source: Schmits & Visser 2008, section 3.2 and Eq. 3. Their bins, Θ and costs are not published.
 """
@@ -22,7 +22,7 @@ from omnisim.core.errors import LocalizationError
 
 BINS = 32  # along each of red, green and blue
 _SHIFT = 3  # 256 values in 32 bins
-NEG = 0  # the class of everything else; a model's colours are 1, 2, ...
+NEG = 0  # the class of everything else; a model's colors are 1, 2, ...
 
 
 def bin_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint16]:
@@ -35,11 +35,11 @@ def bin_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint16]:
 def count_colors(
     pixels: NDArray[np.uint8], labels: NDArray[np.integer[Any]], classes: int
 ) -> NDArray[np.float64]:
-    """Count colours by class.
+    """Count colors by class.
 
     Args:
         pixels: (n, 3) sRGB.
-        labels: (n,) class of each: `NEG`, or a landmark colour from 1 on.
+        labels: (n,) class of each: `NEG`, or a landmark color from 1 on.
         classes: how many there are, `NEG` among them.
 
     Returns:
@@ -51,11 +51,11 @@ def count_colors(
 
 
 def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[np.float64]:
-    """Eq. 3's ratio of each landmark colour and bin (classes − 1, BINS³).
+    """Eq. 3's ratio of each landmark color and bin (classes − 1, BINS³).
 
     Args:
         counts: (classes, BINS³), `NEG` first.
-        smoothing: counts that are spread over all of neg's bins. Without any, a colour that was
+        smoothing: counts that are spread over all of neg's bins. Without any, a color that was
             never seen elsewhere would beat every Θ; of landmarks nothing is made up: a bin that
             has none has ratio 0.
     """
@@ -68,16 +68,16 @@ def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[
 
 @dataclass(frozen=True, eq=False)
 class ColorModel:
-    """Histograms of landmark colours, and the threshold that decides.
+    """Histograms of landmark colors, and the threshold that decides.
 
     Attributes:
-        colors: names of the landmark colours.
-        counts: (1 + colours, BINS³) pixels, neg first.
-        thresholds: Θ of each colour.
+        colors: names of the landmark colors.
+        counts: (1 + colors, BINS³) pixels, neg first.
+        thresholds: Θ of each color.
         smoothing: see `likelihood_ratios`.
 
     Raises:
-        LocalizationError: no pixel of a colour or none of neg, two colours of one name, or a
+        LocalizationError: no pixel of a color or none of neg, two colors of one name, or a
             threshold or a smoothing that is not above 0.
     """
 
@@ -89,39 +89,39 @@ class ColorModel:
     def __post_init__(self) -> None:
         if self.counts.shape != (1 + len(self.colors), BINS**3) or not self.colors:
             raise LocalizationError(
-                f"colour model: histograms {self.counts.shape}: expected one of {BINS}³ bins for "
-                "neg and for each of at least one colour"
+                f"color model: histograms {self.counts.shape}: expected one of {BINS}³ bins for "
+                "neg and for each of at least one color"
             )
         if not np.all(np.isfinite(self.counts)) or np.any(self.counts < 0.0):
-            raise LocalizationError("colour model: histograms: expected finite counts of 0 or more")
+            raise LocalizationError("color model: histograms: expected finite counts of 0 or more")
         for name, total in zip(("neg", *self.colors), self.counts.sum(axis=1), strict=True):
             if total <= 0.0:
                 raise LocalizationError(
-                    f"colour {name!r}: has no pixel to learn from: expected pictures that show it"
+                    f"color {name!r}: has no pixel to learn from: expected images that show it"
                 )
         if len(self.thresholds) != len(self.colors) or not all(
             0.0 < theta < np.inf for theta in self.thresholds
         ):
             raise LocalizationError(
-                f"colour model: thresholds {self.thresholds}: expected one above 0 for each colour"
+                f"color model: thresholds {self.thresholds}: expected one above 0 for each color"
             )
         if len(set(self.colors)) < len(self.colors):
-            raise LocalizationError(f"colour model: colors {self.colors}: expected different names")
+            raise LocalizationError(f"color model: colors {self.colors}: expected different names")
         if not 0.0 < self.smoothing < np.inf:
             raise LocalizationError(
-                f"colour model: smoothing = {self.smoothing:g}: expected a finite number above 0"
+                f"color model: smoothing = {self.smoothing:g}: expected a finite number above 0"
             )
 
     @cached_property
     def ratios(self) -> NDArray[np.float64]:
-        """Eq. 3's ratio (colours, BINS³)."""
+        """Eq. 3's ratio (colors, BINS³)."""
         return likelihood_ratios(self.counts, self.smoothing)
 
     @cached_property
     def table(self) -> NDArray[np.uint8]:
-        """Class of each bin (BINS³,): `NEG`, or 1 + the index of a colour.
+        """Class of each bin (BINS³,): `NEG`, or 1 + the index of a color.
 
-        Where more than one colour passes its threshold, the one that passes it by most.
+        Where more than one color passes its threshold, the one that passes it by most.
         """
         excess = self.ratios / np.array(self.thresholds)[:, None]
         best = excess.argmax(axis=0)
@@ -133,7 +133,7 @@ class ColorModel:
         return self.table[bin_of(pixels)]
 
     def color_class(self, name: str) -> int:
-        """Class of a colour; `NEG`: the model lacks it."""
+        """Class of a color; `NEG`: the model lacks it."""
         return self.colors.index(name) + 1 if name in self.colors else NEG
 
 
@@ -162,11 +162,11 @@ class Roc:
 def roc(
     ratios: NDArray[np.float64], positives: NDArray[np.float64], negatives: NDArray[np.float64]
 ) -> Roc:
-    """ROC of one colour.
+    """ROC of one color.
 
     Args:
-        ratios: (BINS³,) Eq. 3's, learned from some pictures.
-        positives, negatives: (BINS³,) counts of the colour and of neg, from other pictures.
+        ratios: (BINS³,) Eq. 3's, learned from some images.
+        positives, negatives: (BINS³,) counts of the color and of neg, from other images.
     """
     steps, place = np.unique(ratios, return_inverse=True)
     hits = np.bincount(place, weights=positives, minlength=len(steps))[::-1].cumsum()
@@ -193,7 +193,7 @@ class Costs:
 
 
 def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Costs) -> float:
-    """Choose the Θ of least cost on pictures with so many pixels of the colour and of neg.
+    """Choose the Θ of least cost on images with so many pixels of the color and of neg.
 
     Between two thresholds that cost the same the one in their middle, on a logarithmic scale.
     """
@@ -210,22 +210,22 @@ def train(
     validation_counts: NDArray[np.float64],
     costs: Costs,
 ) -> tuple[ColorModel, tuple[Roc, ...]]:
-    """Train a model on counts, and choose its thresholds on counts of other pictures.
+    """Train a model on counts, and choose its thresholds on counts of other images.
 
     Args:
         colors: names.
-        train_counts, validation_counts: (1 + colours, BINS³), neg first.
+        train_counts, validation_counts: (1 + colors, BINS³), neg first.
         costs: of mistakes.
 
     Raises:
-        LocalizationError: a colour without a pixel to learn from, or to choose Θ by.
+        LocalizationError: a color without a pixel to learn from, or to choose Θ by.
     """
     untuned = ColorModel(tuple(colors), train_counts, (1.0,) * len(colors))
     curves = []
     for index, name in enumerate(colors):
         if validation_counts[index + 1].sum() <= 0.0:
             raise LocalizationError(
-                f"colour {name!r}: has no pixel to choose Θ by: expected more pictures that show it"
+                f"color {name!r}: has no pixel to choose Θ by: expected more images that show it"
             )
         curves.append(
             roc(untuned.ratios[index], validation_counts[index + 1], validation_counts[NEG])

@@ -1,7 +1,7 @@
-"""File of a colour model and its landmarks: `.npz`.
+"""File of a color model and its landmarks: `.npz`.
 
-It holds `counts` (1 + colours, 32³), `colors`, `thresholds`, `smoothing`, and `landmarks` as JSON,
-so that a picture alone is enough to look for them; nothing in it is pickled.
+It holds `counts` (1 + colors, 32³), `colors`, `thresholds`, `smoothing`, and `landmarks` as JSON,
+so that an image alone is enough to look for them; nothing in it is pickled.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Training of a colour model on labelled pictures, and its rates on others."""
+"""Training of a color model on labeled images, and its rates on others."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from omnisim.perception.landmarks.color_model import (
     train,
 )
 
-# Every fourth picture validates thresholds Θ; the others fill the histograms.
+# Every fourth image validates thresholds Θ; the others fill the histograms.
 VALIDATE_EVERY = 4
-# Pixels (n, 3) of a picture, sRGB, and their classes (n,): `NEG`, or a landmark colour from 1 on.
-LabelledPixels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+# Pixels (n, 3) of an image, sRGB, and their classes (n,): `NEG`, or a landmark color from 1 on.
+LabeledPixels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,27 +30,25 @@ class Training:
     """Trained model.
 
     Attributes:
-        model: of the colours.
-        curves: ROC of each colour, on pictures that are not in the histograms.
-        pictures: how many there were.
+        model: of the colors.
+        curves: ROC of each color, on images that are not in the histograms.
+        images: how many there were.
     """
 
     model: ColorModel
     curves: tuple[Roc, ...]
-    pictures: int
+    images: int
 
 
-def train_colors(
-    colors: Sequence[str], pictures: Iterable[LabelledPixels], costs: Costs
-) -> Training:
-    """Train a colour model.
+def train_colors(colors: Sequence[str], images: Iterable[LabeledPixels], costs: Costs) -> Training:
+    """Train a color model.
 
     Raises:
-        LocalizationError: a colour that no picture shows.
+        LocalizationError: a color that no image shows.
     """
     train_counts, validation_counts = (np.zeros((1 + len(colors), BINS**3)) for _ in range(2))
     count = 0
-    for count, (pixels, classes) in enumerate(pictures, start=1):
+    for count, (pixels, classes) in enumerate(images, start=1):
         counts = train_counts if count % VALIDATE_EVERY else validation_counts
         counts += count_colors(pixels, classes, 1 + len(colors))
     model, curves = train(colors, train_counts, validation_counts, costs)
@@ -62,9 +60,9 @@ class PixelRates:
     """Classification rates of a model, pixel by pixel.
 
     Attributes:
-        recall: by colour, the share of its pixels that are found.
-        false_alarms: by colour, the share of neg's pixels that are taken for it.
-        curves: ROC by colour.
+        recall: by color, the share of its pixels that are found.
+        false_alarms: by color, the share of neg's pixels that are taken for it.
+        curves: ROC by color.
     """
 
     recall: dict[str, float]
@@ -72,10 +70,10 @@ class PixelRates:
     curves: dict[str, Roc]
 
 
-def pixel_rates(model: ColorModel, pictures: Iterable[LabelledPixels]) -> PixelRates:
-    """Rates of a model on pictures of another run."""
+def pixel_rates(model: ColorModel, images: Iterable[LabeledPixels]) -> PixelRates:
+    """Rates of a model on images of another run."""
     counts = np.zeros((1 + len(model.colors), BINS**3))
-    for pixels, classes in pictures:
+    for pixels, classes in images:
         counts += count_colors(pixels, classes, len(counts))
     totals = np.maximum(counts.sum(axis=1), 1.0)
     recall, alarms, curves = {}, {}, {}

@@ -1,8 +1,8 @@
-"""Landmarks in pictures: regions of the right colours, one above the other, at a range that fits.
+"""Landmarks in images: regions of the right colors, one above the other, at a range that fits.
 
-A slim landmark, a beacon, is known by the order of its colours from top to bottom. Its range
+A slim landmark, a beacon, is known by the order of its colors from top to bottom. Its range
 follows from the edges of its bands, whose heights are known, not from its base: that is white on
-light ground, and often hidden. A wide one, a goal, has one colour from the ground up, and its range
+light ground, and often hidden. A wide one, a goal, has one color from the ground up, and its range
 is that of its nearest corner on the ground, or of the nearest one at its top where the ground in
 front of it is not seen.
 """
@@ -34,7 +34,7 @@ SMALLEST_PX = 4  # of a region: less is a speck
 
 @dataclass(frozen=True)
 class Detection:
-    """Landmark detected in a picture.
+    """Landmark detected in an image.
 
     Attributes:
         landmark: its name.
@@ -45,7 +45,7 @@ class Detection:
         range_eq2_m: the same by the inverse of the paper's Eq. 2; NaN where that does not apply.
         bearing_sigma_rad, range_sigma_m: standard deviations, from the pixels' noise.
         left, right, top, bottom: box in the panorama; right and bottom are the first ones outside.
-        area_px: pixels of its colours.
+        area_px: pixels of its colors.
     """
 
     landmark: str
@@ -62,11 +62,11 @@ class Detection:
 
 
 class LandmarkDetector:
-    """Detects the landmarks of one scene in one camera's pictures.
+    """Detects the landmarks of one scene in one camera's images.
 
     Args:
-        model: their colours.
-        landmarks: of the scene; those whose colours the model lacks are ignored.
+        model: their colors.
+        landmarks: of the scene; those whose colors the model lacks are ignored.
         mount: the camera.
 
     Attributes:
@@ -93,7 +93,7 @@ class LandmarkDetector:
         self.ignored = tuple(each.name for each in landmarks if each.name not in known)
         if not self._pillars and not self._wide:
             raise LocalizationError(
-                "landmarks: none has colours of the model: expected pillars whose upper bands, "
+                "landmarks: none has colors of the model: expected pillars whose upper bands, "
                 f"or wide ones whose only band, are of {', '.join(model.colors)}"
             )
 
@@ -101,9 +101,9 @@ class LandmarkDetector:
         """Classify the pixels (height, width) of a panorama."""
         return self.model.classify(panorama)
 
-    def __call__(self, picture: NDArray[np.uint8]) -> list[Detection]:
-        """Detect landmarks in a picture (height, width, 3), sRGB; each at most once."""
-        return self.find(self.panorama(picture))
+    def __call__(self, image: NDArray[np.uint8]) -> list[Detection]:
+        """Detect landmarks in an image (height, width, 3), sRGB; each at most once."""
+        return self.find(self.panorama(image))
 
     def find(self, panorama: NDArray[np.uint8]) -> list[Detection]:
         """Detect landmarks in a panorama of the detector's own."""
@@ -152,20 +152,20 @@ def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
     if key in known:
         raise LocalizationError(
             f"landmarks {known[key].name!r} and {landmark.name!r}: look the same: expected other "
-            "colours, or another order of them"
+            "colors, or another order of them"
         )
     known[key] = landmark
 
 
 def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
-    """Pairs of regions of two colours, the second straight above the first."""
+    """Pairs of regions of two colors, the second straight above the first."""
     pairs = []
     for lower in regions:
         for upper in regions:
             if lower.color == upper.color or upper.top >= lower.top:
                 continue
             height = max(lower.mask.shape[0], upper.mask.shape[0])
-            # blurred edges are neither colour: a gap, or a ragged overlap
+            # blurred edges are neither color: a gap, or a ragged overlap
             slack = 2 + 0.35 * height
             overlap = min(lower.right, upper.right) - max(lower.left, upper.left)
             narrow = min(lower.mask.shape[1], upper.mask.shape[1])

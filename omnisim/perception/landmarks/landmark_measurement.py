@@ -1,6 +1,6 @@
-"""Range and bearing of landmarks, from the edges of their colours in a panorama.
+"""Range and bearing of landmarks, from the edges of their colors in a panorama.
 
-An edge is found to a fraction of a pixel by how much of the one and of the other colour the pixels
+An edge is found to a fraction of a pixel by how much of the one and of the other color the pixels
 across it have, in linear light, where they mix as areas do.
 """
 
@@ -23,7 +23,7 @@ WIDE_EDGE_SIGMA_PX = 0.8  # where a corner is too slim to be seen by itself
 CORNER_SIGMA_M = 0.01  # of where on its boards' ends that corner is
 MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
 # More than an average error, 0.17 px: light that falls off around a beacon moves the middle of its
-# mask by 0.4 px, and alike in pictures that follow each other.
+# mask by 0.4 px, and alike in images that follow each other.
 COLUMN_SIGMA_PX = 0.3
 MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
 LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
@@ -38,7 +38,7 @@ class LandmarkMeasurement:
         column_sigma_px: of that.
         range_m, range_eq2_m, range_sigma_m: along the ground, as in `Detection`.
         left, right, top, bottom: box.
-        area_px: pixels of its colours.
+        area_px: pixels of its colors.
     """
 
     column: float
@@ -115,18 +115,18 @@ def _axis(lower: Region, upper: Region) -> tuple[float, slice]:
 
 
 def _inner(region: Region, first: int) -> slice:
-    """Rows in the middle of a region, where its colour is pure; counted from row `first`."""
+    """Rows in the middle of a region, where its color is pure; counted from row `first`."""
     height = region.mask.shape[0]
     edge = (height - 1) // 3 if height > 2 else 0
     return slice(region.top + edge - first, region.bottom - edge - first)
 
 
 def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> float:
-    """Row, with a fraction, at which a profile (n, 3) goes from one colour to another.
+    """Row, with a fraction, at which a profile (n, 3) goes from one color to another.
 
     Args:
-        profile: linear colours from top to bottom.
-        one, other: rows that are of the one colour and below of the other.
+        profile: linear colors from top to bottom.
+        one, other: rows that are of the one color and below of the other.
 
     Returns NaN where the two are alike, or not there.
     """
@@ -175,7 +175,7 @@ def _fit_range(
 def measure_wide(
     panorama: Panorama, pixels: NDArray[np.uint8], region: Region, landmark: Landmark
 ) -> LandmarkMeasurement | None:
-    """Measure something wide of one colour that stands on the ground, or None: it is none."""
+    """Measure something wide of one color that stands on the ground, or None: it is none."""
     height, width = region.mask.shape
     if height < 3 or width < 4:
         return None
@@ -184,13 +184,13 @@ def measure_wide(
     bottom = region.bottom - 1 - region.mask[::-1].argmax(axis=0)
     is_cut = region.bottom >= len(pixels) - 1
     top_m = landmark.bands[-1].top_m
-    if is_cut:  # the ground in front of it is below the picture
+    if is_cut:  # the ground in front of it is below the image
         rows, height_m, sigma_px = top - 0.5, top_m, MASK_SIGMA_PX
     else:
         rows = _lower_edges(pixels, bottom, region.left + columns)
         height_m, sigma_px = 0.0, WIDE_EDGE_SIGMA_PX
     ranges = panorama.ranges_m(rows, height_m)
-    # the nearest corner is a column or two wide: a mean with its neighbours would miss it
+    # the nearest corner is a column or two wide: a mean with its neighbors would miss it
     nearest = int(ranges.argmin())
     range_m = float(ranges[nearest])
     if not 0.0 < range_m < LARGEST_M:

@@ -37,7 +37,7 @@ def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
 
 
 def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Normalised estimation errors squared (n,) of errors (n, 3) by covariances (n, 3, 3).
+    """Normalized estimation errors squared (n,) of errors (n, 3) by covariances (n, 3, 3).
 
     NaN where a covariance is singular, as that of an exactly known start.
     """

@@ -1,6 +1,6 @@
 """The extended Kalman filter of the paper: state (x, y, φ), control (v, δφ), measurement (r, γ).
 
-All observations of one picture are gated against the same prediction, each by itself, and those
+All observations of one image are gated against the same prediction, each by itself, and those
 that pass update it together: their order makes no difference.
 
 Source: Schmits & Visser 2008, Eq. 4 to 6; the update in Joseph's form, as in Bar-Shalom, Li,
@@ -62,10 +62,10 @@ class Estimate:
 
     Attributes:
         time_s: when.
-        pose: (3,) x and y in metres, yaw in radians within ±π.
+        pose: (3,) x and y in meters, yaw in radians within ±π.
         covariance: (3, 3).
         associations: one for each observation, in their order.
-        nis: normalised innovation squared of all accepted observations together, or NaN: none.
+        nis: normalized innovation squared of all accepted observations together, or NaN: none.
         nis_degrees: of freedom that it has.
         steps_rejected: successive steps, up to this one, whose observations were all rejected.
     """
@@ -156,7 +156,7 @@ class LocalizationFilter:
             time_s: when.
             speed_mps: mean speed along the arc since the last step, negative backwards.
             turn_rad: since then.
-            observations: of the picture at `time_s`.
+            observations: of the image at `time_s`.
 
         Raises:
             LocalizationError: a time that is not after the last one, or readings that are not

@@ -27,7 +27,7 @@ class StartNoise(Table):
     """Standard deviations of the first pose."""
 
     position_sigma_m: NotNegative
-    """Standard deviation of x and of y, metres; 0: known without doubt."""
+    """Standard deviation of x and of y, meters; 0: known without doubt."""
     heading_sigma_deg: NotNegative
     """Standard deviation of the heading, degrees; 0: known without doubt."""
 
@@ -40,7 +40,7 @@ class MotionNoise(Table):
     """
 
     distance_sigma_m_per_sqrt_m: NotNegative
-    """Standard deviation of the distance after 1 m, metres."""
+    """Standard deviation of the distance after 1 m, meters."""
     distance_sigma_share: NotNegative
     """Standard deviation of a step's distance as a share of it: the wheels' size."""
     turn_sigma_deg_per_sqrt_m: NotNegative
@@ -48,12 +48,12 @@ class MotionNoise(Table):
     turn_sigma_deg_per_sqrt_rad: NotNegative
     """Standard deviation of the heading after a turn of 1 rad, degrees."""
     turn_sigma_deg_per_m: NotNegative
-    """Standard deviation of the heading for each metre driven, degrees: wheels of unequal size."""
+    """Standard deviation of the heading for each meter driven, degrees: wheels of unequal size."""
     turn_sigma_share: NotNegative
     """Standard deviation of a step's turn as a share of it: wheels that skid."""
 
     def sigmas(self, distance_m: float, turn_rad: float) -> tuple[float, float]:
-        """Standard deviations of a step's distance in metres and of its turn in radians."""
+        """Standard deviations of a step's distance in meters and of its turn in radians."""
         driven, turned = abs(distance_m), abs(turn_rad)
         distance = math.hypot(
             self.distance_sigma_m_per_sqrt_m * math.sqrt(driven), self.distance_sigma_share * driven
@@ -73,7 +73,7 @@ class MeasurementNoise(Table):
     range_sigma_share: NotNegative
     """Standard deviation as a share of the range: mirror, mounting, a floor that is not flat."""
     range_sigma_m: NotNegative
-    """Standard deviation of every range, metres."""
+    """Standard deviation of every range, meters."""
     bearing_sigma_deg: NotNegative
     """Standard deviation of every bearing, degrees."""
     relation: Literal["exact", "eq2"]

@@ -2,7 +2,7 @@
 
 A slim landmark, a beacon, is a point: its axis. A wide one, a goal, has corners: its bearing is
 midway between the two that are outermost as seen by the camera, and its range is that of the
-nearest corner. Both are what a picture shows, and neither needs to know how the landmark is turned
+nearest corner. Both are what an image shows, and neither needs to know how the landmark is turned
 towards the camera.
 """
 
@@ -24,10 +24,10 @@ NEAREST_M = 1e-6
 
 @dataclass(frozen=True)
 class Observation:
-    """One landmark in one picture, as measured.
+    """One landmark in one image, as measured.
 
     Attributes:
-        candidates: names of the landmarks that it may be; one where its colours are clear.
+        candidates: names of the landmarks that it may be; one where its colors are clear.
         range_m: along the ground from below the effective viewpoint.
         bearing_rad: counter-clockwise from the vehicle's front.
         range_sigma_m, bearing_sigma_rad: standard deviations of their errors.
@@ -40,7 +40,7 @@ class Observation:
     bearing_sigma_rad: float
 
 
-Corners = tuple[tuple[float, float], ...]  # of a landmark: x and y in the world, metres
+Corners = tuple[tuple[float, float], ...]  # of a landmark: x and y in the world, meters
 
 
 class LandmarkMap:
@@ -111,12 +111,12 @@ def predict_measurement(
     In plain floats: for one landmark at a time NumPy would take ten times as long.
 
     Args:
-        pose: of the base: x and y in metres, yaw in radians; world.
+        pose: of the base: x and y in meters, yaw in radians; world.
         camera_m: x and y of the effective viewpoint in the base frame.
         corners_m: of the landmark.
 
     Returns:
-        Range in metres and its three derivatives by x, y and yaw; bearing in radians, not wrapped,
+        Range in meters and its three derivatives by x, y and yaw; bearing in radians, not wrapped,
         and its three.
     """
     x, y, yaw = pose

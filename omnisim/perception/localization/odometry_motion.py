@@ -17,7 +17,7 @@ def move(
     """Follow an arc from a pose.
 
     Args:
-        pose: (3,) x and y in metres and yaw in radians, world.
+        pose: (3,) x and y in meters and yaw in radians, world.
         distance_m: along the arc, negative backwards; the paper's v times the step's duration.
         turn_rad: along with it; the paper's δφ.
 

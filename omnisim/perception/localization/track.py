@@ -68,7 +68,7 @@ class Track:
         return _distances(self.reckoned, true_poses)
 
     def nees(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Normalised estimation error squared (n,); NaN where the covariance is singular."""
+        """Normalized estimation error squared (n,); NaN where the covariance is singular."""
         return nees(pose_errors(self.poses, true_poses), self.covariances)
 
 

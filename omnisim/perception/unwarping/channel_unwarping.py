@@ -1,8 +1,8 @@
-"""Unwarping of ground truth: channels of a picture, taken along into a view of it.
+"""Unwarping of ground truth: channels of an image, taken along into a view of it.
 
-No value is blended: a pixel of the view has the channels of one pixel of the picture, the nearest
+No value is blended: a pixel of the view has the channels of one pixel of the image, the nearest
 to its ray, so that no value is invented across a silhouette. Where the view is finer than the
-picture, several of its pixels share one.
+image, several of its pixels share one.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ _DIRECTIONS = ("normals_camera", "scene_flow_camera")  # relative to the camera
 
 
 class ChannelUnwarping:
-    """Table of the picture's pixel that is nearest to each ray of a view.
+    """Table of the image's pixel that is nearest to each ray of a view.
 
     Range stays the length of the ray, and position, normals, scene flow, albedo, classes and
-    instances are those of the picture's pixel. Directions relative to the camera are turned. `z` is
-    made of `position`. Flow leads from the picture's ray to where the next picture has its point,
+    instances are those of the image's pixel. Directions relative to the camera are turned. `z` is
+    made of `position`. Flow leads from the image's ray to where the next image has its point,
     both seen by the view, as if the view were a camera on the same vehicle. Its occlusion is the
-    picture's; 2, outside, also where the point leaves the view.
+    image's; 2, outside, also where the point leaves the view.
 
     Args:
-        camera: of the picture.
+        camera: of the image.
         view: camera of the view, at the same effective viewpoint.
         camera_from_view: (3, 3) rotation between their optical frames.
-        covered: (height, width) pixels of the picture that have a ray; by default the camera's.
+        covered: (height, width) pixels of the image that have a ray; by default the camera's.
 
     Attributes:
         valid: (height, width) pixels of the view that have a value.
 
     Raises:
-        OpticsError: the picture shows nothing of the view, or its camera has no one viewpoint.
+        OpticsError: the image shows nothing of the view, or its camera has no one viewpoint.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class ChannelUnwarping:
         self.valid: NDArray[np.bool_] = rays.valid & there.valid & inside
         self.valid &= has_ray.take(self._nearest)
         if not self.valid.any():
-            raise OpticsError("the picture shows nothing of this view")
+            raise OpticsError("the image shows nothing of this view")
 
     def __call__(
         self,
@@ -76,7 +76,7 @@ class ChannelUnwarping:
         """Unwarp channels by name; `Channel.empty` where the view is not `valid`.
 
         Args:
-            channels: of the picture, as a frame has them.
+            channels: of the image, as a frame has them.
             world_from_view: (4, 4) pose of the view's optical frame, which `z` needs.
 
         Raises:
@@ -116,7 +116,7 @@ class ChannelUnwarping:
         """Coordinates along the view's own z."""
         if "position" not in channels or world_from_view is None:
             raise OutputError(
-                "channel 'z': expected position beside it, and the picture's pose: it is along "
+                "channel 'z': expected position beside it, and the image's pose: it is along "
                 "another axis in the view, and made of these"
             )
         pose = check_pose(world_from_view)
@@ -148,7 +148,7 @@ class ChannelUnwarping:
     def _seen(
         self, positions_px: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Positions of the picture in the view's pixels, and a mask of those that it sees."""
+        """Positions of the image in the view's pixels, and a mask of those that it sees."""
         rays = self._camera.ray_from_pixel(positions_px)
         pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)
         return pixels.positions_px.copy(), rays.valid & pixels.valid
@@ -157,6 +157,6 @@ class ChannelUnwarping:
         width, height = self._camera.width_px, self._camera.height_px
         if values.shape[:2] != (height, width):
             raise OutputError(
-                f"channel {name!r}: expected {width} × {height} px, as its picture, got "
+                f"channel {name!r}: expected {width} × {height} px, as its image, got "
                 f"{values.shape[1]} × {values.shape[0]}"
             )

@@ -61,12 +61,12 @@ class CameraMount:
 class Panorama:
     """Panorama of a whole turn around a vehicle on the ground, from the horizon down.
 
-    Rows and columns count from the centre of the first pixel and may lie in between.
+    Rows and columns count from the center of the first pixel and may lie in between.
 
     Args:
         mount: the camera.
         width_px: columns of the whole turn, or None: as many pixels as the horizon has in the
-            picture.
+            image.
 
     Attributes:
         mount: the camera.
@@ -92,9 +92,9 @@ class Panorama:
             mount.camera, view.camera, rotation.T @ view.base_from_view, mount.covered
         )
 
-    def __call__(self, picture: NDArray[Any]) -> NDArray[Any]:
-        """Unwarp a picture to a panorama (height, width, 3); black where it shows nothing."""
-        return self._unwarp(picture)
+    def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Unwarp an image to a panorama (height, width, 3); black where it shows nothing."""
+        return self._unwarp(image)
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -121,7 +121,7 @@ class Panorama:
         return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
 
     def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Ranges by the inverse of the paper's Eq. 2 from the radius in the picture.
+        """Ranges by the inverse of the paper's Eq. 2 from the radius in the image.
 
         NaN for a camera outside of Eq. 2: without such a mirror, or not upright.
         """
@@ -161,7 +161,7 @@ class Panorama:
 
 
 def _horizon_px(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> int:
-    """Length of the horizon in pixels of the picture."""
+    """Length of the horizon in pixels of the image."""
     step_rad = 1e-3
     headings = np.linspace(-math.pi, math.pi, 72, endpoint=False)
 

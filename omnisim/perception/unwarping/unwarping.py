@@ -1,7 +1,7 @@
-"""Unwarping: resampling one camera's picture into another camera's view from the same viewpoint.
+"""Unwarping: resampling one camera's image into another camera's view from the same viewpoint.
 
-It is made for one pair of cameras and one rotation, and then applied to any number of pictures.
-Colours are blended in linear light.
+It is made for one pair of cameras and one rotation, and then applied to any number of images.
+Colors are blended in linear light.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SRGB = srgb8_from_linear(np.arange(_STEPS + 1) / _STEPS)
 
 
 class _RowBlock(NamedTuple):
-    """Rows of a view, and the lookups of their pixels in the picture."""
+    """Rows of a view, and the lookups of their pixels in the image."""
 
     rows: slice
     valid: NDArray[np.bool_]  # (rows, width)
@@ -35,27 +35,27 @@ class _RowBlock(NamedTuple):
 
 
 class Unwarping:
-    """Remap table from a view's pixels into a picture.
+    """Remap table from a view's pixels into an image.
 
-    That of a very large view is not kept but made again for each picture.
+    That of a very large view is not kept but made again for each image.
 
-    A view's pixel is valid where everything that it blends is: seen by the picture's camera and
-    inside the picture.
+    A view's pixel is valid where everything that it blends is: seen by the image's camera and
+    inside the image.
 
     Args:
-        camera: of the picture.
-        view: camera of the wanted picture, at the same effective viewpoint.
+        camera: of the image.
+        view: camera of the wanted image, at the same effective viewpoint.
         camera_from_view: (3, 3) rotation between their optical frames.
-        covered: (height, width) which pixels of the picture show the scene; by default those
+        covered: (height, width) which pixels of the image show the scene; by default those
             that the camera model calls valid.
         samples: to a side of a view's pixel, averaged; by default as many as it covers of the
-            picture's pixels, so that nothing is skipped.
+            image's pixels, so that nothing is skipped.
 
     Attributes:
         valid: (height, width) which pixels of the view show the scene.
 
     Raises:
-        OpticsError: the picture shows nothing of the view, or its camera has no one viewpoint.
+        OpticsError: the image shows nothing of the view, or its camera has no one viewpoint.
     """
 
     def __init__(
@@ -85,30 +85,28 @@ class Unwarping:
             if self._kept is not None:
                 self._kept.append(block)
         if not self.valid.any():
-            raise OpticsError("the picture shows nothing of this view")
+            raise OpticsError("the image shows nothing of this view")
 
-    def __call__(self, picture: NDArray[Any]) -> NDArray[Any]:
-        """Unwarp a picture (height, width, channels), uint8 sRGB or linear floats.
+    def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Unwarp an image (height, width, channels), uint8 sRGB or linear floats.
 
         Returns the view, of the same kind; 0 where it is not `valid`.
 
         Raises:
-            OpticsError: the picture is not of the camera's size.
+            OpticsError: the image is not of the camera's size.
         """
-        if picture.shape[:2] != self._shape:
+        if image.shape[:2] != self._shape:
             raise OpticsError(
-                f"a picture of {picture.shape[1]} × {picture.shape[0]} px, where the camera's has "
+                f"an image of {image.shape[1]} × {image.shape[0]} px, where the camera's has "
                 f"{self._shape[1]} × {self._shape[0]}"
             )
-        is_encoded = picture.dtype == np.uint8
-        linear = (
-            linear_from_srgb8(picture) if is_encoded else picture.astype(np.float32, copy=False)
-        )
-        flat = linear.reshape(-1, picture.shape[2])
-        result = np.zeros((*self.valid.shape, picture.shape[2]), dtype=picture.dtype)
+        is_encoded = image.dtype == np.uint8
+        linear = linear_from_srgb8(image) if is_encoded else image.astype(np.float32, copy=False)
+        flat = linear.reshape(-1, image.shape[2])
+        result = np.zeros((*self.valid.shape, image.shape[2]), dtype=image.dtype)
         width = self._shape[1]
         for rows, valid, lookups in self._make_blocks() if self._kept is None else self._kept:
-            total = np.zeros((*valid.shape, picture.shape[2]), dtype=np.float32)
+            total = np.zeros((*valid.shape, image.shape[2]), dtype=np.float32)
             with np.errstate(over="ignore"):  # brighter than a float holds is infinite
                 for corner, weights in lookups:
                     for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
@@ -137,8 +135,8 @@ class Unwarping:
     def _look_up(
         self, positions_px: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
-        """Corner (h, w) and weights (4, h, w) in the picture of positions (h, w, 2) in the view,
-        and whether the picture shows what is there."""
+        """Corner (h, w) and weights (4, h, w) in the image of positions (h, w, 2) in the view,
+        and whether the image shows what is there."""
         rays = self._view.ray_from_pixel(positions_px)
         pixels = self._camera.pixel_from_ray(rays.directions @ self._rotation.T)
         corner, weights, inside = corner_and_weights(pixels.positions_px, self._shape)
@@ -156,7 +154,7 @@ def _encode(linear: NDArray[Any]) -> NDArray[np.uint8]:
 def _samples_needed(
     camera: CentralCamera, view: CentralCamera, camera_from_view: NDArray[np.float64]
 ) -> int:
-    """Samples to a side of a view's pixel for its largest step in the picture, up to a limit."""
+    """Samples to a side of a view's pixel for its largest step in the image, up to a limit."""
     u = np.linspace(0.0, view.width_px - 1.0, min(view.width_px, 65))
     v = np.linspace(0.0, view.height_px - 1.0, min(view.height_px, 65))
     grid = np.stack(np.meshgrid(u, v), axis=-1)

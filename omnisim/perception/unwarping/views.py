@@ -1,6 +1,6 @@
-"""Views to unwarp an omnidirectional picture to: cylinder, perspective, bird's eye.
+"""Views to unwarp an omnidirectional image to: cylinder, perspective, bird's eye.
 
-Each is a camera at the effective viewpoint of the picture, and where it looks from the vehicle.
+Each is a camera at the effective viewpoint of the image, and where it looks from the vehicle.
 The bird's eye view, too: a plane ground seen from straight above is a map of it.
 """
 
@@ -58,8 +58,8 @@ def cylinder_view(
     focal_length_px = width_px / (2.0 * math.pi)
     top_px = focal_length_px * math.tan(highest_rad)
     height_px = max(1, round(top_px - focal_length_px * math.tan(lowest_rad)))
-    centre = (0.5 * (width_px - 1), top_px - 0.5)
-    camera = CylindricalCamera(width_px, height_px, focal_length_px, centre)
+    center = (0.5 * (width_px - 1), top_px - 0.5)
+    camera = CylindricalCamera(width_px, height_px, focal_length_px, center)
     return View(camera, _turned(yaw_rad) @ BASE_FROM_OPTICAL_LOOKING_AHEAD)
 
 
@@ -73,7 +73,7 @@ def perspective_view(
     """Perspective view of a pinhole camera.
 
     Args:
-        width_px, height_px: size of the picture.
+        width_px, height_px: size of the image.
         field_of_view_rad: from its left to its right edge.
         yaw_rad: heading, counter-clockwise from the vehicle's front.
         pitch_rad: downwards, as in REP 103.
@@ -102,7 +102,7 @@ def birdseye_view(
     for name, value in (("height", height_m), ("extent", half_extent_m)):
         if not (math.isfinite(value) and value > 0.0):
             raise OpticsError(
-                f"bird's eye: {name}: expected a finite number of metres above 0, got {value:g}"
+                f"bird's eye: {name}: expected a finite number of meters above 0, got {value:g}"
             )
     focal_length_px = 0.5 * size_px * height_m / half_extent_m
     middle = 0.5 * (size_px - 1)

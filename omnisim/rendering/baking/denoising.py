@@ -1,7 +1,7 @@
-"""Filter of the noise of gathered light, among texels that are neighbours on one surface.
+"""Filter of the noise of gathered light, among texels that are neighbors on one surface.
 
 Texels have weights by how alike their light is, beside their noise, as two halves of the rays tell
-it. Light of lamps, which has no noise, is not filtered, so that shadows stay sharp. Neighbours in
+it. Light of lamps, which has no noise, is not filtered, so that shadows stay sharp. Neighbors in
 the atlas that are not in the world, or lie another way, count for nothing: charts do not mix.
 Source: Dammertz et al., "Edge-avoiding À-Trous wavelet transform for fast global illumination
 filtering", 2010; Schied et al., "Spatiotemporal variance-guided filtering", 2017.
@@ -96,7 +96,7 @@ def _filtered(
         inner = rows, slice(margin, pixels.shape[1] - margin)
         total = np.zeros_like(pixels[inner])
         weight_sum, squares = np.zeros((2, *total.shape[:2]), dtype=np.float32)
-        for shifted, weight in _neighbours(maps, inner, step):
+        for shifted, weight in _neighbors(maps, inner, step):
             if variances is not None:
                 weight = weight * _likeness(pixels, variances, inner, shifted)
                 squares += weight * weight * variances[shifted]
@@ -111,8 +111,8 @@ def _filtered(
 Place = tuple[slice, slice]
 
 
-def _neighbours(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Floats]]:
-    """Shifted places of 5 × 5 neighbours, and their weights by the surfaces."""
+def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Floats]]:
+    """Shifted places of 5 × 5 neighbors, and their weights by the surfaces."""
     normals, positions = maps.normals[inner], maps.positions_m[inner]
     spacing = maps.spacing_m[inner]
     for down in range(-2, 3):

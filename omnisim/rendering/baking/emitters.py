@@ -77,7 +77,7 @@ class Emitters:
         self._shares, self._ends = shares, np.cumsum(shares)
         density = np.zeros(len(self._emission))
         density[self._mine] = shares / np.maximum(self._areas_m2[self._mine], 1e-12)
-        self._density = density.astype(np.float32)  # for each square metre
+        self._density = density.astype(np.float32)  # for each square meter
 
     def focused(self, transport: Transport, at: Points, shifts: Floats) -> Emitters:
         """Emitters chosen by the light that reaches some places (n,), whose shifts are (n, 2)."""

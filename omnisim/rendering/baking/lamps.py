@@ -18,7 +18,7 @@ Floats = NDArray[np.float32]
 def lamps_on(
     lighting: Lighting, transport: Transport, origins_m: Floats, at: Points | None = None
 ) -> list[LampLight]:
-    """Light of each lamp at points (n, 3), from the transport's centre, that nothing hides.
+    """Light of each lamp at points (n, 3), from the transport's center, that nothing hides.
 
     Args:
         lighting: with the lamps.
@@ -26,7 +26,7 @@ def lamps_on(
         origins_m: (n, 3).
         at: how surfaces lie there, that light from behind does not reach; None: in free space.
     """
-    points_m = origins_m + transport.centre_m
+    points_m = origins_m + transport.center_m
     lamps = lamps_at(lighting.without_shadows(), points_m, origins_m, _no_shadows())
     return [
         _shadowed(light, lamp, transport, origins_m, at) if light.casts_shadow else lamp
@@ -62,7 +62,7 @@ def _shadowed(
         aims = np.ascontiguousarray(directions[some])
         far = None
         if light.kind is not LightKind.DIRECTIONAL:
-            away_m = light.position_m - transport.centre_m - origins_m[some]
+            away_m = light.position_m - transport.center_m - origins_m[some]
             far_m = np.linalg.norm(away_m, axis=1) - LAMP_NEAR_M
             far = np.maximum(far_m, 0.0).astype(np.float32)
         levels[some[transport.is_hidden(origins_m[some], aims, far)]] = 0.0

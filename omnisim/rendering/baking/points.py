@@ -25,7 +25,7 @@ class Points(NamedTuple):
     """Points on patches.
 
     Attributes:
-        origins_m: (n, 3) from `Transport.centre_m`, beside the surface, on the patch's side.
+        origins_m: (n, 3) from `Transport.center_m`, beside the surface, on the patch's side.
         normals: (n, 3) unit, interpolated, on that side.
         planes: (n, 3) unit, of the triangles, on that side.
     """
@@ -52,7 +52,7 @@ def points_at(
     hits = RayHits(
         samples.triangles, np.zeros(len(planes)), samples.weights, planes.astype(np.float32)
     )
-    origins_m = placed_m - transport.centre_m + transport.start_m * planes
+    origins_m = placed_m - transport.center_m + transport.start_m * planes
     return Points(origins_m.astype(np.float32), rays.shading.normals(hits), hits.planes)
 
 

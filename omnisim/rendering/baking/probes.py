@@ -31,7 +31,7 @@ class ProbeGrid(NamedTuple):
     """Grid of probes in the world.
 
     Attributes:
-        origin_m, spacing_m: (3,) of the first probe, and between neighbours.
+        origin_m, spacing_m: (3,) of the first probe, and between neighbors.
         shape: numbers along x, y and z.
     """
 
@@ -106,7 +106,7 @@ class ProbeBaker:
     def bake(self, tile: int) -> Arrays:
         """Spherical harmonics (n, 9, 3) and validity (n,) of a tile's probes."""
         first, last = tile * TILE, min((tile + 1) * TILE, self.grid.size)
-        positions = self.grid.positions_m(first, last) - self._transport.centre_m
+        positions = self.grid.positions_m(first, last) - self._transport.center_m
         origins = positions.astype(np.float32)
         shift = generator(self._seed, _PROBES, tile).random(2, dtype=np.float32)
         directions = sphere_directions((spread_points(_RAYS) + shift) % 1.0)

@@ -14,7 +14,7 @@ _LEAST, _LARGEST = 1e-6, 65504.0
 def rounded_halves(
     values: NDArray[np.floating], axes: int | tuple[int, ...]
 ) -> NDArray[np.float16]:
-    """Round to steps by the largest number along axes, like colours with a shared exponent.
+    """Round to steps by the largest number along axes, like colors with a shared exponent.
 
     Args:
         values: of any shape, linear light or factors of it.

@@ -45,11 +45,11 @@ class Transport:
 
     Attributes:
         start_m: distance from a surface at which rays begin.
-        centre_m: (3,) world, from where origins of rays are counted.
+        center_m: (3,) world, from where origins of rays are counted.
     """
 
     def __init__(self, rays: RayScene, patches: Patches):
-        self.centre_m = rays.caster.static_centre_m
+        self.center_m = rays.caster.static_center_m
         self._caster, self._shading = rays.caster, rays.shading
         geometry = rays.caster.geometry
         self._surface_of_triangle = geometry.surface_of_triangle
@@ -102,18 +102,18 @@ class Transport:
         if not self._has_any_holes:
             return hits
         active = np.flatnonzero((hits.triangles != NO_TRIANGLE) & self._has_holes[hits.triangles])
-        travelled = np.zeros(len(origins_m), dtype=np.float32)
+        traveled = np.zeros(len(origins_m), dtype=np.float32)
         for _ in range(MAX_LAYERS):
             active = active[self._is_hole(hits.take(active))]
             if len(active) == 0:
                 break
             passed_m = hits.ranges_m[active] * np.float32(1.0 + 1e-6)
-            travelled[active] = passed_m + np.float32(self.start_m)
-            starts = origins_m[active] + travelled[active, None] * directions[active]
-            ends = None if far is None else far[active] - travelled[active]
+            traveled[active] = passed_m + np.float32(self.start_m)
+            starts = origins_m[active] + traveled[active, None] * directions[active]
+            ends = None if far is None else far[active] - traveled[active]
             on = self._caster.static_hits(starts, directions[active], ends)
             hits.put(active, on)
-            hits.ranges_m[active] += travelled[active]
+            hits.ranges_m[active] += traveled[active]
             triangles = hits.triangles[active]
             active = active[(triangles != NO_TRIANGLE) & self._has_holes[triangles]]
         return hits

@@ -1,4 +1,4 @@
-"""Cameras of pictures and runs, by the parameters that their files hold."""
+"""Cameras of images and runs, by the parameters that their files hold."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
 
 
 def _check_whole(parameters: Mapping[str, Any]) -> None:
-    """Refuse names of other files: a picture or a run has all of its camera inside."""
+    """Refuse names of other files: an image or a run has all of its camera inside."""
     surfaces = parameters.get("surfaces")
     tables = list(surfaces) if isinstance(surfaces, list | tuple) else []
     for table in (parameters.get("camera"), *tables):

@@ -1,4 +1,4 @@
-"""Degraded camera: plans the sub-frames, exposure and noise of its pictures."""
+"""Degraded camera: plans the sub-frames, exposure and noise of its images."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from omnisim.rendering.twist import moved_px
 
 
 class DegradedCamera:
-    """Takes the pictures of a camera that is not ideal.
+    """Takes the images of a camera that is not ideal.
 
     Args:
         sensor: the camera.
@@ -31,7 +31,7 @@ class DegradedCamera:
         self._sensor, self._seed, self._render, self._boxes = sensor, seed, render, boxes
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take a picture; also return its metadata."""
+        """Take an image; also return its metadata."""
         exposure_ev = request.exposure_ev
         sub_frames = self._sub_frames(request)
         degradation = self._sensor.degradation
@@ -48,14 +48,12 @@ class DegradedCamera:
                 metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
             return Exposed(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
-        picture = self._render(
-            SubFrames(sub_frames, expose, degradation.is_metered, request.linear)
-        )
+        image = self._render(SubFrames(sub_frames, expose, degradation.is_metered, request.linear))
         if degradation.noise is not None:
             metadata["noise"] = {"seed": self._seed, "frame_number": request.frame_number}
         if degradation.jpeg is not None:
-            picture = picture._replace(rgba=degradation.jpeg.compressed(picture.rgba))
-        return picture, metadata
+            image = image._replace(rgba=degradation.jpeg.compressed(image.rgba))
+        return image, metadata
 
     def _sub_frames(self, request: FrameRequest) -> list[SubFrame]:
         """Plan the poses at which the shutter is open."""

@@ -24,7 +24,7 @@ from omnisim.rendering.camera.quality import (
     DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
     MAX_DENSITY,
-    MAX_PICTURE_PX,
+    MAX_IMAGE_PX,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     QUALITIES,
@@ -58,20 +58,20 @@ class OmniCamera:
 
     Attributes:
         model: the camera model, with its mirror if it has one.
-        polygons: of the mirror's mesh; "auto": as few as keep the largest error in the picture
+        polygons: of the mirror's mesh; "auto": as few as keep the largest error in the image
             below a tenth of a pixel, see `mesh_polygons`; None captures exactly, pixel by pixel,
             as a lens always is; "default", which becomes one of the two, is "auto", but exact for
             an optical system, whose exact rays are traced once.
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
-        face_size_px: texels across the 90° of each virtual camera; None: as the picture needs.
+        face_size_px: texels across the 90° of each virtual camera; None: as the image needs.
         near_m, far_m: clipping planes of the virtual cameras; far may be infinite. The default
             near plane is nearer in small scenes, see `seeing`.
         samples: samples a texel of the virtual cameras, against jagged edges.
-        supersampling: samples to a side of a pixel of the picture, averaged in linear light.
-        texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels,
+        supersampling: samples to a side of a pixel of the image, averaged in linear light.
+        texels_per_pixel: texels of the virtual cameras to a side of the image's finest pixels,
             where no size is given.
-        degradation: of the ideal picture; by default none.
+        degradation: of the ideal image; by default none.
 
     Raises:
         OmnisimError: no camera model, a polygon count that makes no mesh, near and far that leave
@@ -214,13 +214,13 @@ class OmniCamera:
         )
 
     def resized(self, size_px: int) -> OmniCamera:
-        """The same view in a picture whose shorter side has `size_px` pixels.
+        """The same view in an image whose shorter side has `size_px` pixels.
 
         Raises:
             OpticsError: a size below 1, or beyond any GPU's.
         """
-        if not 1 <= size_px <= MAX_PICTURE_PX:
-            raise OpticsError(f"camera: size: expected 1 to {MAX_PICTURE_PX}, got {size_px}")
+        if not 1 <= size_px <= MAX_IMAGE_PX:
+            raise OpticsError(f"camera: size: expected 1 to {MAX_IMAGE_PX}, got {size_px}")
         old = self.model
         scale = size_px / min(old.width_px, old.height_px)
         return dataclasses.replace(
@@ -266,7 +266,7 @@ class OmniCamera:
 
     @property
     def mesh_error_px(self) -> float:
-        """Largest error of the mirror's mesh anywhere in the picture; 0 where it is exact."""
+        """Largest error of the mirror's mesh anywhere in the image; 0 where it is exact."""
         return mesh_error_px(self.model, self.mesh_polygons)
 
     @property
@@ -282,7 +282,7 @@ class OmniCamera:
 
     @property
     def supersampled_model(self) -> CentralCamera:
-        """Model of the supersampled picture that is averaged to this one's."""
+        """Model of the supersampled image that is averaged to this one's."""
         return self.model.scaled(self.supersampling)
 
     @property

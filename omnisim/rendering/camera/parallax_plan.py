@@ -21,15 +21,15 @@ from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays
 from omnisim.rendering.sensor_tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
 
 # Of pixels: those stretched by more are drawn as if they were by this.
-PICTURE_ANISOTROPY = 2.0
+IMAGE_ANISOTROPY = 2.0
 _MOST = 90.0  # % of the pixels, whose mip levels there are
-_GUTTER_PX = 2  # samples of a pixel are looked up in the tile of its centre
+_GUTTER_PX = 2  # samples of a pixel are looked up in the tile of its center
 _MAX_RAYS = 20_000  # whose points, near and far, are counted
 _STEP = 2.0 * GRID_STEP  # tangents from a point to the next: what is beside one is seen, too
 
 
 class _SeenRays(NamedTuple):
-    """Rays of pixels that have neighbours, and what of their points is seen."""
+    """Rays of pixels that have neighbors, and what of their points is seen."""
 
     directions: NDArray[np.float64]  # (n, 3)
     along: NDArray[np.float64]  # (n,) radians from a sample to the next, the longer way
@@ -40,18 +40,18 @@ def parallax_tiles(
     colors: Sequence[ParallaxRays],
     texels_per_pixel: float,
     near_m: float,
-    max_anisotropy: float = PICTURE_ANISOTROPY,
+    max_anisotropy: float = IMAGE_ANISOTROPY,
 ) -> TilePlan:
     """Plan the tiles that show all points of rays, in the rig frame, to the viewpoint at 0.
 
     Args:
-        colors: rays of the samples, of each colour that has its own.
+        colors: rays of the samples, of each color that has its own.
         texels_per_pixel: to a side of a pixel.
         near_m: nothing is nearer.
         max_anisotropy: of pixels, beyond which they are drawn as if they were less stretched.
 
     Raises:
-        GraphicsError: the picture shows too little.
+        GraphicsError: the image shows too little.
     """
     supersampling = colors[0].supersampling
     seen = [_seen_rays(rays, near_m, max_anisotropy, _MAX_RAYS // len(colors)) for rays in colors]
@@ -75,7 +75,7 @@ def _seen_rays(
     valid = np.asarray(directions.any(axis=-1))
     whole = valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1]
     if not whole.any():
-        raise GraphicsError("camera: the picture shows too little of the scene")
+        raise GraphicsError("camera: the image shows too little of the scene")
     here = directions[:-1, :-1][whole].astype(np.float64)
     steps = np.stack((directions[:-1, 1:][whole] - here, directions[1:, :-1][whole] - here), -1)
     # of the samples, as mip levels are of these

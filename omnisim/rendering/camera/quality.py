@@ -1,7 +1,7 @@
 """Capture quality: texels of the virtual cameras and samples per pixel, by a name or by numbers.
 
 Both numbers are about jagged edges and lost detail, at two places: texels to a side of the
-picture's finest pixels, and samples to a side of each pixel, which are averaged. The names are
+image's finest pixels, and samples to a side of each pixel, which are averaged. The names are
 settings where neither is finer than the other can show.
 """
 
@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from omnisim.core.errors import OpticsError, did_you_mean
 
-MAX_PICTURE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
+MAX_IMAGE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
 MAX_SUPERSAMPLING = 8
 MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
 
@@ -22,8 +22,8 @@ class CaptureQuality(NamedTuple):
     """Texels and samples of a capture.
 
     Attributes:
-        supersampling: samples to a side of a pixel of the picture.
-        texels_per_pixel: texels of the virtual cameras to a side of the picture's finest pixels.
+        supersampling: samples to a side of a pixel of the image.
+        texels_per_pixel: texels of the virtual cameras to a side of the image's finest pixels.
     """
 
     supersampling: int

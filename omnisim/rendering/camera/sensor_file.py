@@ -34,7 +34,7 @@ from omnisim.rendering.camera.quality import (
     DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
     MAX_DENSITY,
-    MAX_PICTURE_PX,
+    MAX_IMAGE_PX,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     CaptureQuality,
@@ -46,17 +46,17 @@ Polygons = int | Literal["auto"] | None  # None: exact
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 
 
-Size = Annotated[int, Field(ge=1, le=MAX_PICTURE_PX, strict=True)]
+Size = Annotated[int, Field(ge=1, le=MAX_IMAGE_PX, strict=True)]
 Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 PolygonCount = Annotated[
     Literal["auto", "exact"] | pydantic.StrictInt,
     described("a whole number, 'auto' or 'exact'"),
 ]
-FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_PICTURE_PX} or 'auto'")]
+FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_IMAGE_PX} or 'auto'")]
 FocalLength = Annotated[Literal["fit"] | Positive, described("a number > 0 or 'fit'")]
 PrincipalPoint = Annotated[
-    Literal["centre"] | tuple[Number, Number], described("[u, v] in pixels or 'centre'")
+    Literal["center"] | tuple[Number, Number], described("[u, v] in pixels or 'center'")
 ]
 
 
@@ -64,7 +64,7 @@ class MountingTable(Table):
     """Pose of the sensor on its vehicle; its position is that of the effective viewpoint."""
 
     position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Metres in the base frame: x forward, y left, z up."""
+    """Meters in the base frame: x forward, y left, z up."""
     roll_deg: Number = 0.0
     """Degrees about x."""
     pitch_deg: Number = 0.0
@@ -83,15 +83,15 @@ class MirrorTable(Table):
     c: Positive = PAPER_C
     """From the effective viewpoint to the pinhole, in units of the profile."""
     meters_per_unit: Positive = PAPER_METERS_PER_UNIT
-    """Metres in a unit of the profile; the paper names none: an assumption."""
+    """Meters in a unit of the profile; the paper names none: an assumption."""
     theta_max_deg: Number | None = None
     """The rim: degrees of incidence from straight down, 90 is the horizon; 105 where no rim is
     given."""
     rim_radius_m: Positive | None = None
-    """Radius of the rim in metres, in place of theta_max_deg."""
+    """Radius of the rim in meters, in place of theta_max_deg."""
     polygons: PolygonCount = "auto"
     """Polygons of the mesh: 16, 64, 256, 1024 (the paper's), 4096, …; "auto": as few as keep the
-    largest error in the picture below 0.1 px; "exact": no mesh."""
+    largest error in the image below 0.1 px; "exact": no mesh."""
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
@@ -139,12 +139,12 @@ class VirtualCamerasTable(Table):
     size_px: FaceSize = "auto"
     """Texels across the 90°; "auto": as texels_per_pixel needs."""
     texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
-    """Texels to a side of the picture's finest pixels; left out: as camera.quality says."""
+    """Texels to a side of the image's finest pixels; left out: as camera.quality says."""
     near_m: Positive = DEFAULT_NEAR_M
-    """Metres; nothing nearer is seen, and a note says so where something is. Left at 0.05, it is
+    """Meters; nothing nearer is seen, and a note says so where something is. Left at 0.05, it is
     nearer in scenes of less than 1 m."""
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
-    """Metres; nothing farther is seen; may be inf."""
+    """Meters; nothing farther is seen; may be inf."""
     samples: Literal[1, 2, 4, 8] = 1
     """Samples a texel, against jagged edges; at most as many as the GPU has."""
 
@@ -161,14 +161,14 @@ class CameraTable(Table):
     """Third group: the camera that looks at the mirror."""
 
     width_px: Size = 360
-    """Width of the picture in pixels."""
+    """Width of the image in pixels."""
     height_px: Size = 360
-    """Height of the picture in pixels."""
+    """Height of the image in pixels."""
     focal_length_px: FocalLength = "fit"
-    """Focal length in pixels; "fit": the rim touches the nearest edges of the picture."""
-    principal_point_px: PrincipalPoint = "centre"
-    """(u, v) of the optical axis in pixels, (0, 0) at the centre of the top left one; "centre": the
-    picture's middle."""
+    """Focal length in pixels; "fit": the rim touches the nearest edges of the image."""
+    principal_point_px: PrincipalPoint = "center"
+    """(u, v) of the optical axis in pixels, (0, 0) at the center of the top left one; "center": the
+    image's middle."""
     quality: QualityName = DEFAULT_QUALITY
     """Capture quality by name: fast is supersampling 2 and texels_per_pixel 1, default 3 and 2.9,
     fine 4 and 4."""
@@ -181,7 +181,7 @@ class CameraTable(Table):
         try:
             if self.focal_length_px != "fit":
                 camera = replace(camera, focal_length_px=self.focal_length_px)
-            if self.principal_point_px != "centre":
+            if self.principal_point_px != "center":
                 camera = replace(camera, principal_point_px=self.principal_point_px)
         except OpticsError as reason:
             raise _fault(f"{source}: camera.", reason, "camera: ") from None
@@ -260,7 +260,7 @@ class OpticsTable(Table):
     [optics.camera] and [[optics.surfaces]]."""
     polygons: PolygonCount = "exact"
     """Polygons of the mesh of the first mirror that the camera sees; "auto": as few as keep the
-    largest error in the picture below 0.1 px; "exact": no mesh."""
+    largest error in the image below 0.1 px; "exact": no mesh."""
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     def polygon_count(self, camera: CentralCamera, source: str) -> Polygons:
@@ -333,7 +333,7 @@ class SensorSettings:
         mounting: on the vehicle.
         virtual_cameras: at the effective viewpoint.
         quality: of the capture: the named one, but for what has a key of its own.
-        degradation: of the ideal picture.
+        degradation: of the ideal image.
     """
 
     model: CentralCamera

@@ -22,15 +22,15 @@ def sensor_toml(sensor: OmniCamera) -> str:
     size = '"auto"' if sensor.face_size_px is None else sensor.face_size_px
     if isinstance(sensor.model, HyperbolicCamera):
         group, geometry = "mirror", _mirror(sensor.model, sensor.polygons)
-        picture = _picture(sensor.model)
+        image = _image(sensor.model)
     elif isinstance(sensor.model, NonCentralCamera):
-        group, picture = "optics", ""
+        group, image = "optics", ""
         named = sensor.model.parameters()
         own = {key: named[key] for key in named if key != "model"}
         geometry, parts = toml_tables(own, "optics.")
         geometry += _polygons(sensor.polygons)
     else:
-        group, geometry, picture = "lens", toml_keys(sensor.model.parameters()), ""
+        group, geometry, image = "lens", toml_keys(sensor.model.parameters()), ""
     return f"""[{group}]
 {geometry}
 [{group}.mounting]
@@ -47,7 +47,7 @@ far_m = {float(sensor.far_m)!r}
 samples = {sensor.samples}
 
 [camera]
-{picture}supersampling = {sensor.supersampling}
+{image}supersampling = {sensor.supersampling}
 {_degradation(sensor)}"""
 
 
@@ -65,7 +65,7 @@ def _polygons(polygons: Polygons) -> str:
     return toml_keys({"polygons": "exact" if polygons is None else polygons})
 
 
-def _picture(camera: HyperbolicCamera) -> str:
+def _image(camera: HyperbolicCamera) -> str:
     u, v = (float(value) for value in camera.principal_point_px)
     return f"""width_px = {camera.width_px}
 height_px = {camera.height_px}

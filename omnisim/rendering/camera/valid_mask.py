@@ -1,4 +1,4 @@
-"""Mask of a picture's pixels that show the scene."""
+"""Mask of an image's pixels that show the scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pipeline of many pictures of one camera: drawn, sampled and read together, slice by slice."""
+"""Pipeline of many images of one camera: drawn, sampled and read together, slice by slice."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.capture.picture_pass import RemapPass
+from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.fences import clear_target
@@ -16,33 +16,33 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.readback_ring import ReadbackRing
 from omnisim.rendering.readback import ScenePoses
 
-MAX_SLICE_BYTES = 256 * 2**20  # of atlases and pictures: however many poses there are
+MAX_SLICE_BYTES = 256 * 2**20  # of atlases and images: however many poses there are
 _PIXEL_BYTES = 4
 
 
 class BatchPipeline:
-    """Draws pictures of an ideal camera into the layers of one atlas and below each other.
+    """Draws images of an ideal camera into the layers of one atlas and below each other.
 
     Args:
         context: of OpenGL.
         cube: the virtual cameras.
-        picture_pass: from an atlas to a picture.
-        size_px: width and height of a picture.
+        image_pass: from an atlas to an image.
+        size_px: width and height of an image.
 
     Attributes:
         context, size_px: as given.
-        slice_length: most pictures that are drawn together.
+        slice_length: most images that are drawn together.
     """
 
     def __init__(
         self,
         context: moderngl.Context,
         cube: CubePass,
-        picture_pass: RemapPass,
+        image_pass: RemapPass,
         size_px: tuple[int, int],
     ):
         self.context = context
-        self._cube, self._picture_pass, self.size_px = cube, picture_pass, size_px
+        self._cube, self._image_pass, self.size_px = cube, image_pass, size_px
         self._ring = ReadbackRing(context)
         self._atlases: moderngl.TextureArray | None = None
         self.refresh()
@@ -62,7 +62,7 @@ class BatchPipeline:
         )
 
     def begin(self, poses: Sequence[ScenePoses], out: NDArray[np.uint8]) -> None:
-        """Draw the pictures of poses, and start to read them.
+        """Draw the images of poses, and start to read them.
 
         Args:
             poses: of each.
@@ -89,23 +89,23 @@ class BatchPipeline:
             some = slice(first, min(first + length, len(poses)))
             atlases, target = self._reserve(length)
             self._cube.render_layers(poses[some], atlases, self._levels)
-            self._picture_pass.draw_batch(atlases, target, some.stop - some.start)
+            self._image_pass.draw_batch(atlases, target, some.stop - some.start)
             yield some, target
 
     def end(self) -> None:
-        """Wait for the pictures of `begin`."""
+        """Wait for the images of `begin`."""
         self._ring.finish()
 
     def _reserve(self, count: int) -> tuple[moderngl.TextureArray, moderngl.Framebuffer]:
-        """Atlases and a target for at least so many pictures, at most twice as many."""
+        """Atlases and a target for at least so many images, at most twice as many."""
         if self._atlases is None or not count <= self._atlases.layers <= 2 * count:
             plan, (width, height) = self._cube.plan, self.size_px
-            with gpu_allocation(f"a batch of {count} pictures", "render fewer at once"):
+            with gpu_allocation(f"a batch of {count} images", "render fewer at once"):
                 size = (plan.width_px, plan.height_px, count)
                 self._atlases = self.context.texture_array(size, 4, dtype="f2")
                 self._levels = AtlasLevels(self._atlases, plan.max_level)
-                pictures = self.context.renderbuffer((width, count * height), 4)
-                self._target = self.context.framebuffer([pictures])
+                images = self.context.renderbuffer((width, count * height), 4)
+                self._target = self.context.framebuffer([images])
             self._atlases.repeat_x = self._atlases.repeat_y = False
             self._atlases.filter = self._cube.atlas.filter
             # once: nothing is ever drawn where nothing is valid

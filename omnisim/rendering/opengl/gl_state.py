@@ -31,7 +31,7 @@ _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, 
 def set_constants() -> None:
     """Set what all passes of a context agree on: reversed depth, sides of triangles, blending.
 
-    Y of the clip space runs down the picture: triangles are wound the other way round.
+    Y of the clip space runs down the image: triangles are wound the other way round.
     """
     gl_function("glDepthFunc", _ENUM)(_GREATER)
     gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
@@ -81,7 +81,7 @@ class GlState:
     def clear(
         self, colors: Sequence[tuple[float, float, float, float] | None], depth: float
     ) -> None:
-        """Clear the target in use: its colours, of which None are integers, and depth."""
+        """Clear the target in use: its colors, of which None are integers, and depth."""
         for number, color in enumerate(colors):
             if color is None:
                 self._clear_integers(_COLOR, number, (ctypes.c_uint * 4)())

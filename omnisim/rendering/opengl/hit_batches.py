@@ -1,4 +1,4 @@
-"""Hits of many pictures of one camera: drawn, intersected and read together, slice by slice."""
+"""Hits of many images of one camera: drawn, intersected and read together, slice by slice."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.uniforms import uniform
 from omnisim.rendering.readback import ScenePoses
 
-# Triangle IDs, base colours and depth of a texel; points, primitives, normals and base colours. And
+# Triangle IDs, base colors and depth of a texel; points, primitives, normals and base colors. And
 # what materials take.
 _TEXEL_BYTES, _PIXEL_BYTES = 12, 48
 _MATERIAL_TEXEL_BYTES, _MATERIAL_PIXEL_BYTES = 12, 16
 
 
 class _Variant:
-    """Program for some of the channels, and the target of its pictures."""
+    """Program for some of the channels, and the target of its images."""
 
     def __init__(self, passes: RayHitPass, details: HitDetails, count: int):
         context, (width, height) = passes.pixels.context, passes.pixels.size_px
@@ -38,8 +38,8 @@ class _Variant:
         self.layers = VisibilityLayers(passes.visibility, count, details)
         self.program = passes.build_program(details, "BATCH")
         self.array = valid_pixels_array(context, self.program, passes.pixels.valid)
-        uniform(self.program, "u_pictures").value = self.count = count
-        with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
+        uniform(self.program, "u_images").value = self.count = count
+        with gpu_allocation(f"ground truth of {count} images", "render fewer at once"):
             size = (width, count * height)
             held = [
                 context.renderbuffer(size, 4, dtype="f4"), context.renderbuffer(size, 2, dtype="u4")
@@ -48,10 +48,10 @@ class _Variant:
 
 
 class HitBatches:
-    """Intersects the rays of many pictures, each with the triangles that its camera sees.
+    """Intersects the rays of many images, each with the triangles that its camera sees.
 
     Args:
-        passes: those of a single picture.
+        passes: those of a single image.
     """
 
     def __init__(self, passes: RayHitPass):
@@ -63,7 +63,7 @@ class HitBatches:
         self._variant = None
 
     def slice_length(self, details: HitDetails = NO_DETAILS) -> int:
-        """Most pictures that are drawn together; 1: they are better drawn one by one."""
+        """Most images that are drawn together; 1: they are better drawn one by one."""
         passes = self._passes
         visibility, context = passes.visibility, passes.pixels.context
         has_clusters = visibility.buffers.clustered_geometry is not None
@@ -72,16 +72,16 @@ class HitBatches:
             return 1
         limits, (width, height) = context.info, passes.pixels.size_px
         texels = visibility.plan.width_px * visibility.plan.height_px
-        picture_bytes = _TEXEL_BYTES * texels + _PIXEL_BYTES * width * height
+        image_bytes = _TEXEL_BYTES * texels + _PIXEL_BYTES * width * height
         if details.materials:
-            picture_bytes += _MATERIAL_TEXEL_BYTES * texels
-            picture_bytes += _MATERIAL_PIXEL_BYTES * width * height
-        picture_bytes += visibility.culling_bytes + passes.tables.picture_bytes
+            image_bytes += _MATERIAL_TEXEL_BYTES * texels
+            image_bytes += _MATERIAL_PIXEL_BYTES * width * height
+        image_bytes += visibility.culling_bytes + passes.tables.image_bytes
         most_bytes = int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         return max(
             1,
             min(
-                MAX_SLICE_BYTES // picture_bytes,
+                MAX_SLICE_BYTES // image_bytes,
                 most_bytes // max(1, visibility.culling_bytes),
                 int(limits["GL_MAX_TEXTURE_SIZE"]) // height,
                 int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
@@ -89,7 +89,7 @@ class HitBatches:
         )
 
     def hits(self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS) -> Iterator[Hits]:
-        """Hits of each picture, in order; see `RayHitPass.render`."""
+        """Hits of each image, in order; see `RayHitPass.render`."""
         length = min(self.slice_length(details), len(poses))
         if length <= 1:
             yield from (self._passes.render(*one, details) for one in poses)
@@ -117,7 +117,7 @@ class HitBatches:
         return read_hits(variant.target, passes.pixels.size_px, len(poses), details)
 
     def _reserve(self, count: int, details: HitDetails) -> _Variant:
-        """Program and layers for at least so many pictures, at most twice as many."""
+        """Program and layers for at least so many images, at most twice as many."""
         found = self._variant
         if found is None or not (found.details == details and count <= found.count <= 2 * count):
             self._variant = None  # frees its memory first

@@ -8,7 +8,7 @@ import moderngl
 
 from omnisim.rendering.opengl.gl_functions import gl_function
 
-COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; those of more colours follow
+COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; those of more colors follow
 _TEXTURE_2D_ARRAY, _DEPTH_COMPONENT32F = 0x8C1A, 0x8CAC
 _DEPTH_COMPONENT, _FLOAT = 0x1902, 0x1406
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
@@ -17,7 +17,7 @@ _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 def attach_texture(
     framebuffer: int, texture: int, attachment: int = COLORS, level: int = 0
 ) -> None:
-    """Make a mip level of a texture, or all layers of an array, the colours of a framebuffer, or
+    """Make a mip level of a texture, or all layers of an array, the colors of a framebuffer, or
     another attachment."""  # fmt: skip
     attach = gl_function("glNamedFramebufferTexture", _ENUM, _ENUM, _ENUM, _INT)
     attach(framebuffer, attachment, texture, level)
@@ -32,7 +32,7 @@ def attach_layer(
 
 
 def draw_into_all(target: moderngl.Framebuffer) -> None:
-    """Draw into all colours of a target, which moderngl sets only when it uses one."""
+    """Draw into all colors of a target, which moderngl sets only when it uses one."""
     count = len(target.color_attachments)
     attachments = (_ENUM * count)(*range(COLORS, COLORS + count))
     draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, ctypes.c_void_p)

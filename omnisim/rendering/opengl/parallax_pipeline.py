@@ -31,7 +31,7 @@ class ParallaxPipeline(Pipeline):
         supersampling, linear_type: see `Pipeline`.
 
     Attributes:
-        undecided_samples: of all pictures drawn since it was set to 0.
+        undecided_samples: of all images drawn since it was set to 0.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class ParallaxPipeline(Pipeline):
         """Make none: the parallax pass is there."""
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
-        """Draw the encoded picture, and the linear one where it is asked for."""
+        """Draw the encoded image, and the linear one where it is asked for."""
         pose, cast = poses.world_from_rig.copy(), self._cast
         pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
         atlas = self._cube.render(pose, poses.world_from_objects)

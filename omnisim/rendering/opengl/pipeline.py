@@ -1,4 +1,4 @@
-"""Pipeline from a scene to a picture: cube pass, picture pass, degradation, readback."""
+"""Pipeline from a scene to an image: cube pass, image pass, degradation, readback."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.capture.picture_pass import picture_pass
+from omnisim.rendering.opengl.capture.image_pass import image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
@@ -25,18 +25,18 @@ class Pipeline:
     Args:
         cube: the virtual cameras.
         samples: of the camera whose pixels are the samples.
-        supersampling: samples to a side of a pixel of the picture, averaged.
-        linear_type: of the linear picture: half floats, or float32.
+        supersampling: samples to a side of a pixel of the image, averaged.
+        linear_type: of the linear image: half floats, or float32.
 
     Attributes:
         context: of OpenGL.
-        size_px: width and height of the picture.
-        picture_pass: from the atlas to the picture.
-        linear: texture of the linear picture, where it was asked for: RGB and validity.
-        encoded_target: framebuffer of the encoded picture alone.
+        size_px: width and height of the image.
+        image_pass: from the atlas to the image.
+        linear: texture of the linear image, where it was asked for: RGB and validity.
+        encoded_target: framebuffer of the encoded image alone.
 
     Raises:
-        GraphicsError: a picture larger than the GPU allows.
+        GraphicsError: an image larger than the GPU allows.
     """
 
     def __init__(
@@ -47,13 +47,13 @@ class Pipeline:
         linear_type: Literal["f2", "f4"] = "f2",
     ):
         context, (width, height) = samples.context, samples.size_px
-        check_picture_size(context, width, height)
+        check_image_size(context, width, height)
         self.context, self._cube, self._state = context, cube, GlState()
         self.size_px = (width // supersampling, height // supersampling)
         self._make_pass(samples, supersampling)
         with gpu_allocation(
             f"a capture of {width} × {height} px",
-            "make the picture or camera.supersampling smaller",
+            "make the image or camera.supersampling smaller",
         ):
             self.linear = context.texture(self.size_px, 4, dtype=linear_type)
             encoded = context.renderbuffer(self.size_px, 4)
@@ -64,15 +64,15 @@ class Pipeline:
         clear_target(self._both_targets)
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
-        self.picture_pass = picture_pass(samples, self._cube.plan, supersampling)
+        self.image_pass = image_pass(samples, self._cube.plan, supersampling)
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
-        """Draw the encoded picture, and the linear one where it is asked for."""
+        """Draw the encoded image, and the linear one where it is asked for."""
         atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
-        self.picture_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
+        self.image_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
 
     def render(self, poses: ScenePoses, linear: bool = False) -> Readback:
-        """Render a picture, with linear colours where they are asked for."""
+        """Render an image, with linear colors where they are asked for."""
         self.draw(poses, linear)
         rgba = self.read_encoded()
         if not linear:
@@ -83,7 +83,7 @@ class Pipeline:
         return Readback(rgba, floats)
 
     def read_encoded(self) -> NDArray[np.uint8]:
-        """Read the encoded picture (height, width, 4)."""
+        """Read the encoded image (height, width, 4)."""
         width, height = self.size_px
         rgba = np.empty((height, width, 4), dtype=np.uint8)
         self._state.read_rgba(self.encoded_target, rgba)
@@ -94,7 +94,7 @@ class DegradedPipeline:
     """Pipeline of a camera that is not ideal.
 
     Args:
-        ideal: draws sub-frames; its linear picture is float32.
+        ideal: draws sub-frames; its linear image is float32.
         degradation: its passes.
     """
 
@@ -115,8 +115,8 @@ class DegradedPipeline:
         return Readback(rgba, floats)
 
 
-def check_picture_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
-    """Refuse a picture larger than the GPU allows.
+def check_image_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
+    """Refuse an image larger than the GPU allows.
 
     Raises:
         GraphicsError: naming the size and the limit.
@@ -125,5 +125,5 @@ def check_picture_size(context: moderngl.Context, width_px: int, height_px: int)
     if max(width_px, height_px) > limit:
         raise GraphicsError(
             f"a capture of {width_px} × {height_px} px: this GPU takes at most {limit}; "
-            "make the picture or camera.supersampling smaller"
+            "make the image or camera.supersampling smaller"
         )

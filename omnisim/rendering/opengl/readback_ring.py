@@ -1,4 +1,4 @@
-"""Ring of pixel-pack buffers: pictures are read while the next ones are drawn."""
+"""Ring of pixel-pack buffers: images are read while the next ones are drawn."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class _Read(NamedTuple):
 
 
 class ReadbackRing:
-    """Reads pictures of 8 bits, in the order in which they were drawn.
+    """Reads images of 8 bits, in the order in which they were drawn.
 
     Args:
         context: of OpenGL.
@@ -71,5 +71,5 @@ class ReadbackRing:
             return self._free.pop()
         if self._free:
             self._free.pop()  # too small: freed
-        with gpu_allocation(f"a readback of {size >> 20} MiB", "render fewer pictures at once"):
+        with gpu_allocation(f"a readback of {size >> 20} MiB", "render fewer images at once"):
             return self._context.buffer(reserve=size, dynamic=True)

@@ -1,1 +1,1 @@
-"""Rays: pictures and hits by casting them, with Embree, without any GPU."""
+"""Rays: images and hits by casting them, with Embree, without any GPU."""

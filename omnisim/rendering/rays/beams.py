@@ -45,7 +45,7 @@ class Beams:
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: no hit."""
+        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
         scene, count = self._scene(), len(self._directions)
         rays = Rays(
             np.tile(world_from_scanner[:3, 3], (count, 1)),

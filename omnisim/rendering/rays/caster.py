@@ -57,7 +57,7 @@ class _PartMesh(NamedTuple):
 
     mesh: EmbreeMesh
     triangles: NDArray[np.intp]  # of the geometry
-    centre_m: NDArray[np.float64]
+    center_m: NDArray[np.float64]
     radius_m: float
 
 
@@ -130,9 +130,9 @@ class RayCaster:
         return hits
 
     @property
-    def static_centre_m(self) -> NDArray[np.float64]:
+    def static_center_m(self) -> NDArray[np.float64]:
         """Middle (3,) of the static surfaces' bounds, world."""
-        return self._part_mesh(0, frozenset()).centre_m
+        return self._part_mesh(0, frozenset()).center_m
 
     def static_hits(
         self,
@@ -143,7 +143,7 @@ class RayCaster:
         """Nearest static triangles along rays (n, 3), either side, as Embree finds them.
 
         Args:
-            origins_m: (n, 3) from `static_centre_m`, along the world's axes.
+            origins_m: (n, 3) from `static_center_m`, along the world's axes.
             directions: (n, 3) of any length.
             far: (n,) where rays end, in lengths of the direction; None: nowhere.
         """
@@ -159,7 +159,7 @@ class RayCaster:
         Beyond what rounding moves a triangle by: a ray along an edge does not hit the next one of
         the same surface.
         """
-        origins_m = rays.origins_m - self._part_mesh(0, frozenset()).centre_m
+        origins_m = rays.origins_m - self._part_mesh(0, frozenset()).center_m
         return rays._replace(near_m=_beyond_m(origins_m, ranges_m))
 
     def exact(self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
@@ -198,7 +198,7 @@ class RayCaster:
     ) -> RayHits:
         """Cast rays (n,) at one part, and on through what they do not hit."""
         rotation = world_from_part[:3, :3]
-        origins_m = _rotated(rays.origins_m - world_from_part[:3, 3], rotation.T) - part.centre_m
+        origins_m = _rotated(rays.origins_m - world_from_part[:3, 3], rotation.T) - part.center_m
         directions = _rotated(rays.directions, rotation.T)
         hits, near_m = _no_hits(len(origins_m)), rays.near_m
         is_double_sided = self.geometry.is_double_sided
@@ -263,11 +263,11 @@ def _part_mesh_of(
 ) -> _PartMesh:
     """Hierarchy of triangles, whose corners (3 n,) are vertices (k, 3)."""
     bounds = bounds_of(positions_m) if len(positions_m) else np.zeros((2, 3))
-    centre_m = bounds.mean(axis=0)
-    local_m = (positions_m - centre_m).astype(np.float32)
+    center_m = bounds.mean(axis=0)
+    local_m = (positions_m - center_m).astype(np.float32)
     radius_m = float(np.linalg.norm(local_m, axis=1).max(initial=0.0)) * (1.0 + _BEYOND)
     mesh = EmbreeMesh(local_m, corners.reshape(-1, 3).astype(np.int32))
-    return _PartMesh(mesh, triangles, centre_m, radius_m)
+    return _PartMesh(mesh, triangles, center_m, radius_m)
 
 
 def _beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -289,10 +289,10 @@ def _near_sphere(
     rays: Rays, part: _PartMesh, world_from_part: NDArray[np.float64]
 ) -> NDArray[np.intp]:
     """Indices of the rays that pass the bounding sphere of a part within its radius."""
-    centre_m = world_from_part[:3, :3] @ part.centre_m + world_from_part[:3, 3]
-    to_centre = centre_m - rays.origins_m
-    along = np.maximum(_dot(to_centre, rays.directions), 0.0)
-    away = to_centre - along[:, None] * rays.directions
+    center_m = world_from_part[:3, :3] @ part.center_m + world_from_part[:3, 3]
+    to_center = center_m - rays.origins_m
+    along = np.maximum(_dot(to_center, rays.directions), 0.0)
+    away = to_center - along[:, None] * rays.directions
     return np.flatnonzero(_dot(away, away) <= part.radius_m**2)
 
 

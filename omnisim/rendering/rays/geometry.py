@@ -40,7 +40,7 @@ class Surface(NamedTuple):
         return self.has_second_coordinates if texture.uv_set else self.is_textured
 
 
-_TIMES_KEPT = 8  # of deformed vertices: of a picture, its neighbours, and some slices of a scan
+_TIMES_KEPT = 8  # of deformed vertices: of an image, its neighbors, and some slices of a scan
 
 
 class _DeformedVertices(NamedTuple):

@@ -139,9 +139,9 @@ class PixelHits:
         return cast_occlusion(self._scene, self._limits, moved, starts_m, world_from_rig, objects)
 
     def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
-        """Picture (height, width, …) of values (n, …) of the pixels that have a ray."""
+        """Image (height, width, …) of values (n, …) of the pixels that have a ray."""
         values = np.concatenate(parts)
-        picture = np.empty((*self.has_ray.shape, *values.shape[1:]), dtype=values.dtype)
-        picture[:] = otherwise
-        picture[self.has_ray] = values
-        return picture
+        image = np.empty((*self.has_ray.shape, *values.shape[1:]), dtype=values.dtype)
+        image[:] = otherwise
+        image[self.has_ray] = values
+        return image

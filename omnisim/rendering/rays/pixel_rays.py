@@ -18,7 +18,7 @@ from omnisim.rendering.rays.mirror_mesh_rays import MirrorMeshRays
 # Samples at a time, more or less: intermediate arrays stay in the cache, and threads have enough
 # to do between Python's own steps.
 _SAMPLES_PER_BAND = 1 << 14
-_MAX_KEPT_SAMPLES = 1 << 22  # 200 MB; of larger pictures rays are computed anew for each
+_MAX_KEPT_SAMPLES = 1 << 22  # 200 MB; of larger images rays are computed anew for each
 
 
 class Band(NamedTuple):
@@ -50,7 +50,7 @@ class Band(NamedTuple):
 
 
 class PixelRays:
-    """Rays of a picture of samples.
+    """Rays of an image of samples.
 
     Args:
         camera: whose pixels are the samples.

@@ -86,7 +86,7 @@ class RayScene:
             footprints: (n, 2, 3) changes of the direction to the next samples, world, which
                 textures are filtered over; None: a ray has no width.
             objects: the dynamic objects.
-            unlit: show plain base colours.
+            unlit: show plain base colors.
         """
         poses, shading = objects.world_from_objects, self.shading
         fog = None if unlit else self._fog

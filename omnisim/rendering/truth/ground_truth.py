@@ -59,7 +59,7 @@ class GroundTruth:
         Args:
             names: as `check_channels` gives them; only those whose details the source has.
             current: poses of the camera and the dynamic objects.
-            others: those of the "next" and the "previous" picture, where `Channel.other` of a name
+            others: those of the "next" and the "previous" image, where `Channel.other` of a name
                 needs them.
         """
         hits = self._source.hits(current, HitDetails.of_channels(names))
@@ -71,7 +71,7 @@ class GroundTruth:
         current: Sequence[ScenePoses],
         others: Mapping[str, Sequence[ScenePoses]],
     ) -> Iterator[dict[str, NDArray[Any]]]:
-        """Render the channels of many pictures, in order; see `channels`."""
+        """Render the channels of many images, in order; see `channels`."""
         flows = any(name in FLOWS for name in names)  # occlusion is that of the last hits
         details = HitDetails.of_channels(names)
         hits = (
@@ -90,7 +90,7 @@ class GroundTruth:
         current: ScenePoses,
         poses: Mapping[str, ScenePoses],
     ) -> dict[str, NDArray[Any]]:
-        """Channels of a picture whose hits are found."""
+        """Channels of an image whose hits are found."""
         rig_from_optical = self._source.camera.rig_from_optical
         world_from_optical = current.world_from_rig[:3, :3] @ rig_from_optical
         make: dict[str, Callable[[], NDArray[Any]]] = {
@@ -147,7 +147,7 @@ class GroundTruth:
 
     @property
     def has_ray(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) whose centre has a ray."""
+        """Pixels (height, width) whose center has a ray."""
         return self._source.has_ray
 
     @cached_property

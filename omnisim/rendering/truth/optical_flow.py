@@ -1,6 +1,6 @@
-"""Optical flow of a camera from its picture to another one, by exact reprojection, and occlusion.
+"""Optical flow of a camera from its image to another one, by exact reprojection, and occlusion.
 
-The other picture is the next one, or for the backward flow the previous one.
+The other image is the next one, or for the backward flow the previous one.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class OpticalFlow:
     the pixel's point to where it would see it then: the mesh's own error, the same in both but for
     a fraction, is not motion.
 
-    Where a picture goes all around, flow across its seam takes the short way and leads outside of
-    the picture by as much.
+    Where an image goes all around, flow across its seam takes the short way and leads outside of
+    the image by as much.
 
     Args:
         source: of the hits.
@@ -116,7 +116,7 @@ class OpticalFlow:
         return flow.reshape(*self._shape, 2), status.reshape(self._shape)
 
     def _pixels_of(self, hits: Hits, optical_from_current: NDArray[np.float64]) -> Pixels:
-        """Project the points (n,) of the valid pixels into a picture."""
+        """Project the points (n,) of the valid pixels into an image."""
         points_m = np.take(hits.points_and_ranges_m.reshape(-1, 4), self._valid, axis=0).astype(
             np.float64
         )
@@ -138,7 +138,7 @@ class OpticalFlow:
         return Pixels(positions_px, valid)
 
     def _is_inside(self, pixels: Pixels) -> NDArray[np.bool_]:
-        """Tell which positions (n,) are in the picture."""
+        """Tell which positions (n,) are in the image."""
         u, v = pixels.positions_px.T
         camera = self._camera
         inside: NDArray[np.bool_] = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)

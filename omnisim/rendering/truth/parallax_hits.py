@@ -73,7 +73,7 @@ class ParallaxHits(DrawnHits):
         self._rays = _joined(PixelRays(sensor.model, sensor.mesh_polygons))
         self.has_ray = self._rays.valid
         self.undecided = np.zeros_like(self.has_ray)
-        rays = self._centre_rays()
+        rays = self._center_rays()
         wider = max(1.0, math.sqrt(_USUAL_PIXELS / max(1, int(self.has_ray.sum()))))
         density = min(_TEXELS_PER_PIXEL * wider, _MAX_TEXELS_PER_PIXEL)
         plan = parallax_tiles([rays], density, cameras.near_m, MAX_ANISOTROPY)
@@ -87,8 +87,8 @@ class ParallaxHits(DrawnHits):
         assert self._rays.origins_m is not None
         self._origins_m = self._placed(self._rays.origins_m - optical_from_rig @ viewpoint_m)
 
-    def _centre_rays(self) -> ParallaxRays:
-        """Rays of the pixels' centres from the viewpoint, rig frame."""
+    def _center_rays(self) -> ParallaxRays:
+        """Rays of the pixels' centers from the viewpoint, rig frame."""
         rig_from_optical, rays = self.camera.rig_from_optical, self._rays
         assert rays.origins_m is not None
         around = ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0))
@@ -236,10 +236,10 @@ class ParallaxHits(DrawnHits):
         return pose
 
     def _placed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Picture (height, width, 3) of values (n, 3) of the pixels that have a ray."""
-        picture = np.zeros((*self.has_ray.shape, 3))
-        picture[self.has_ray] = values
-        return picture
+        """Image (height, width, 3) of values (n, 3) of the pixels that have a ray."""
+        image = np.zeros((*self.has_ray.shape, 3))
+        image[self.has_ray] = values
+        return image
 
 
 def _joined(rays: PixelRays) -> Band:

@@ -1,4 +1,4 @@
-"""Rays of a supersampled picture, interpolated between its pixels where they are smooth."""
+"""Rays of a supersampled image, interpolated between its pixels where they are smooth."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def sample_rays(
 ) -> ParallaxRays:
     """Rays of the samples of a camera's pixels, in the rig frame.
 
-    Those of the pixels' centres are traced; near the edges of what is seen those of all samples,
+    Those of the pixels' centers are traced; near the edges of what is seen those of all samples,
     and of a mesh everywhere, which are kept where they bend.
 
     Args:

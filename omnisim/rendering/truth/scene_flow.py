@@ -1,4 +1,4 @@
-"""Scene flow: motion of the points that a picture's pixels see, each with its surface.
+"""Scene flow: motion of the points that an image's pixels see, each with its surface.
 
 The points are those of the hits, in the viewpoint frame: the world's axes, and the origin in the
 effective viewpoint. An object is 0 for the static scene, 1 for the first dynamic object, and so on.
@@ -66,7 +66,7 @@ def transform_points(
 def scene_flow(
     hits: Hits, objects_of_draws: NDArray[np.intp], transforms: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Scene flow (height, width, 3) in metres; NaN where nothing is hit.
+    """Scene flow (height, width, 3) in meters; NaN where nothing is hit.
 
     Args:
         hits: at the current pose.

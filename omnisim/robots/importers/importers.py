@@ -84,7 +84,7 @@ def load_robot_model(path: Path, resources: Sequence[str | Path] = ()) -> Loaded
             output.with_name(name).write_text(text)
         robot = parse_robot(tomllib.loads(imported.text), str(path), output.parent)
         vehicle = Vehicle.from_robot(robot)
-    if vehicle.body is not None:  # its name is in pictures: not where this machine has it
+    if vehicle.body is not None:  # its name is in images: not where this machine has it
         body = vehicle.body.altered("", name=path.name)
         vehicle = dataclasses.replace(vehicle, body=body)
     with recorded_sources() as sources:

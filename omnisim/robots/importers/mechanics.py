@@ -30,7 +30,7 @@ class Mechanics(NamedTuple):
         name: of the model.
         wheels: on joints about y.
         mass_kg: in all, or 0: unknown.
-        centre_m: (3,) centre of mass.
+        center_m: (3,) center of mass.
         sensors: with distinct names.
         limits: keys of `[kinematics]` that the model states.
     """
@@ -38,7 +38,7 @@ class Mechanics(NamedTuple):
     name: str
     wheels: Sequence[Wheel]
     mass_kg: float
-    centre_m: NDArray[np.float64]
+    center_m: NDArray[np.float64]
     sensors: Sequence[ImportedSensor]
     limits: dict[str, float]
 
@@ -86,10 +86,10 @@ def robot_file(
         stated = speed | found.limits
         table["kinematics"] = drive.table | limits(stated, notices)
     if found.mass_kg > 0.0:
-        height_m = float(found.centre_m[2] - base_m[2])
+        height_m = float(found.center_m[2] - base_m[2])
         table["physics"] = {
             "mass_kg": round(found.mass_kg, 6),
-            **({"centre_height_m": round(height_m, 6)} if height_m > 1e-3 else {}),
+            **({"center_height_m": round(height_m, 6)} if height_m > 1e-3 else {}),
         }
     notices += [notice for one in found.sensors for notice in one.notices]
     return imported_model(found.name, source, output, table, found.sensors, body, notices, base_m)

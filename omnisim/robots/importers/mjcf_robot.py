@@ -65,8 +65,8 @@ def _mechanics(
         raise RobotFileError(f"{path}: expected bodies at finite positions")
     wheels = list(_wheels(model, data, root))
     sensors = [*_cameras(model, data, notices), *_imus(model, data)]
-    mass_kg, centre_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
-    return Mechanics(body_name(model, root), wheels, mass_kg, centre_m, sensors, {})
+    mass_kg, center_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
+    return Mechanics(body_name(model, root), wheels, mass_kg, center_m, sensors, {})
 
 
 def _root(model: mujoco.MjModel, path: Path, notices: list[str]) -> int:
@@ -130,8 +130,8 @@ def _tyre(
         return middle_m, float(model.geom_size[geom][0])
     if kind != kinds.mjGEOM_MESH:
         return None
-    centre_m, half_m = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
-    middle_m = middle_m + data.geom_xmat[geom].reshape(3, 3) @ centre_m
+    center_m, half_m = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
+    middle_m = middle_m + data.geom_xmat[geom].reshape(3, 3) @ center_m
     return middle_m, float(np.median(half_m))
 
 

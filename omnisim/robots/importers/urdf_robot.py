@@ -47,14 +47,14 @@ def import_urdf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
         poses = link_poses(robot)
         body = load_body(path, resources, notices)
         wheels = list(_wheels(robot, poses, body))
-        mass_kg, centre_m = _mass(robot, poses)
+        mass_kg, center_m = _mass(robot, poses)
         sensors = list(_sensors(root, path, poses, notices))
         limits = _plugin_limits(root, path)
     except OSError as reason:
         raise RobotFileError(f"{path}: cannot be read: {reason.strerror}") from None
     except (SceneError, RobotFileError) as reason:
         raise RobotFileError(f"{path}: {reason}") from None
-    found = Mechanics(robot.name or path.stem, wheels, mass_kg, centre_m, sensors, limits)
+    found = Mechanics(robot.name or path.stem, wheels, mass_kg, center_m, sensors, limits)
     texts = {value for element in root.iter() for value in element.attrib.values()}
     folders = ResourcePath(path, resources).used(sorted(one for one in texts if "://" in one))
     return robot_file(found, path, output, body, folders, notices)
@@ -123,7 +123,7 @@ def _tyre(
 
 
 def _mass(robot: UrdfElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
-    """Mass of all links, and its centre (3,)."""
+    """Mass of all links, and its center (3,)."""
     total_kg, moment = 0.0, np.zeros(3)
     for link in robot.children("link"):
         inertial = link.find("inertial")

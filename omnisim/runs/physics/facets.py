@@ -38,7 +38,7 @@ def _joined(vertices_m: NDArray[np.float64], triangles: Triangles) -> list[Trian
     """Triangles of each flat region."""
     normals = area_vectors(vertices_m[triangles])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    first, second = _neighbours(triangles)
+    first, second = _neighbors(triangles)
     flat = np.einsum("ni,ni->n", normals[first], normals[second]) > np.sqrt(1.0 - FLAT_SINE**2)
     numbers = _components(first[flat], second[flat], len(triangles))
     return _grouped(triangles, numbers)
@@ -54,7 +54,7 @@ def _convex(vertices_m: NDArray[np.float64], region: Triangles) -> list[Triangle
         return [region]
     owner = np.arange(len(region))
     members = {k: [k] for k in range(len(region))}
-    for first, second in zip(*(each.tolist() for each in _neighbours(region)), strict=True):
+    for first, second in zip(*(each.tolist() for each in _neighbors(region)), strict=True):
         a, b = int(owner[first]), int(owner[second])
         if a == b:
             continue
@@ -77,7 +77,7 @@ def _is_convex(vertices_m: NDArray[np.float64], region: Triangles) -> bool:
     return hull is None or bool(hull.volume <= area * (1.0 + AREA_SLACK))
 
 
-def _neighbours(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _neighbors(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs of triangles that share an edge, in the order of the edges."""
     edges = np.sort(triangles[:, ((0, 1), (1, 2), (2, 0))].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))

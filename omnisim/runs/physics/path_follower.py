@@ -12,7 +12,7 @@ from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.runs.physics.rover import Rover
 
 AHEAD_PER_S, TURN_PER_S = 4.0, 6.0  # corrections along the path, and of the heading
-TURN_PER_M2 = 16.0  # turn for each metre ahead and metre to the side
+TURN_PER_M2 = 16.0  # turn for each meter ahead and meter to the side
 RESERVE = 1.25  # of the limits, to catch up
 
 

@@ -16,7 +16,7 @@ from omnisim.robots.vehicle import Vehicle
 
 # Of robots whose file does not say.
 DENSITY_KGPM3 = 100.0  # of the footprint's box
-TRACK, WHEELBASE, CENTRE_HEIGHT = 0.8, 0.5, 0.25  # of the footprint's width, length and height
+TRACK, WHEELBASE, CENTER_HEIGHT = 0.8, 0.5, 0.25  # of the footprint's width, length and height
 WHEEL_PER_CLEARANCE = 4.0
 # Assumed of all robots.
 WHEEL_WIDTH = 0.4  # of the diameter
@@ -32,7 +32,7 @@ class Rover:
         name: of the vehicle.
         kinematics: its limits.
         mass_kg: in all.
-        centre_m: (3,) centre of mass, base.
+        center_m: (3,) center of mass, base.
         size_m: (3,) of the box around it.
         friction: of its tyres.
         wheels_m: (n, 3) middles of the driven wheels, base: the left ones, then the right ones.
@@ -44,7 +44,7 @@ class Rover:
     name: str
     kinematics: Kinematics
     mass_kg: float
-    centre_m: NDArray[np.float64]
+    center_m: NDArray[np.float64]
     size_m: NDArray[np.float64]
     friction: float
     wheels_m: NDArray[np.float64]
@@ -70,21 +70,21 @@ class Rover:
         length_m, width_m, height_m = size.tolist()
         diameter_m = min(WHEEL_PER_CLEARANCE * boxes.clearance_m, height_m)
         radius_m = 0.5 * (chassis.wheel_diameter_m or diameter_m)
-        centre = np.array((*middle[:2], chassis.centre_height_m or CENTRE_HEIGHT * height_m))
+        center = np.array((*middle[:2], chassis.center_height_m or CENTER_HEIGHT * height_m))
         half_track_m = 0.5 * (chassis.track_m or TRACK * width_m)
         if kinematics.drive == "skid_steer":
             half_base_m, castor = 0.5 * (chassis.wheelbase_m or WHEELBASE * length_m), None
         else:
             half_base_m, behind_m = 0.0, CASTOR * length_m
             castor = np.array((-behind_m, 0.0, min(radius_m, CASTOR * length_m)))
-            centre[0] = -CASTOR_LOAD * behind_m
+            center[0] = -CASTOR_LOAD * behind_m
         axles = (half_base_m, -half_base_m) if half_base_m > 0.0 else (0.0,)
         wheels = [(x, y, radius_m) for y in (half_track_m, -half_track_m) for x in axles]
         return cls(
             vehicle.name,
             kinematics,
             chassis.mass_kg or DENSITY_KGPM3 * float(np.prod(size)),
-            centre,
+            center,
             size,
             chassis.friction,
             np.array(wheels),

@@ -24,14 +24,14 @@ class Shape:
 
     Attributes:
         kind: "ball", "box" or "hull".
-        centre_m: (3,).
+        center_m: (3,).
         axes: (3, 3) axes of a box in its columns; else the identity.
         half_m: (3,) half of a box's sides, or a ball's radius.
-        vertices_m: (n, 3) about the centre; corners of the hull.
+        vertices_m: (n, 3) about the center; corners of the hull.
     """
 
     kind: Literal["ball", "box", "hull"]
-    centre_m: NDArray[np.float64]
+    center_m: NDArray[np.float64]
     axes: NDArray[np.float64]
     half_m: NDArray[np.float64]
     vertices_m: NDArray[np.float64]
@@ -47,12 +47,12 @@ class Shape:
 
 
 def _ball(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
-    centre = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
-    radii = np.linalg.norm(corners_m - centre, axis=1)
+    center = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
+    radii = np.linalg.norm(corners_m - center, axis=1)
     radius = float(radii.max())
     if radii.min() < (1.0 - ROUND) * radius or hull.volume < FULL_BALL * radius**3:
         return None
-    return Shape("ball", centre, np.eye(3), np.full(3, radius), corners_m - centre)
+    return Shape("ball", center, np.eye(3), np.full(3, radius), corners_m - center)
 
 
 def _box(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
@@ -67,10 +67,10 @@ def _box(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shap
     low, high = along.min(axis=0), along.max(axis=0)
     if hull.volume < FULL * float(np.prod(high - low)):
         return None
-    centre = rotation @ (0.5 * (low + high))
-    return Shape("box", centre, rotation, 0.5 * (high - low), corners_m - centre)
+    center = rotation @ (0.5 * (low + high))
+    return Shape("box", center, rotation, 0.5 * (high - low), corners_m - center)
 
 
 def _hull(corners_m: NDArray[np.float64]) -> Shape:
-    centre = corners_m.mean(axis=0)
-    return Shape("hull", centre, np.eye(3), np.zeros(3), corners_m - centre)
+    center = corners_m.mean(axis=0)
+    return Shape("hull", center, np.eye(3), np.zeros(3), corners_m - center)

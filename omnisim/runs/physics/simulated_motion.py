@@ -26,7 +26,7 @@ class Slip:
     """Slip of the wheels, by their own turns against the robot's motion.
 
     Attributes:
-        distance: metres that the wheels report more for a metre driven.
+        distance: meters that the wheels report more for a meter driven.
         turn: radians that they report more for a radian turned.
         end_m: distance between the ends of the motion and of dead reckoning.
     """

@@ -25,7 +25,7 @@ LARGEST_HULL = 64  # vertices that are kept
 CONTACT_S, IMPEDANCE = 0.005, 0.3
 FRICTION_IMPEDANCE = 100.0  # of friction to that of contacts: tyres creep by 0.1 mm/s
 SERVO_RADPS = 100.0  # natural frequency of the wheels' servos, which are critically damped
-FRICTION = (0.5, 5e-3, 1e-4)  # of all but tyres: sliding; torsional and rolling, in metres
+FRICTION = (0.5, 5e-3, 1e-4)  # of all but tyres: sliding; torsional and rolling, in meters
 ROLLING_RESISTANCE = 0.02  # of balls
 CASTOR_FRICTION = 1e-3
 TYRE_PRIORITY, CASTOR_PRIORITY = 1, 2  # whose friction counts
@@ -109,7 +109,7 @@ class WorldModel:
         geom = body.add_geom(
             name=name,
             type=GEOMS[shape.kind],
-            pos=shape.centre_m,
+            pos=shape.center_m,
             quat=_quaternion(shape.axes),
             mass=mass_kg,
         )
@@ -148,7 +148,7 @@ class WorldModel:
         wheel_kg = WHEEL_MASS * rover.mass_kg
         base.explicitinertial = True
         base.mass = rover.mass_kg - wheel_kg * len(rover.wheels_m)
-        base.ipos = rover.centre_m
+        base.ipos = rover.center_m
         squares = rover.size_m**2
         base.inertia = base.mass / 12.0 * (squares.sum() - squares)
         for number, (low, high) in enumerate(rover.parts_m):

@@ -24,8 +24,8 @@ from omnisim.scene.parts import (
     StartPose,
 )
 
-# A surface without any colour: a light grey of 80 % on the screen.
-PLAIN_GREY = float(linear_from_srgb(0.8))
+# A surface without any color: a light gray of 80 % on the screen.
+PLAIN_GRAY = float(linear_from_srgb(0.8))
 # Beyond, products of coordinates overflow a float32.
 LARGEST_COORDINATE = 1e15
 
@@ -101,11 +101,11 @@ def make_mesh(
     colors: ArrayLike | None = None,
     second_texture_coordinates: ArrayLike | None = None,
 ) -> tuple[Mesh, NDArray[np.float64]]:
-    """Make a mesh about the centre of its bounding box, and that centre (3,).
+    """Make a mesh about the center of its bounding box, and that center (3,).
 
-    Moving it there in float64 lets float32 hold a town in map coordinates to a micrometre.
+    Moving it there in float64 lets float32 hold a town in map coordinates to a micrometer.
     Normals or texture coordinates that are not finite, or of another count than the positions,
-    are dropped: the mesh is then flat, or in its plain colour.
+    are dropped: the mesh is then flat, or in its plain color.
 
     Arrays are as in `Mesh`, with at least one triangle.
     """
@@ -139,7 +139,7 @@ def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[In
     """Instances of a file in the world; frames of nodes get the world's axes and unit.
 
     Raises:
-        SceneError: poses or colours that a float32 cannot hold.
+        SceneError: poses or colors that a float32 cannot hold.
     """
     file_from_world = np.linalg.inv(world_from_file)
     placed = []
@@ -151,7 +151,7 @@ def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[In
         placed.append(Instance(one.name, one.mesh, world_from_mesh, world_from_node))
     for material in read.materials:
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
-            raise SceneError(f"material {material.name!r}: expected finite colours")
+            raise SceneError(f"material {material.name!r}: expected finite colors")
     return tuple(placed)
 
 
@@ -166,7 +166,7 @@ def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.
 
 
 def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32]:
-    """Colours (n, 3 or 4) as RGBA float32, divided by `scale`."""
+    """Colors (n, 3 or 4) as RGBA float32, divided by `scale`."""
     values = np.asarray(colors, dtype=np.float32) / np.float32(scale)
     if values.shape[1] == 3:
         values = np.concatenate((values, np.ones((len(values), 1), dtype=np.float32)), axis=1)

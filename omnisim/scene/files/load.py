@@ -55,14 +55,14 @@ def load_scene(
 ) -> Scene:
     """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
 
-    The world is in metres with z up: a Y-up point (x, y, z) becomes (x, −z, y).
+    The world is in meters with z up: a Y-up point (x, y, z) becomes (x, −z, y).
 
     Args:
         source: path or name.
         up_axis: the file's axis that points up, "x", "y" or "z"; by default its format's
             (glTF and OBJ: y; COLLADA: as it states; others: z).
-        meters_per_unit: metres in a unit of the file, by default its format's (COLLADA: as it
-            states; 3MF: 0.001; others: 1). Poses of a scene's TOML stay in metres.
+        meters_per_unit: meters in a unit of the file, by default its format's (COLLADA: as it
+            states; 3MF: 0.001; others: 1). Poses of a scene's TOML stay in meters.
         resources: folders of models and packages that the scene names by URI, before those of the
             environment.
         animation: name of the animation of a glTF file that is played, "none" for none; by default
@@ -190,7 +190,7 @@ def _under_option(found: SceneSource, sky: SkyTable | None) -> SceneSource:
 
 
 def _with_baked_light(scene: Scene, folder: Path) -> Scene:
-    from omnisim.scene.light.baked import with_baked_light  # reads pictures, slow to import
+    from omnisim.scene.light.baked import with_baked_light  # reads images, slow to import
 
     given = scene.given
     assert given is not None
@@ -229,7 +229,7 @@ def _under_sky(scene: Scene, found: SceneSource, folder: Path) -> Scene:
     """Scene under the sky of its settings, if they have one, whose map is beside a folder."""
     if found.settings.sky is None:
         return scene
-    from omnisim.scene.light.sky import under_sky  # reads pictures, slow to import
+    from omnisim.scene.light.sky import under_sky  # reads images, slow to import
 
     return under_sky(scene, found.settings, str(found.toml or found.mesh_file), folder)
 
@@ -361,7 +361,7 @@ def _paths(settings: SceneFile) -> tuple[ScenePath, ...]:
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
-    """Landmarks with the colours of the palette; each band begins at the top of the one below."""
+    """Landmarks with the colors of the palette; each band begins at the top of the one below."""
     landmarks = []
     for table in settings.landmarks:
         bottoms_m = (0.0, *(band.top_m for band in table.bands[:-1]))

@@ -17,7 +17,7 @@ Positive = Annotated[Number, Field(gt=0.0)]
 Name = Annotated[str, Field(min_length=1, strict=True)]
 Point = tuple[Signed, Signed, Signed]
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
-LARGEST_CLASS = 60_000  # files have 16 bits; some are left for the unlabelled
+LARGEST_CLASS = 60_000  # files have 16 bits; some are left for the unlabeled
 LinearRgb = tuple[Level, Level, Level]
 
 
@@ -44,7 +44,7 @@ class StartTable(Table):
     """Default pose of the camera; left out: near the middle, clear of surfaces."""
 
     position_m: Point
-    """Metres in the world, z up."""
+    """Meters in the world, z up."""
     yaw_deg: Number = 0.0
     """Heading in degrees, counter-clockwise from the world's x."""
 
@@ -57,24 +57,24 @@ class NamedStartTable(StartTable):
 
 
 class ColorBandTable(Table):
-    """Colour of a landmark up to a height above its base."""
+    """Color of a landmark up to a height above its base."""
 
     color: Name
-    """Name of a colour of [palette]."""
+    """Name of a color of [palette]."""
     top_m: Positive
-    """Upper end of the band in metres above the landmark's base; it begins where the one below
+    """Upper end of the band in meters above the landmark's base; it begins where the one below
     ends."""
 
 
 class LandmarkTable(Table):
-    """Object recognised by its colours: bands from bottom to top."""
+    """Object recognized by its colors: bands from bottom to top."""
 
     name: Name
     """Name of the landmark, distinct; names of its nodes begin with it."""
     position_m: Point
-    """Middle of its base in the world, metres."""
+    """Middle of its base in the world, meters."""
     footprint_m: tuple[Positive, Positive]
-    """Extents along the world's x and y, metres."""
+    """Extents along the world's x and y, meters."""
     bands: Annotated[tuple[ColorBandTable, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -93,7 +93,7 @@ class ScenePathTable(Table):
     name: Name
     """Name of the path, distinct."""
     waypoints_m: Annotated[tuple[tuple[Signed, Signed], ...], Field(min_length=2)]
-    """Corners [x, y] on the ground in order, metres in the world."""
+    """Corners [x, y] on the ground in order, meters in the world."""
     start_yaw_deg: Number | None = None
     """Heading at the first corner in degrees; left out: towards the second."""
 
@@ -104,7 +104,7 @@ class ObjectPathTable(Table):
     times_s: Annotated[tuple[Number, ...], Field(min_length=1)]
     """Times of the positions in seconds, increasing."""
     positions_m: Annotated[tuple[Point, ...], Field(min_length=1)]
-    """Positions of the object's origin at these times, metres in the world."""
+    """Positions of the object's origin at these times, meters in the world."""
     yaw_deg: tuple[Number, ...] | None = None
     """Headings at these times, degrees; left out: 0."""
     repeats: Annotated[bool, Field(strict=True)] = False
@@ -123,21 +123,21 @@ class ObjectTrajectoryTable(Table):
 class OrbitTable(Table):
     """Motion around a level circle, facing ahead."""
 
-    centre_m: Point
-    """Centre of the circle, metres in the world."""
+    center_m: Point
+    """Center of the circle, meters in the world."""
     radius_m: Positive
-    """Radius of the circle in metres."""
+    """Radius of the circle in meters."""
     period_s: Annotated[Number, AfterValidator(_not_zero)]
     """Seconds of a turn; less than 0: clockwise."""
     start_deg: Number = 0.0
-    """Direction from the centre at 0 s, degrees from the world's x."""
+    """Direction from the center at 0 s, degrees from the world's x."""
 
 
 class ShuttleTable(Table):
     """Motion to a point and back, slow at both ends."""
 
     from_m: Point
-    """Start at 0 s, metres in the world."""
+    """Start at 0 s, meters in the world."""
     to_m: Point
     """Other end, which it faces."""
     period_s: Positive
@@ -160,7 +160,7 @@ class ObjectTable(Table):
     animation: Name | None = None
     """Name of the animation of a glTF file that deforms its meshes; left out: none."""
     position_m: Point | None = None
-    """Position of its origin where it rests, metres in the world; left out: the origin."""
+    """Position of its origin where it rests, meters in the world; left out: the origin."""
     yaw_deg: Number | None = None
     """Heading where it rests, degrees; left out: 0."""
     mass_kg: Annotated[Number, Field(ge=1e-3, le=1e6)] | None = None
@@ -199,7 +199,7 @@ class LabelTable(Table):
     nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
     """Names of nodes; `*` and `?` stand for any letters; the first table that matches is taken."""
     color: tuple[Byte, Byte, Byte] | None = None
-    """8-bit sRGB in pictures; chosen where it is left out."""
+    """8-bit sRGB in images; chosen where it is left out."""
     id: Annotated[int, Field(ge=1, le=LARGEST_CLASS, strict=True)] | None = None
     """ID of the class in the channel; the next free one where it is left out."""
 
@@ -229,7 +229,7 @@ class SceneFile(Table):
     up_axis: Literal["x", "y", "z"] | None = None
     """Axis of the mesh file that points up; left out: as its format has it."""
     meters_per_unit: Positive | None = None
-    """Metres in a unit of the mesh file; left out: as its format has it."""
+    """Meters in a unit of the mesh file; left out: as its format has it."""
     animation: Name | None = None
     """Name of the animation of a glTF file that is played, over and over; "none": none; left out:
     the first."""
@@ -244,7 +244,7 @@ class SceneFile(Table):
     starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()
     paths: Annotated[tuple[ScenePathTable, ...], _distinct("name")] = ()
     palette: dict[Name, LinearRgb] = Field(default_factory=dict)
-    """Linear RGB of the landmarks' colours, by name."""
+    """Linear RGB of the landmarks' colors, by name."""
     landmarks: Annotated[tuple[LandmarkTable, ...], _distinct("name")] = ()
     labels: LabelTables = ()
     objects: Annotated[tuple[ObjectTable, ...], _distinct("name")] = ()

@@ -1,6 +1,6 @@
 """Baked light: all light of a scene on static surfaces, and irradiance probes for what moves.
 
-Light is that on a white surface as it is seen, linear RGB: base colour times light is the colour of
+Light is that on a white surface as it is seen, linear RGB: base color times light is the color of
 a matte surface.
 Source of the probes: Greger et al., "The irradiance volume", 1998.
 """
@@ -17,10 +17,10 @@ from omnisim.core.short_repr import short_repr
 from omnisim.scene.light.environment import shares_of_normals
 
 LARGEST = 65504.0  # of half floats
-# Of a probe within a wall, which takes its neighbours' light: next to a valid one it counts little.
+# Of a probe within a wall, which takes its neighbors' light: next to a valid one it counts little.
 _FILLED_WEIGHT = 1.0 / 64.0
 FACTORS = 9  # of spherical harmonics of order 2
-_NEIGHBOURS = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
+_NEIGHBORS = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def _grown(
     padded = np.pad(np.where(known[..., None, None], factors, 0.0), [*padding, (0, 0), (0, 0)])
     counted = np.pad(known.astype(np.float32), padding)
     total, count = np.zeros_like(factors), np.zeros(known.shape, dtype=np.float32)
-    for shift in _NEIGHBOURS:
+    for shift in _NEIGHBORS:
         part = tuple(
             slice(1 + step, 1 + step + size) for step, size in zip(shift, known.shape, strict=True)
         )

@@ -41,7 +41,7 @@ _RGB_FROM_XYZ = np.array(  # sRGB, IEC 61966-2-1
 def clear_sky(towards_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float32]:
     """Map (height, width, 3) of a clear sky without the sun's disc, linear RGB in cd/m².
 
-    Below the horizon is a grey ground under that sky.
+    Below the horizon is a gray ground under that sky.
 
     Args:
         towards_sun: (3,) unit, world; a low sun is raised to `MIN_SUN_ELEVATION_DEG`.

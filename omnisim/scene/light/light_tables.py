@@ -34,7 +34,7 @@ class LightTable(Table):
 
     shading: Literal["full", "matte"] | None = None
     """full: metal, gloss, maps and emission as the mesh files have them, which is the default;
-    matte: base colours alone, by Lambert's law, also of vehicles and other objects."""
+    matte: base colors alone, by Lambert's law, also of vehicles and other objects."""
     shadows: Flag | None = None
     """False: no lamp casts shadows; true: all do; left out: as the files have it, which is true in
     most. Even light, of a scene without lamps, casts none."""
@@ -63,7 +63,7 @@ class LampTable(Table):
     kind: Literal["directional", "point", "spot"]
     """Kind of lamp, as in glTF: directional ones are far away."""
     position_m: Point | None = None
-    """Position of a point or spot lamp, metres in the world."""
+    """Position of a point or spot lamp, meters in the world."""
     direction: Point | None = None
     """Direction in which the light of a directional or spot lamp travels, of any length."""
     intensity: Positive
@@ -71,7 +71,7 @@ class LampTable(Table):
     color: LinearRgb = (1.0, 1.0, 1.0)
     """Linear RGB that multiplies the intensity."""
     range_m: Positive | None = None
-    """Distance at which the light of a point or spot lamp ends, metres; left out: nowhere."""
+    """Distance at which the light of a point or spot lamp ends, meters; left out: nowhere."""
     inner_deg: Annotated[Number, Field(ge=0.0, lt=90.0)] | None = None
     """Angle from a spot lamp's axis up to which it is as bright; left out: 0."""
     outer_deg: Annotated[Number, Field(gt=0.0, le=90.0)] | None = None
@@ -129,9 +129,9 @@ class FogTable(Table):
     color: LinearRgb
     """Linear RGB of what is infinitely far away."""
     visibility_m: Positive | None = None
-    """Distance at which 5 % of the contrast is left, metres."""
+    """Distance at which 5 % of the contrast is left, meters."""
     attenuation_per_m: tuple[NotNegative, NotNegative, NotNegative] | None = None
-    """Attenuation of R, G and B for each metre, in place of visibility_m: water takes red first."""
+    """Attenuation of R, G and B for each meter, in place of visibility_m: water takes red first."""
 
     @model_validator(mode="after")
     def _one_measure(self) -> FogTable:

@@ -46,7 +46,7 @@ def expose(
 ) -> Lighting:
     """Lighting by a file's lights, exposed so that most of the lit surface is not overexposed.
 
-    Files state lights in lux and candela, pictures have no such scale. The exposure shows as white
+    Files state lights in lux and candela, images have no such scale. The exposure shows as white
     a white surface under the fill light and the illuminance that `WHITE_SHARE` of the lit surface
     stay below. It depends on the scene alone, not on the viewpoint, so that frames of a drive
     match. Of more than `MAX_LIGHTS` lights those stay that give the scene most light.
@@ -101,7 +101,7 @@ def light_summary(lighting: Lighting) -> str:
 def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:
     """Light from everywhere, in baked light without lamps, of a background.
 
-    One that is brighter than white is a sky that shines, any other a picture.
+    One that is brighter than white is a sky that shines, any other an image.
     """
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
 
@@ -113,7 +113,7 @@ def around(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
 
 
 def _ambient_only(lux: NDArray[np.float64]) -> Lighting:
-    """Lighting from everywhere alone, whose brightest colour is white."""
+    """Lighting from everywhere alone, whose brightest color is white."""
     if not lux.any():
         return Lighting(FILL_AMBIENT, ())
     red, green, blue = (lux / lux.max()).tolist()

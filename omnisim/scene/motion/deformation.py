@@ -41,7 +41,7 @@ class Skeleton:
         found = self._latest.get(time_s)
         if found is None:
             found = self._poses.at(time_s) @ self.node_from_bind
-            # meshes of one skin share them at the instant of a picture
+            # meshes of one skin share them at the instant of an image
             self._latest.clear()
             self._latest[time_s] = found
         return found
@@ -99,7 +99,7 @@ class MorphTargets:
 class Sphere(NamedTuple):
     """Sphere around a mesh, in its frame."""
 
-    centre: Matrix
+    center: Matrix
     radius: float
 
 
@@ -177,9 +177,9 @@ class Deformation:
 
     def sphere_at(self, time_s: float) -> Sphere:
         """Sphere around all vertices at a time: around those of the joints' own vertices."""
-        centres, radii = self._joint_spheres
+        centers, radii = self._joint_spheres
         matrices = self.matrices_at(time_s)
-        at = np.einsum("jab,jb->ja", matrices[:, :3, :3], centres) + matrices[:, :3, 3]
+        at = np.einsum("jab,jb->ja", matrices[:, :3, :3], centers) + matrices[:, :3, 3]
         longest = 0.0
         if self.targets is not None:
             longest = float(np.abs(self.weights_at(time_s)) @ self.targets.longest)
@@ -187,8 +187,8 @@ class Deformation:
         used = np.flatnonzero(radii >= 0.0)
         at, reach = at[used], reach[used]
         low, high = (at - reach[:, None]).min(axis=0), (at + reach[:, None]).max(axis=0)
-        centre = 0.5 * (low + high)
-        return Sphere(centre, float((np.linalg.norm(at - centre, axis=1) + reach).max()))
+        center = 0.5 * (low + high)
+        return Sphere(center, float((np.linalg.norm(at - center, axis=1) + reach).max()))
 
     def joint_boxes(self) -> tuple[NDArray[np.intp], Matrix]:
         """Joints (k,) that vertices follow, and corners (k, 8, 3) of those vertices as bound."""
@@ -216,16 +216,16 @@ class Deformation:
 
     @cached_property
     def _joint_spheres(self) -> tuple[Matrix, Matrix]:
-        """Centres (joints, 3) and radii (joints,) of each joint's vertices; −1: it has none."""
+        """Centers (joints, 3) and radii (joints,) of each joint's vertices; −1: it has none."""
         low, high = self._joint_bounds
-        centres = np.zeros(low.shape)
+        centers = np.zeros(low.shape)
         used = np.flatnonzero((low <= high).all(axis=1))
-        centres[used] = 0.5 * (low[used] + high[used])
+        centers[used] = 0.5 * (low[used] + high[used])
         radii = np.full(len(low), -1.0)
         rows, columns = np.nonzero(self.shares)
         joints = self.joints[rows, columns]
-        np.maximum.at(radii, joints, np.linalg.norm(self.positions[rows] - centres[joints], axis=1))
-        return centres, radii
+        np.maximum.at(radii, joints, np.linalg.norm(self.positions[rows] - centers[joints], axis=1))
+        return centers, radii
 
     def _blended(self, time_s: float, some: slice | NDArray[np.intp]) -> Matrix:
         """Mean transforms (n, 3, 4) of vertices' joints."""

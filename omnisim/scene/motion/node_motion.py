@@ -43,7 +43,7 @@ class AnimatedNode:
             if self.parent is not None:
                 before = self.parent.transform_at(time_s) @ before
             found = before @ self._local_at(time_s % self.period_s if self.period_s else 0.0)
-            # nodes of one parent share its transform at the instant of a picture
+            # nodes of one parent share its transform at the instant of an image
             self._latest.clear()
             self._latest[time_s] = found
         return found

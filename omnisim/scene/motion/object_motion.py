@@ -82,13 +82,13 @@ class Orbit:
     """Level circle at a constant speed, facing ahead.
 
     Attributes:
-        centre_m: of the circle.
+        center_m: of the circle.
         radius_m: of the circle.
         period_s: of a turn; less than 0: clockwise.
-        start_deg: direction from the centre at 0 s, from the world's x.
+        start_deg: direction from the center at 0 s, from the world's x.
     """
 
-    centre_m: Vector
+    center_m: Vector
     radius_m: float
     period_s: float
     start_deg: float = 0.0
@@ -98,10 +98,10 @@ class Orbit:
         angle = self.angle_at(time_s)
         offset_m = self.radius_m * np.array([math.cos(angle), math.sin(angle), 0.0])
         yaw = angle + math.copysign(0.5 * math.pi, self.period_s)
-        return pose_from_rotation(rotation_from_yaw(yaw), np.array(self.centre_m) + offset_m)
+        return pose_from_rotation(rotation_from_yaw(yaw), np.array(self.center_m) + offset_m)
 
     def angle_at(self, time_s: float) -> float:
-        """Direction from the centre in radians, turns counted."""
+        """Direction from the center in radians, turns counted."""
         return math.radians(self.start_deg) + 2.0 * math.pi * time_s / self.period_s
 
 
@@ -155,7 +155,7 @@ class Rolling:
             way = np.subtract(motion.to_m, motion.from_m)
             return _rotation(_axis(way, self.radius_m) * motion.share_at(time_s))
         if isinstance(motion, Orbit):
-            # seen from a frame that turns with the ball about the centre, both rates are constant
+            # seen from a frame that turns with the ball about the center, both rates are constant
             turned = motion.angle_at(time_s) - motion.angle_at(0.0)
             rolled_rad = -turned * motion.radius_m / self.radius_m
             start = rotation_from_yaw(motion.angle_at(0.0))

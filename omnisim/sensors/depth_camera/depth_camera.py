@@ -35,18 +35,18 @@ from omnisim.core.world import ObjectPart, WorldState
 from omnisim.rendering.backend import CameraBackend, CameraSetup
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.quality import MAX_PICTURE_PX
+from omnisim.rendering.camera.quality import MAX_IMAGE_PX
 from omnisim.rendering.near_plane import scene_size_m
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 
-MAX_RANGE_M = 65.535  # millimetres in 16 bits
+MAX_RANGE_M = 65.535  # millimeters in 16 bits
 # Share of the depth by which a surface has to be nearer to the second view to cast a shadow.
 SHADOW_SHARE = 1e-3
-# Depths of neighbours at an edge: more than along a surface at 85° to the rays.
+# Depths of neighbors at an edge: more than along a surface at 85° to the rays.
 EDGE_RATIO = 1.05
-Size = Annotated[int, Field(strict=True, ge=1, le=MAX_PICTURE_PX)]
+Size = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE_PX)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +54,10 @@ class DepthCamera(Parameters, name="depth_camera"):
     """Geometry and errors of a depth camera. Without arguments: a Kinect of the first version.
 
     Attributes:
-        width_px, height_px: size of the picture; the optical axis is in its middle.
+        width_px, height_px: size of the image; the optical axis is in its middle.
         focal_length_px: focal length.
         baseline_m: from the camera to the second view, to the right.
-        is_stereo: the second view is a camera with the same picture, beyond whose edge are holes;
+        is_stereo: the second view is a camera with the same image, beyond whose edge are holes;
             otherwise a projector that lights all that the camera sees.
         range_min_m, range_max_m: holes are outside, along the optical axis.
         max_incidence_deg: largest angle of a surface's normal with the ray.
@@ -91,7 +91,7 @@ class DepthCamera(Parameters, name="depth_camera"):
     def _check(self) -> None:
         if self.range_min_m >= self.range_max_m:
             raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
-        if self.second_width_px > MAX_PICTURE_PX:
+        if self.second_width_px > MAX_IMAGE_PX:
             raise self._error("baseline_m", "a second view less wide")
 
     @classmethod
@@ -170,7 +170,7 @@ class DepthCamera(Parameters, name="depth_camera"):
         seed: int | str = 0,
         frame_number: int = 0,
     ) -> NDArray[np.float32]:
-        """Measured depths (height, width) along the optical axis in metres, 0 in holes.
+        """Measured depths (height, width) along the optical axis in meters, 0 in holes.
 
         Args:
             z_m: (height, width) true depths; +inf: nothing is there.
@@ -220,10 +220,10 @@ class DepthCamera(Parameters, name="depth_camera"):
         farther = np.maximum(*beside)
         is_edge = farther > EDGE_RATIO * np.minimum(*beside)
         nearest = np.where(second_u - left < 0.5, *beside) * math.sqrt(EDGE_RATIO)
-        # along a surface the point is between what two neighbours see
+        # along a surface the point is between what two neighbors see
         limit_m = np.where(is_edge, nearest, farther * (1.0 + SHADOW_SHARE))
-        in_picture = (second_u >= -0.5) & (second_u <= self.second_width_px - 0.5)
-        seen: NDArray[np.bool_] = in_picture & (z_m <= limit_m)
+        in_image = (second_u >= -0.5) & (second_u <= self.second_width_px - 0.5)
+        seen: NDArray[np.bool_] = in_image & (z_m <= limit_m)
         return seen
 
 
@@ -275,7 +275,7 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
         return _Views(stage.backend.camera(setup) for setup in setups)
 
     def measure(self, state: WorldState | ArrayLike, frame_number: int = 0) -> NDArray[np.float32]:
-        """Depths (height, width) along the optical axis in metres, 0 in holes.
+        """Depths (height, width) along the optical axis in meters, 0 in holes.
 
         Args:
             state: of the world; or, where nothing else moves, the (4, 4) pose of the vehicle.

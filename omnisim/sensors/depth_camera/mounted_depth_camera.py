@@ -65,7 +65,7 @@ class MountedDepthCamera(RenderedSensor):
 
 
 def _write_depths(depths_m: NDArray[np.float32], path: Path) -> None:
-    """Write millimetres in 16 bits, 0 in holes (ROS, REP 118)."""
+    """Write millimeters in 16 bits, 0 in holes (ROS, REP 118)."""
     steps = np.round(depths_m * STEPS_PER_M).astype(np.uint16)
     write_numbers(path, steps, {"unit_m": 1.0 / STEPS_PER_M})
 
@@ -79,21 +79,21 @@ class DepthCameraMount(SensorMount):
     device: Literal["kinect_v1", "d435"] = "kinect_v1"
     """Size, field of view, range and errors: "kinect_v1" or Intel's "d435"."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """True: with the device's errors; false: depths are exact to the millimetre, holes stay."""
+    """True: with the device's errors; false: depths are exact to the millimeter, holes stay."""
     width_px: Size | None = None
-    """Width of the picture; left out, as all that follows: the device's."""
+    """Width of the image; left out, as all that follows: the device's."""
     height_px: Size | None = None
-    """Height of the picture."""
+    """Height of the image."""
     focal_length_px: Positive | None = None
-    """Focal length; the optical axis is in the middle of the picture."""
+    """Focal length; the optical axis is in the middle of the image."""
     baseline_m: Positive | None = None
-    """Metres to the right, to the projector or the second camera."""
+    """Meters to the right, to the projector or the second camera."""
     is_stereo: Annotated[bool, Field(strict=True)] | None = None
-    """True: a second camera with the same picture; false: a projector that lights all of it."""
+    """True: a second camera with the same image; false: a projector that lights all of it."""
     range_min_m: Positive | None = None
-    """Metres along the optical axis; nearer are holes."""
+    """Meters along the optical axis; nearer are holes."""
     range_max_m: Annotated[Number, Field(gt=0.0, le=MAX_RANGE_M)] | None = None
-    """Metres along the optical axis; farther are holes."""
+    """Meters along the optical axis; farther are holes."""
     max_incidence_deg: Annotated[Number, Field(gt=0.0, le=90.0)] | None = None
     """Degrees between ray and normal; beyond are holes."""
     disparity_sigma_px: Level | None = None

@@ -195,7 +195,7 @@ class LaserScanner(Parameters, name="scanner"):
         return float(np.random.default_rng((self.seed, _DEVICE)).uniform(-bound, bound))
 
     def measure(self, true_ranges_m: NDArray[np.float64], scan_number: int) -> NDArray[np.float64]:
-        """Measured ranges (beams,) in metres.
+        """Measured ranges (beams,) in meters.
 
         Errors are added, the sum is rounded, and what then lies outside of the limits is −inf or
         +inf. The noise depends on the seed, the number of the scan and the beam alone, so

@@ -74,9 +74,9 @@ class RangeScannerMount(SensorMount):
     resolution_rad: Positive = 0.01745
     """Radians between beams: USARSim's Resolution."""
     max_range_m: Positive = 20.0
-    """Metres; farther hits are out of range: USARSim's MaxRange."""
+    """Meters; farther hits are out of range: USARSim's MaxRange."""
     min_range_m: Level = 0.0
-    """Metres; nearer hits are too near: USARSim's MinRange."""
+    """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
     seed: DeviceSeed = 0

@@ -95,13 +95,13 @@ class LidarMount(SensorMount):
     rate_hz: Rate | None = None
     """Revolutions a second, each with a cloud; left out: the device's, and a cloud at each step."""
     range_min_m: Level | None = None
-    """Metres; nearer hits give no point."""
+    """Meters; nearer hits give no point."""
     range_max_m: Positive | None = None
-    """Metres; farther hits give no point."""
+    """Meters; farther hits give no point."""
     sigma_m: Level | None = None
-    """Standard deviation of a range in metres."""
+    """Standard deviation of a range in meters."""
     step_m: Level | None = None
-    """Metres that ranges are rounded to; 0: not at all."""
+    """Meters that ranges are rounded to; 0: not at all."""
 
     def parameters(self) -> SpinningLidar:
         """Build the lidar."""

@@ -4,7 +4,7 @@ Frame of the lidar: x forward, y left, z up (REP 103); all lasers start at its o
 looks down the most, as the drivers of ROS count. The head turns clockwise seen from above, as
 Velodyne's do, and a revolution begins straight behind. All rings of a firing shoot at once, in one
 direction; a laser has one return. The devices' lasers shoot within 46 µs, their lenses lie some
-centimetres apart, and a beam that two surfaces share has two returns: all this is left out.
+centimeters apart, and a beam that two surfaces share has two returns: all this is left out.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ class SpinningLidar(Parameters, name="lidar"):
         return LidarBeams(np.radians(self.elevations_deg), self.azimuths_rad, self.reach_m)
 
     def measure(self, true_ranges_m: NDArray[np.floating], revolution: int) -> NDArray[np.float64]:
-        """Measured ranges (rings, firings) in metres; +inf: no return.
+        """Measured ranges (rings, firings) in meters; +inf: no return.
 
         The noise depends on the seed, the number of the revolution, ring and firing alone, so that
         any revolution of a drive can be made again by itself.
@@ -198,9 +198,9 @@ class PointCloud:
     """Points of one revolution, in the order in which they are measured.
 
     Attributes:
-        points: (n,) of `POINT`: metres in the lidar's frame at each point's own time, number of the
+        points: (n,) of `POINT`: meters in the lidar's frame at each point's own time, number of the
             ring, seconds since the revolution's start, azimuth in radians counter-clockwise, range
-            in metres, and ID of the instance as ground truth has it.
+            in meters, and ID of the instance as ground truth has it.
         lidar: that took it.
         world_from_lidar_at_start, world_from_lidar: (4, 4) its poses at the revolution's start and
             end.

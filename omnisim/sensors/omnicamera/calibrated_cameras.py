@@ -31,7 +31,7 @@ class CalibratedCamerasMount(SensorMount):
     """Name of the only camera, and before those of several: "rig" makes rig_cam0; left out: their
     names in the file."""
     position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Metres in the base frame: of the file's IMU or base, or of its first camera."""
+    """Meters in the base frame: of the file's IMU or base, or of its first camera."""
     file: Name
     """Calibration file, relative to this file, in any format that is read, such as Kalibr's
     camchain-imucam.yaml."""

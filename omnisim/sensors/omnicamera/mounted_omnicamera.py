@@ -1,7 +1,7 @@
-"""Omnidirectional cameras on vehicles: pictures, with channels of ground truth.
+"""Omnidirectional cameras on vehicles: images, with channels of ground truth.
 
-A camera moves while its picture is exposed, has noise of its own, and its auto-exposure follows
-from the picture before. The two numbers that it takes are in the metadata of that picture's file,
+A camera moves while its image is exposed, has noise of its own, and its auto-exposure follows
+from the image before. The two numbers that it takes are in the metadata of that image's file,
 so that a drive that was killed goes on with the same bytes.
 """
 
@@ -44,10 +44,10 @@ from omnisim.sensors.sensor import (
 from omnisim.sensors.sensor_mount import SensorMount
 from omnisim.sensors.sensor_names import Name
 
-PICTURE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
+IMAGE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
 DESCRIPTION_SUFFIX, BOXES_3D_SUFFIX = ".channels.json", f".{BOXES_3D}"
 CAMERA_POSES = "poses.tum"  # of a rig's camera
-VIEWPOINT_GRID = 33  # rays to a side of the picture whose nearest point is sought
+VIEWPOINT_GRID = 33  # rays to a side of the image whose nearest point is sought
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,7 +56,7 @@ class MountedCamera(RenderedSensor):
 
     Attributes:
         sensor: whose `base_from_rig` is the robot file's mount and the sensor file's, composed.
-        time_shift_s: from a picture's stamp to the time at which it was taken.
+        time_shift_s: from an image's stamp to the time at which it was taken.
     """
 
     sensor: OmniCamera
@@ -64,7 +64,7 @@ class MountedCamera(RenderedSensor):
     noun: ClassVar[str] = "camera"
     origin_noun: ClassVar[str] = "effective viewpoint"
     suffixes: ClassVar[tuple[str, ...]] = (
-        PICTURE_SUFFIX,
+        IMAGE_SUFFIX,
         CHANNELS_SUFFIX,
         DESCRIPTION_SUFFIX,
         ".*.npy",
@@ -98,9 +98,9 @@ class MountedCamera(RenderedSensor):
 
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
-        """Suffixes of a picture, its channels, and the boxes of its instances."""
+        """Suffixes of an image, its channels, and the boxes of its instances."""
         channels, channel_format, boxes_3d, _ = content
-        suffixes = [PICTURE_SUFFIX]
+        suffixes = [IMAGE_SUFFIX]
         if channels and channel_format is not ChannelFormat.NPY:
             suffixes.append(CHANNELS_SUFFIX)
         if channels and channel_format is not ChannelFormat.AUTO:
@@ -137,7 +137,7 @@ class MountedCamera(RenderedSensor):
         }
 
     def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
-        """Refuse an exposure that has not ended when the next picture begins.
+        """Refuse an exposure that has not ended when the next image begins.
 
         Raises:
             RunError: naming camera, step, and what is expected.
@@ -156,7 +156,7 @@ class MountedCamera(RenderedSensor):
     def measure(
         self, renderer: Renderer, settings: DriveSettings, moment: Moment
     ) -> CameraMeasurement:
-        """Take the picture of a moment, of the file of the picture before if it is metered."""
+        """Take the image of a moment, of the file of the image before if it is metered."""
         is_ideal = self.sensor.degradation.is_ideal
 
         def motion(time_s: float) -> WorldState | NDArray[np.float64]:
@@ -175,13 +175,13 @@ class MountedCamera(RenderedSensor):
         return CameraMeasurement(frame, moment.number, settings.channel_format)
 
     def _exposure_ev(self, moment: Moment) -> float | None:
-        """Exposure that auto-exposure has reached; None: settled on the picture itself."""
+        """Exposure that auto-exposure has reached; None: settled on the image itself."""
         degradation = self.sensor.degradation
         if degradation.exposure is None or not degradation.is_metered:
             return None
         if moment.previous_stem is None or moment.previous_s is None:
             return None
-        ev, metered_ev = _read_exposure(moment.previous_stem.with_suffix(PICTURE_SUFFIX))
+        ev, metered_ev = _read_exposure(moment.previous_stem.with_suffix(IMAGE_SUFFIX))
         return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
 
 
@@ -206,10 +206,10 @@ class OmniCameraMount(SensorMount):
 
 @dataclass(frozen=True, eq=False)
 class CameraMeasurement(Measurement):
-    """Picture of a camera with channels of ground truth.
+    """Image of a camera with channels of ground truth.
 
     Attributes:
-        frame: the picture.
+        frame: the image.
         number: of the step.
         channel_format: of files with ground truth.
     """
@@ -219,40 +219,38 @@ class CameraMeasurement(Measurement):
     channel_format: ChannelFormat
 
     def save(self, stem: Path) -> None:
-        """Write the picture's channels, boxes, and last the picture, those that are missing.
+        """Write the image's channels, boxes, and last the image, those that are missing.
 
         Raises:
             OutputError: a file cannot be written.
         """
         frame, files = self.frame, self.channel_format
-        picture = stem.with_suffix(PICTURE_SUFFIX)
+        image = stem.with_suffix(IMAGE_SUFFIX)
         target = stem.with_suffix(CHANNELS_SUFFIX)
         if frame.channels and files is not ChannelFormat.NPY and not is_written(target):
             write_exr(target, frame.channels, None, frame.metadata)
         if frame.channels and files is not ChannelFormat.AUTO:
             has_ray = frame.valid if frame.has_ray is None else frame.has_ray
-            write_sidecars(
-                picture, frame.channels, None, frame.metadata, has_ray, ChannelFormat.NPY
-            )
+            write_sidecars(image, frame.channels, None, frame.metadata, has_ray, ChannelFormat.NPY)
         target = stem.with_suffix(BOXES_SUFFIX)
         instances, labels = frame.channels.get("instance"), frame.labels
         if instances is not None and labels is not None and not is_written(target):
-            write_json(target, coco_image(instances, labels, picture.name, self.number))
+            write_json(target, coco_image(instances, labels, image.name, self.number))
         target = stem.with_suffix(BOXES_3D_SUFFIX)
         if frame.boxes_3d is not None and labels is not None and not is_written(target):
-            write_json(target, boxes_json(frame.boxes_3d, labels, picture.name, frame.metadata))
-        if not is_written(picture):
-            dataclasses.replace(frame, channels={}, boxes_3d=None).save(picture)
+            write_json(target, boxes_json(frame.boxes_3d, labels, image.name, frame.metadata))
+        if not is_written(image):
+            dataclasses.replace(frame, channels={}, boxes_3d=None).save(image)
 
 
 def _read_exposure(path: Path) -> tuple[float, float]:
-    """Exposure and metered exposure in the metadata of a picture, EV."""
+    """Exposure and metered exposure in the metadata of an image, EV."""
     try:
         _, metadata = read_image(path)
         exposure = (metadata or {})["degradation"]["exposure"]
         return float(exposure["ev"]), float(exposure["metered_ev"])
     except (OmnisimError, KeyError, TypeError, ValueError):
         raise RunError(
-            f"{path}: has no exposure, which the next picture's follows from: remove it, and it "
+            f"{path}: has no exposure, which the next image's follows from: remove it, and it "
             "is taken again"
         ) from None

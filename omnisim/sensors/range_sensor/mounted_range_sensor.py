@@ -49,9 +49,9 @@ class SonarMount(SensorMount):
     rays_per_cone: Count = 16
     """Rays on each: USARSim's tracesPerCone."""
     range_max_m: Positive = 5.0
-    """Metres; farther hits are out of range: USARSim's MaxRange."""
+    """Meters; farther hits are out of range: USARSim's MaxRange."""
     range_min_m: Level = 0.1
-    """Metres; nearer hits are too near: USARSim's MinRange."""
+    """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
     seed: DeviceSeed = 0
@@ -77,9 +77,9 @@ class InfraredMount(SensorMount):
 
     type: Literal["usarsim_ir_sensor"]
     range_max_m: Positive = 1.5
-    """Metres; farther hits are out of range: USARSim's MaxRange."""
+    """Meters; farther hits are out of range: USARSim's MaxRange."""
     range_min_m: Level = 0.2
-    """Metres; nearer hits are too near: USARSim's MinRange."""
+    """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
     seed: DeviceSeed = 0

@@ -1,4 +1,4 @@
-"""Baked light: our pictures of lit scenes against a path tracer's, with all bounces."""
+"""Baked light: our images of lit scenes against a path tracer's, with all bounces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene
 from omnisim.validation.checks.shadows import FOLDER, QUICK_SCENES, SCENES
-from omnisim.validation.fixture import Fixture, linear_picture
+from omnisim.validation.fixture import Fixture, linear_image
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
@@ -43,7 +43,7 @@ BOUND_DB, BOUND_SSIM = 32.0, 0.95
 def check(fixture: Fixture, title: str) -> Section:
     """Bake scenes lit by lamps, trace them in a real mirror and a fisheye, and compare."""
     measures: list[Measure] = []
-    pictures: dict[str, NDArray[np.generic]] = {}
+    images: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
     samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     settings = QUICK_SETTINGS if fixture.is_quick else SETTINGS
@@ -55,7 +55,7 @@ def check(fixture: Fixture, title: str) -> Section:
             pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
             traced = traced_light(scene, sensor, pose, samples[camera], bounces=True)
             with open_sensor(lit, sensor, device=fixture.device) as renderer:
-                ours = linear_picture(renderer.render(pose, linear=True))
+                ours = linear_image(renderer.render(pose, linear=True))
             inside = inside_rim(sensor)
             place, level_db = f"{name}, {camera}", psnr_db(traced, ours, inside)
             likeness = ssim(traced, ours, inside)
@@ -63,7 +63,7 @@ def check(fixture: Fixture, title: str) -> Section:
                 Measure(f"{place}: baked", level_db, "dB", BOUND_DB, at_least=True),
                 Measure(f"{place}: structural similarity", likeness, "", BOUND_SSIM, at_least=True),
             ]
-            pictures |= beside(place, traced, ours, inside)
+            images |= beside(place, traced, ours, inside)
     measures += [
         Measure("size", size_px, "px"),
         *samples_of(samples),
@@ -73,14 +73,14 @@ def check(fixture: Fixture, title: str) -> Section:
         title,
         "Mitsuba's path tracer follows rays from a real mirror, and from the faces of a cube for "
         "the fisheye, through all their bounces off diffuse surfaces to the lamps. Ours are "
-        "pictures of the same scenes with light that `omnisim bake` has computed: the lit scenes "
+        "images of the same scenes with light that `omnisim bake` has computed: the lit scenes "
         "of the check of shadows.",
         tuple(measures),
         figures=(
             CaptionedFigure(
                 "baked-scenes",
-                gallery(pictures, 6, side_in=2.7),
-                "Lit scenes traced in a mirror and through a fisheye, our pictures in baked light, "
+                gallery(images, 6, side_in=2.7),
+                "Lit scenes traced in a mirror and through a fisheye, our images in baked light, "
                 "and their difference, eight times enhanced.",
             ),
         ),

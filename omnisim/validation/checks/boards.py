@@ -1,4 +1,4 @@
-"""Chessboards in pictures by every model of OpenCV, projected by the saved calibration file."""
+"""Chessboards in images by every model of OpenCV, projected by the saved calibration file."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class BoardCamera:
         name: in the report.
         camera: model and parameters.
         format: of its calibration file.
-        boards_up_to_rad: largest angle of the boards' centres from the axis.
+        boards_up_to_rad: largest angle of the boards' centers from the axis.
     """
 
     name: str
@@ -100,16 +100,16 @@ def board_cameras() -> tuple[BoardCamera, ...]:
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Find the corners in rendered pictures; project them by OpenCV with the saved calibration."""
+    """Find the corners in rendered images; project them by OpenCV with the saved calibration."""
     count = LEAST_BOARDS if fixture.is_quick else 10
     measures, counts, shown = [], [], {}
     for board_camera in board_cameras():
-        off, boards, picture = _off_px(fixture, board_camera, count)
+        off, boards, image = _off_px(fixture, board_camera, count)
         rms = float(np.sqrt(np.mean(off**2))) if boards >= LEAST_BOARDS else math.nan
         measures.append(Measure(f"{board_camera.name}: reprojection, RMS", rms, "px", RMS_BOUND_PX))
         counts.append(Measure(f"{board_camera.name}: boards", boards))
-        if picture is not None:
-            shown[board_camera.name] = picture
+        if image is not None:
+            shown[board_camera.name] = image
     return Section(
         title,
         "Chessboards were rendered, their corners found by OpenCV, and the true corners "
@@ -127,7 +127,7 @@ def check(fixture: Fixture, title: str) -> Section:
 def _off_px(
     fixture: Fixture, board_camera: BoardCamera, count: int
 ) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
-    """Distances (n,) between detected and projected corners, boards detected, and one picture."""
+    """Distances (n,) between detected and projected corners, boards detected, and one image."""
     camera = board_camera.camera
     is_mirror = isinstance(camera, HyperbolicCamera)
     rig_from_optical = camera.rig_from_optical
@@ -150,15 +150,15 @@ def _off_px(
         for optical_from_board in optical_from_boards:
             rig_from_board = np.eye(4)
             rig_from_board[:3] = rig_from_optical @ optical_from_board[:3]
-            picture = renderer.render(np.linalg.inv(rig_from_board)).rgba
-            found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
+            image = renderer.render(np.linalg.inv(rig_from_board)).rgba
+            found = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
             points = board_corners_m() @ optical_from_board[:3, :3].T + optical_from_board[:3, 3]
             in_file = points @ omnidir.OMNIDIR_FROM_OPTICAL if is_mirror else points
             if found is None or not _can_be_projected(board_camera, in_file):
                 continue
             projected = opencv_projection.project(path, board_camera.format, in_file)
             offs.append(_distances_px(projected, found))
-            shown = picture[..., :3]
+            shown = image[..., :3]
     return np.concatenate(offs), len(offs) - 1, shown
 
 

@@ -14,7 +14,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.displacement import displacement_figure
-from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs, mirror_camera
+from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
 from omnisim.validation.markers import (
     centroids,
     inside_valid_area,
@@ -38,14 +38,14 @@ XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.002, 0.2, 0.1
 
 def check_markers(fixture: Fixture, title: str) -> Section:
     """Render markers through the whole pipeline; compare their centroids with our model's."""
-    camera, measured, rims = marker_picture(fixture)
+    camera, measured, rims = marker_image(fixture)
     predicted = rim_centroids_px(camera.pixel_from_ray(rims).positions_px)
     off = np.linalg.norm(measured - predicted, axis=1)
     return Section(
         title,
         f"{len(off)} white discs, 0.8° in radius, all around a tilted vehicle, 0.6 to 12 m away, "
         f"rendered through the whole pipeline at {SIZE_PX} × {SIZE_PX} px; the middles of their "
-        "pictures against where the camera model puts them.",
+        "images against where the camera model puts them.",
         (
             Measure("markers, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
             Measure("markers, largest distance", max_abs(off), "px", LARGEST_BOUND_PX),
@@ -63,19 +63,19 @@ def check_markers(fixture: Fixture, title: str) -> Section:
 
 def check_omnidir(fixture: Fixture, title: str) -> Section:
     """Compare the same centroids with OpenCV's projection, and calibrate from chessboards."""
-    camera, measured, rims = marker_picture(fixture)
+    camera, measured, rims = marker_image(fixture)
     projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
     off = np.linalg.norm(measured - rim_centroids_px(projected), axis=1)
-    boards, corners = chessboard_pictures(fixture, 10 if fixture.is_quick else 20)
+    boards, corners = chessboard_images(fixture, 10 if fixture.is_quick else 20)
     size = (camera.width_px, camera.height_px)
     found = omnidir.calibrate(board_corners_m(), corners, size)
     focal = 100.0 * (found.focal_length_px / camera.unified_focal_length_px - 1.0)
-    centre = np.linalg.norm(found.principal_point_px - camera.principal_point_px)
+    center = np.linalg.norm(found.principal_point_px - camera.principal_point_px)
     return Section(
         title,
         "cv2.omnidir.projectPoints, given the K and ξ that the camera states, against the middles "
         "of the rendered markers; and cv2.omnidir.calibrate, given nothing but chessboards that "
-        "OpenCV found in rendered pictures, against the camera's ξ and focal length "
+        "OpenCV found in rendered images, against the camera's ξ and focal length "
         f"(stated {camera.mirror.xi:.5f} and {camera.unified_focal_length_px:.3f} px, found "
         f"{found.xi:.5f} and {found.focal_length_px:.3f} px).",
         (
@@ -88,7 +88,7 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
                     "%", FOCAL_BOUND_PERCENT),
             Measure("calibration: reprojection, RMS", found.rms_px, "px", RMS_BOUND_PX),
             Measure("boards", found.boards),
-            Measure("calibration: distance of the principal point", float(centre), "px"),
+            Measure("calibration: distance of the principal point", float(center), "px"),
         ),
         figures=(
             CaptionedFigure("chessboards",
@@ -98,15 +98,15 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
 
 
-class MarkerPicture(NamedTuple):
-    """Markers as they were measured in a picture."""
+class MarkerImage(NamedTuple):
+    """Markers as they were measured in an image."""
 
     camera: HyperbolicCamera
     measured_px: NDArray[np.float64]  # (n, 2) middles
     rims: NDArray[np.float64]  # (n, corners, 3), optical frame
 
 
-def marker_picture(fixture: Fixture) -> MarkerPicture:
+def marker_image(fixture: Fixture) -> MarkerImage:
     """Render and measure markers all around."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     camera = mirror_camera(sensor)
@@ -119,22 +119,22 @@ def marker_picture(fixture: Fixture) -> MarkerPicture:
     near_px = camera.pixel_from_ray((positions - viewpoint_m) @ world_from_optical).positions_px
     clear = inside_valid_area(camera, near_px)
     frame = fixture.render(marker_scene(positions[clear], viewpoint_m), sensor, world_from_base)
-    measured = centroids(linear_picture(frame)[..., 1].astype(np.float64), near_px[clear])
+    measured = centroids(linear_image(frame)[..., 1].astype(np.float64), near_px[clear])
     around = (marker_rims(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
-    return MarkerPicture(camera, measured, around)
+    return MarkerImage(camera, measured, around)
 
 
-def chessboard_pictures(
+def chessboard_images(
     fixture: Fixture, count: int
 ) -> tuple[list[NDArray[np.uint8]], list[NDArray[np.float64]]]:
-    """Pictures that OpenCV found the board in, and its corners (n, 2) there."""
+    """Images that OpenCV found the board in, and its corners (n, 2) there."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
-    pictures, corners = [], []
+    images, corners = [], []
     with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
         for rig_from_board in board_poses(count):
-            picture = renderer.render(np.linalg.inv(rig_from_board)).rgb
-            found = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
+            image = renderer.render(np.linalg.inv(rig_from_board)).rgb
+            found = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
             if found is not None:
-                pictures.append(picture)
+                images.append(image)
                 corners.append(found)
-    return pictures, corners
+    return images, corners

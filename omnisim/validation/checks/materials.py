@@ -21,12 +21,12 @@ from omnisim.validation.report.report import CaptionedFigure, ResultTable, Secti
 BOUND = 2.0  # the mean of CIEDE2000; one is just seen, side by side
 WIDTH_PX = 165
 _SAMPLES, _QUICK_SAMPLES = 100, 36
-_SHOWN_FACTOR = 25  # levels of grey a unit of CIEDE2000
+_SHOWN_FACTOR = 25  # levels of gray a unit of CIEDE2000
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Render the chart by both, under each light, and compare colours."""
-    pictures: dict[str, NDArray[np.uint8]] = {}
+    """Render the chart by both, under each light, and compare colors."""
+    images: dict[str, NDArray[np.uint8]] = {}
     measures, rows = [], []
     samples = _QUICK_SAMPLES if fixture.is_quick else _SAMPLES
     for name, lighting in lightings().items():
@@ -40,11 +40,11 @@ def check(fixture: Fixture, title: str) -> Section:
             columns = len(material_chart.METALLIC)
             means = [difference[spheres == columns * row + i].mean() for i in range(columns)]
             rows.append((name, f"{roughness:g}", *(f"{mean:.2f}" for mean in means)))
-        grey = np.clip(_SHOWN_FACTOR * difference * shown, 0, 255).astype(np.uint8)
-        pictures |= {
+        gray = np.clip(_SHOWN_FACTOR * difference * shown, 0, 255).astype(np.uint8)
+        images |= {
             f"{name}, omnisim": srgb8_from_linear(np.clip(ours * shown[..., None], 0.0, 1.0)),
             f"{name}, Mitsuba": srgb8_from_linear(np.clip(traced, 0.0, 1.0)),
-            f"{name}, difference": np.repeat(grey[..., None], 3, axis=2),
+            f"{name}, difference": np.repeat(gray[..., None], 3, axis=2),
         }
     return Section(
         title,
@@ -63,8 +63,8 @@ def check(fixture: Fixture, title: str) -> Section:
         figures=(
             CaptionedFigure(
                 "materials",
-                gallery(pictures, 3),
-                f"Charts by both; {_SHOWN_FACTOR} levels of grey are a difference of 1.",
+                gallery(images, 3),
+                f"Charts by both; {_SHOWN_FACTOR} levels of gray are a difference of 1.",
             ),
         ),
     )
@@ -107,12 +107,12 @@ def both(
     ours = linear[..., :3]
     traced = np.zeros_like(ours)
     spheres = material_chart.sphere_of_pixels(model)
-    for number, centre_m in enumerate(material_chart.centres_m()):
+    for number, center_m in enumerate(material_chart.centers_m()):
         rows, columns = np.nonzero(spheres == number)
         top, left = int(rows.min()), int(columns.min())
         height, width = int(rows.max()) - top + 1, int(columns.max()) - left + 1
         part = trace_sphere(
-            scene.materials[number], centre_m, material_chart.RADIUS_M, scene.lighting, model,
+            scene.materials[number], center_m, material_chart.RADIUS_M, scene.lighting, model,
             (left, top, width, height), samples,
         )  # fmt: skip
         traced[top : top + height, left : left + width] = part

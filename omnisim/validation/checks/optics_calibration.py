@@ -37,7 +37,7 @@ _PARAMETERS = (*_ASIDE, _ALONG, *_TILTS)
 class _Seen(NamedTuple):
     """Boards that OpenCV found through one mirror."""
 
-    pictures: list[NDArray[np.uint8]]
+    images: list[NDArray[np.uint8]]
     corners: list[NDArray[np.float64]]  # (n, 2) each
 
     @property
@@ -98,12 +98,12 @@ def check(fixture: Fixture, title: str) -> Section:
                     ALONG_BOUND_MM),
             Measure("boards", len(aligned.corners) + len(tilted.corners)),
         ),
-        (ResultTable("The mirror's pose by least squares, in metres and degrees.",
+        (ResultTable("The mirror's pose by least squares, in meters and degrees.",
                      ("mirror", "parameter", "true", "found", "σ"), tuple(rows)),),
         figures=(
             CaptionedFigure("optics-chessboards",
                             gallery({f"board {i + 1}": b
-                                     for i, b in enumerate(tilted.pictures[:6])}, 3),
+                                     for i, b in enumerate(tilted.images[:6])}, 3),
                             "Some of the chessboards through the misaligned mirror."),
         ),
     )  # fmt: skip
@@ -137,10 +137,10 @@ def _seen(fixture: Fixture, table: dict[str, Any]) -> _Seen:
     count = QUICK_BOARDS if fixture.is_quick else BOARDS
     with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
         for rig_from_board in board_poses(count):
-            picture = renderer.render(np.linalg.inv(rig_from_board)).rgb
-            corners = omnidir.find_corners(np.ascontiguousarray(picture[..., 1]), PATTERN)
+            image = renderer.render(np.linalg.inv(rig_from_board)).rgb
+            corners = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
             if corners is not None:
-                seen.pictures.append(picture)
+                seen.images.append(image)
                 seen.corners.append(corners)
     return seen
 

@@ -1,7 +1,7 @@
 """Orientation: north, east, south, west, up and down are where the physics puts them.
 
 The physics, without any of our frames: the camera looks straight up, so with the vehicle's front
-at the top of its picture the right of the picture is up × front, the vehicle's left. A mirror
+at the top of its image the right of the image is up × front, the vehicle's left. A mirror
 above it shows what is in front towards the top, and what is to the left towards the right.
 """
 
@@ -21,12 +21,12 @@ from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Mesh
-from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
+from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 
-# Where each side of the room shows nothing but its paint, between two lines: metres east, north
+# Where each side of the room shows nothing but its paint, between two lines: meters east, north
 # and up from the viewpoint.
 PLAIN_POINTS = {
     "east": (3.0, 0.25, -0.95),
@@ -43,7 +43,7 @@ READS_BOUND = 0.8  # correlation of a word with itself seen in a panorama
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Look for the six named sides in pictures at three headings, and read their words."""
+    """Look for the six named sides in images at three headings, and read their words."""
     scene = load_scene("compass")
     table = {
         "mirror": {"theta_max_deg": RIM_DEG, "polygons": "exact"},
@@ -59,11 +59,11 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         "A room whose sides bear their names, seen by a camera that looks up at the mirror, at "
-        f"{len(HEADINGS_DEG)} headings. Each side's colour is where optics without our frames "
+        f"{len(HEADINGS_DEG)} headings. Each side's color is where optics without our frames "
         "puts it: what is in front at the top, what is to the left on the right. The unwarped "
         "panorama reads from left to right as a person turning to the right would see it.",
         (
-            Measure("largest difference of a side's colour from its paint", worst,
+            Measure("largest difference of a side's color from its paint", worst,
                     bound=COLOR_BOUND),
             Measure("least correlation of a panorama's word with the painted one", normal,
                     bound=READS_BOUND, at_least=True),
@@ -72,7 +72,7 @@ def check(fixture: Fixture, title: str) -> Section:
         figures=(
             CaptionedFigure("orientation-mirror",
                     gallery({f"heading {h:.0f}°": f.rgb for h, f in frames.items()}, 3),
-                    "The mirror's picture at three headings (0° is east, 90° north): the side in "
+                    "The mirror's image at three headings (0° is east, 90° north): the side in "
                     "front is at the top, words are mirrored, the dark ring outside is the "
                     "ceiling."),
             CaptionedFigure("orientation-panorama", gallery({"": panorama}, 1, side_in=10.0),
@@ -83,7 +83,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _paint(scene: Scene, side: str) -> NDArray[np.float64]:
-    """Linear colour of a side's paint: the commonest in its picture."""
+    """Linear color of a side's paint: the commonest in its image."""
     mesh = _mesh(scene, side)
     texture = scene.materials[mesh.material].texture
     assert texture is not None
@@ -98,20 +98,20 @@ def _mesh(scene: Scene, side: str) -> Mesh:
 
 
 def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: float) -> float:
-    """Largest difference between a side's paint and the picture where optics expects it."""
+    """Largest difference between a side's paint and the image where optics expects it."""
     camera, linear, heading = (
         mirror_camera(sensor),
-        linear_picture(frame),
+        linear_image(frame),
         math.radians(heading_deg),
     )
     front = np.array([math.cos(heading), math.sin(heading), 0.0])
-    picture_right = np.cross([0.0, 0.0, 1.0], front)  # look × top, the camera looks up
+    image_right = np.cross([0.0, 0.0, 1.0], front)  # look × top, the camera looks up
     worst = 0.0
     for side, aim in PLAIN_POINTS.items():
         theta = math.acos(-aim[2] / np.linalg.norm(aim))
         level = np.array([aim[0], aim[1], 0.0]) / math.hypot(aim[0], aim[1])
         radius = float(camera.image_radius(theta).radii_px)
-        u = camera.principal_point_px[0] + radius * (level @ picture_right)
+        u = camera.principal_point_px[0] + radius * (level @ image_right)
         v = camera.principal_point_px[1] - radius * (level @ front)
         around = np.stack(np.meshgrid(u + np.arange(-1, 2), v + np.arange(-1, 2)), axis=-1)
         seen = [np.median(sample(linear[..., channel], around)) for channel in range(3)]
@@ -131,7 +131,7 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
     base_from_optical = np.array(frame.metadata["world_from_optical"])[:3, :3]  # heading 0
     unwarp = Unwarping(sensor.model, cylinder, base_from_optical.T @ view.base_from_view)
     panorama = unwarp(frame.rgb)
-    grey = panorama.astype(np.float64).mean(axis=2)
+    gray = panorama.astype(np.float64).mean(axis=2)
     normal, mirrored = 1.0, -1.0
     # reading order: who faces east and turns to the right comes to south, then west, then north
     for quarter, side in enumerate(("east", "south", "west", "north")):
@@ -146,7 +146,7 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
         row = cylinder.principal_point_px[1] - cylinder.focal_length_px * tangent
         middle = cylinder.principal_point_px[0] + quarter * 0.25 * cylinder.width_px
         u = (middle + column) % cylinder.width_px
-        seen = sample(grey, np.stack(np.meshgrid(u, row), axis=-1))
+        seen = sample(gray, np.stack(np.meshgrid(u, row), axis=-1))
         # the same points on the wall, 3 m away, by plain trigonometry
         across_m = 3.0 * np.tan(azimuth)[None, :] * np.ones((121, 1))
         up_m = position[2] + 3.0 * tangent[:, None] / np.cos(azimuth)[None, :]

@@ -14,7 +14,7 @@ from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.scene import Scene
 from omnisim.validation.displacement import displacement_figure, displacements
-from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mean_abs, mirror_camera
+from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
 from omnisim.validation.markers import centroids, inside_valid_area, marker_positions, marker_scene
 from omnisim.validation.oracles.mitsuba_tracer import trace_mirror
 from omnisim.validation.oracles.surfaces import opaque_only
@@ -26,14 +26,14 @@ from omnisim.validation.report.report import CaptionedFigure, Section
 
 SIZE_PX, QUICK_SIZE_PX = 512, 256
 SAMPLES, QUICK_SAMPLES = 144, 64  # squares, as its sampler wants
-FINE = 4  # supersampling of the picture that shows what of the difference is antialiasing
+FINE = 4  # supersampling of the image that shows what of the difference is antialiasing
 MARKERS = 60
 BOUND_DB, FINE_BOUND_DB = 32.0, 40.0
 MARKER_BOUND_PX, SHIFT_BOUND_PX = 0.1, 0.1
 
 
 class Pair(NamedTuple):
-    """Two traced pictures of different seeds, and where they can be compared."""
+    """Two traced images of different seeds, and where they can be compared."""
 
     traced: NDArray[np.float32]
     again: NDArray[np.float32]
@@ -55,7 +55,7 @@ def check(fixture: Fixture, title: str) -> Section:
         dataclasses.replace(sensor, supersampling=FINE, texels_per_pixel=float(FINE)),
         pose,
     )
-    shifts = displacements(_grey(pair.traced), _grey(fine), pair.inside)
+    shifts = displacements(_gray(pair.traced), _gray(fine), pair.inside)
     lengths = np.linalg.norm(shifts.shifts_px, axis=1)
     markers = _marker_distances(fixture, sensor.resized(SIZE_PX), pose)
     floor = noise_floor_db(pair.traced, pair.again, pair.inside)
@@ -63,9 +63,9 @@ def check(fixture: Fixture, title: str) -> Section:
         title,
         f"Mitsuba's path tracer follows {samples} rays a pixel from a real pinhole to a real "
         "mirror, a mesh of the hyperboloid so fine that it is off by 0.001 px, and on into the "
-        "textured scene, whose surfaces shine in their base colours. It knows nothing of our rays "
+        "textured scene, whose surfaces shine in their base colors. It knows nothing of our rays "
         f"or of ξ. Its own noise is {floor:.1f} dB; what is left between it and our default "
-        f"picture is antialiasing: with {FINE} × {FINE} samples per pixel they come closer still.",
+        f"image is antialiasing: with {FINE} × {FINE} samples per pixel they come closer still.",
         (
             Measure("exact capture, default quality", psnr_db(pair.traced, exact, pair.inside),
                     "dB", BOUND_DB, at_least=True),
@@ -86,10 +86,10 @@ def check(fixture: Fixture, title: str) -> Section:
         figures=(
             CaptionedFigure("traced-mirror", _gallery(pair, exact),
                     "A traced mirror, our exact capture, and their difference, eight times "
-                    "enhanced: edges only, and no side of them is favoured."),
+                    "enhanced: edges only, and no side of them is favored."),
             CaptionedFigure("traced-shifts",
                     displacement_figure("Traced mirror − ours", sensor.model, *shifts),
-                    "How far patches of the picture are shifted between the two, 300 times "
+                    "How far patches of the image are shifted between the two, 300 times "
                     "enlarged."),
         ),
     )  # fmt: skip
@@ -109,7 +109,7 @@ def _trace(scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples:
 def _marker_distances(
     fixture: Fixture, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distance between the middles of markers in the traced picture and in ours (n,)."""
+    """Distance between the middles of markers in the traced image and in ours (n,)."""
     camera, world_from_optical = mirror_camera(sensor), _world_from_optical(sensor, pose)
     viewpoint_m = world_from_optical[:3, 3]
     positions = marker_positions(
@@ -137,12 +137,12 @@ def _world_from_optical(sensor: OmniCamera, pose: NDArray[np.float64]) -> NDArra
 def _linear(
     fixture: Fixture, scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    return linear_picture(fixture.render(scene, sensor, pose))
+    return linear_image(fixture.render(scene, sensor, pose))
 
 
-def _grey(linear: NDArray[np.float32]) -> NDArray[np.float64]:
-    grey: NDArray[np.float64] = srgb_from_linear(linear).mean(axis=-1)
-    return 255.0 * grey
+def _gray(linear: NDArray[np.float32]) -> NDArray[np.float64]:
+    gray: NDArray[np.float64] = srgb_from_linear(linear).mean(axis=-1)
+    return 255.0 * gray
 
 
 def _gallery(pair: Pair, exact: NDArray[np.float32]) -> Figure:
@@ -150,5 +150,5 @@ def _gallery(pair: Pair, exact: NDArray[np.float32]) -> Figure:
     ours = np.where(pair.inside[..., None], exact, 0.0)
     off = np.abs(srgb_from_linear(shown) - srgb_from_linear(ours))
     enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)
-    pictures = {"traced by Mitsuba": shown, "captured by omnisim": ours}
-    return gallery(pictures | {"difference × 8": enhanced}, 3, side_in=4.2)
+    images = {"traced by Mitsuba": shown, "captured by omnisim": ours}
+    return gallery(images | {"difference × 8": enhanced}, 3, side_in=4.2)

@@ -14,23 +14,23 @@ from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.context import open_context
 from omnisim.rendering.stage import Stage
-from omnisim.validation.fixture import Fixture, linear_picture, mirror_camera
+from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
 from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.style import BLUE, GREY, ORANGE, gallery, plot
+from omnisim.validation.plots.style import BLUE, GRAY, ORANGE, gallery, plot
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 DEFAULT_SIZES_PX = (360, 1024)
-DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px picture
+DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px image
 
 
 class MeshResult(NamedTuple):
-    """Error of one mesh's picture."""
+    """Error of one mesh's image."""
 
     error_px: NDArray[np.float64]  # (pixels,) between mesh and mirror
     psnr_db: float  # against the exact capture, where both show the scene
-    picture: NDArray[np.uint8]
+    image: NDArray[np.uint8]
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -45,7 +45,7 @@ def check(fixture: Fixture, title: str) -> Section:
     results = {}
     for polygons, frame in zip(PAPER_POLYGON_COUNTS, frames, strict=True):
         error = shown_error_px(fixture, sensor.with_polygons(polygons))
-        psnr = psnr_db(linear_picture(frame), linear_picture(exact), frame.valid & exact.valid)
+        psnr = psnr_db(linear_image(frame), linear_image(exact), frame.valid & exact.valid)
         results[polygons] = MeshResult(error, psnr, frame.rgb)
     means = [results[polygons].error_px.mean() for polygons in PAPER_POLYGON_COUNTS]
     slope = float(np.polyfit(np.log(PAPER_POLYGON_COUNTS), np.log(means), 1)[0])
@@ -57,7 +57,7 @@ def check(fixture: Fixture, title: str) -> Section:
         "where the mesh shows a direction against where the mirror would, from the rays of the "
         "GPU itself. Four times the polygons leave a quarter of it: 256 still bend straight lines, "
         "1024 do not to an eye, 4096 add nothing that one could see, as the paper found. The "
-        "default has as many as keep the largest error below 0.1 px at the picture's size.",
+        "default has as many as keep the largest error below 0.1 px at the image's size.",
         (
             Measure("slope of the log-log line, distance from −1", abs(slope + 1.0), bound=0.1),
             Measure("1024 polygons, mean error", float(paper.error_px.mean()), "px", 0.20),
@@ -73,11 +73,11 @@ def check(fixture: Fixture, title: str) -> Section:
         (_table(results),),
         (
             CaptionedFigure("fig8-polygons",
-                    gallery({f"{n} polygons": r.picture for n, r in results.items()}
+                    gallery({f"{n} polygons": r.image for n, r in results.items()}
                             | {"exact": exact.rgb}, 3),
-                    "The same view by more and more polygons, and exactly: the picture settles."),
+                    "The same view by more and more polygons, and exactly: the image settles."),
             CaptionedFigure("fig9-detail",
-                    gallery({f"{n} polygons": _detail(r.picture) for n, r in results.items()}
+                    gallery({f"{n} polygons": _detail(r.image) for n, r in results.items()}
                             | {"exact": _detail(exact.rgb)}, 3),
                     "The same detail of each, magnified: lines are jagged up to 256 polygons."),
             CaptionedFigure("convergence", _figure(results, slope),
@@ -97,14 +97,14 @@ def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float64]:
         context.release()
     shown = camera.pixel_from_ray(rays[seen].astype(np.float64))
     pixels = pixel_grid(camera.width_px, camera.height_px)[seen]
-    # directions past the rim, which a mesh may show, have no position in the mirror's picture
+    # directions past the rim, which a mesh may show, have no position in the mirror's image
     errors: NDArray[np.float64] = np.linalg.norm(shown.positions_px - pixels, axis=-1)
     return errors[shown.valid]
 
 
-def _detail(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _detail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     left, top, width, height = DETAIL_PX
-    return picture[top : top + height, left : left + width]
+    return image[top : top + height, left : left + width]
 
 
 def _table(results: dict[int, MeshResult]) -> ResultTable:
@@ -129,7 +129,7 @@ def _figure(results: dict[int, MeshResult], slope: float) -> Figure:
     figure, axes = plot("What a mesh costs in geometry", "polygons", "error in pixels at 360 × 360")
     axes.loglog(counts, largest, "s-", color=ORANGE, label="largest")
     axes.loglog(counts, means, "o-", color=BLUE, label=f"mean, slope {slope:.3f}".replace("-", "−"))
-    axes.loglog(counts, means[0] * counts[0] / counts, "--", color=GREY, label="slope −1")
+    axes.loglog(counts, means[0] * counts[0] / counts, "--", color=GRAY, label="slope −1")
     axes.set_xticks(counts, [str(count) for count in counts])
     axes.minorticks_off()
     axes.legend(frameon=False)

@@ -1,4 +1,4 @@
-"""A ray caster: the virtual cameras' pictures and ground truth against Embree's rays.
+"""A ray caster: the virtual cameras' images and ground truth against Embree's rays.
 
 Geometry is Embree's, and appearance is computed anew in NumPy: the two back ends share no more than
 the camera models, the mip levels of textures, and the degradation, which is left out here.
@@ -34,8 +34,8 @@ _SHOWN_FACTOR = 4  # of differences in the figure
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Render pictures by both, and compare their colours and what they show."""
-    pictures: dict[str, NDArray[np.uint8]] = {}
+    """Render images by both, and compare their colors and what they show."""
+    images: dict[str, NDArray[np.uint8]] = {}
     rows, worst_db, worst_percent = [], math.inf, math.inf
     for name in SCENES[:1] if fixture.is_quick else SCENES:
         scene = _evenly_lit(name)
@@ -49,7 +49,7 @@ def check(fixture: Fixture, title: str) -> Section:
             rows.append((name, lens, f"{decibels:.1f}", f"{percent:.2f}"))
             if name == TEXTURED_SCENE:
                 difference = np.abs(cube.rgb.astype(np.int16) - rays.rgb)
-                pictures |= {
+                images |= {
                     f"{lens}, cube": cube.rgb,
                     f"{lens}, rays": rays.rgb,
                     f"{lens}, difference": np.minimum(_SHOWN_FACTOR * difference, 255).astype(
@@ -58,11 +58,11 @@ def check(fixture: Fixture, title: str) -> Section:
                 }
     return Section(
         title,
-        "The picture by virtual cameras against that by rays, which Embree casts for each of 3 × 3 "
+        "The image by virtual cameras against that by rays, which Embree casts for each of 3 × 3 "
         "samples a pixel, at default quality and in even light. The same surface is the same "
-        f"instance, at a range within {100 * SAME_RANGE:g} %, along the ray of the pixel's centre.",
+        f"instance, at a range within {100 * SAME_RANGE:g} %, along the ray of the pixel's center.",
         (
-            Measure("worst picture", worst_db, "dB", BOUND_DB, at_least=True),
+            Measure("worst image", worst_db, "dB", BOUND_DB, at_least=True),
             Measure("the same surface", worst_percent, "%", BOUND_SAME_PERCENT, at_least=True),
         ),
         tables=(
@@ -75,8 +75,8 @@ def check(fixture: Fixture, title: str) -> Section:
         figures=(
             CaptionedFigure(
                 "rays",
-                gallery(pictures, 3),
-                f"Pictures by both; differences are shown {_SHOWN_FACTOR} times as large.",
+                gallery(images, 3),
+                f"Images by both; differences are shown {_SHOWN_FACTOR} times as large.",
             ),
         ),
     )

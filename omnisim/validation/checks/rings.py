@@ -1,4 +1,4 @@
-"""Fig. 7 and Eq. 2: a line at every 5° of incidence, and where the picture shows it."""
+"""Fig. 7 and Eq. 2: a line at every 5° of incidence, and where the image shows it."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.scene import Scene, load_scene
-from omnisim.validation.fixture import Fixture, linear_picture, max_abs, mirror_camera
+from omnisim.validation.fixture import Fixture, linear_image, max_abs, mirror_camera
 from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.style import BLUE, GREY, ORANGE, RED, gallery, plot
+from omnisim.validation.plots.style import BLUE, GRAY, ORANGE, RED, gallery, plot
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.validation.ring_radii import ring_radii
 
 STEP_DEG = 5
 WIDE_RIM_DEG = 130.0
-# What is left of an exact picture is its sampling: below the 0.05 px that one may rely on.
+# What is left of an exact image is its sampling: below the 0.05 px that one may rely on.
 EXACT_BOUND_PX = 0.05
 MESH_BOUND_PX = 0.3
 
 
 class Rings(NamedTuple):
-    """Radii measured in one picture."""
+    """Radii measured in one image."""
 
     angles_deg: NDArray[np.float64]  # (n,) incidence
     radii_px: NDArray[np.float64]  # (n, azimuths) measured
@@ -68,7 +68,7 @@ def check(fixture: Fixture, title: str) -> Section:
         "r = h sin θ/(1 + cos θ), is its special case ξ = 1, a paraboloid; this mirror's "
         f"ξ = {camera.mirror.xi:.5f}. With the same 90° circle Eq. 2 is off by "
         f"{relative[2]:+.2f} % at 15°, {relative[21]:+.2f} % at 110° and {relative[24]:+.2f} % at "
-        f"125°: {abs(eq2_off[24]):.1f} px in a picture of 1024 px: the measurement rules it out.",
+        f"125°: {abs(eq2_off[24]):.1f} px in an image of 1024 px: the measurement rules it out.",
         (
             Measure("exact capture, 360 px: each ring's mean radius against the exact relation",
                     max_abs(one.mean_error_px), "px", EXACT_BOUND_PX),
@@ -84,7 +84,7 @@ def check(fixture: Fixture, title: str) -> Section:
         ),
         (_table(one, other),),
         (
-            CaptionedFigure("fig7-rings", _picture(fixture, scene),
+            CaptionedFigure("fig7-rings", _image(fixture, scene),
                     "Lines of equal incidence, 5° apart, in the exact mirror; 90° is red."),
             CaptionedFigure("fig7-radii", _figure(wide, one, other),
                     "Measured radii against the exact relation: dots stay on zero, and Eq. 2 "
@@ -94,14 +94,14 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def render(fixture: Fixture, scene: Scene, sensor: OmniCamera) -> Frame:
-    """A picture of the rings from their centre."""
+    """An image of the rings from their center."""
     return fixture.render(scene, sensor, sensor.base_pose(scene.start.position_m))
 
 
 def measure(frame: Frame, camera: HyperbolicCamera) -> Rings:
-    """Measure all rings that the picture shows with room to either side."""
+    """Measure all rings that the image shows with room to either side."""
     # white is 1, the lines are dark in green, the red one too
-    green = linear_picture(frame)[..., 1].astype(np.float64)
+    green = linear_image(frame)[..., 1].astype(np.float64)
     darkness = np.where(frame.valid, 1.0 - green, 0.0)
     angles_deg = np.arange(STEP_DEG, math.degrees(camera.mirror.theta_max_rad) - 1.0, STEP_DEG)
     exact_px = exact_radius_px(camera, angles_deg)
@@ -149,14 +149,14 @@ def _table(exact: Rings, mesh: Rings) -> ResultTable:
         )
     )
     return ResultTable(
-        "Radii in pixels of a 360 × 360 picture, and their differences from the exact relation",
+        "Radii in pixels of a 360 × 360 image, and their differences from the exact relation",
         ("θ", "exact relation", "measured, exact capture", "measured, 1024 polygons", "Eq. 2",
          "exact capture −", "1024 polygons −", "Eq. 2 −"),
         rows,
     )  # fmt: skip
 
 
-def _picture(fixture: Fixture, scene: Scene) -> Figure:
+def _image(fixture: Fixture, scene: Scene) -> Figure:
     frame = render(fixture, scene, OmniCamera().with_polygons(None).resized(720))
     return gallery({"": frame.rgb}, 1, side_in=6.5)
 
@@ -173,7 +173,7 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
         share: NDArray[np.float64] = (radii_px - rings.exact_px) / horizon_px
         return 100.0 * share
 
-    axes.axhline(0.0, color=GREY, linewidth=1.0)
+    axes.axhline(0.0, color=GRAY, linewidth=1.0)
     axes.axvline(90.0, color=RED, linewidth=0.8, linestyle=":")
     axes.plot(wide.angles_deg, percent(wide.eq2_px, wide), color=ORANGE, label="Eq. 2 (ξ = 1)")
     axes.plot(
@@ -185,7 +185,7 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
         label="measured, exact capture, 360 px",
     )  # fmt: skip
     axes.plot(
-        mesh.angles_deg, percent(mesh.radii_px.mean(axis=1), mesh), "x", color=GREY,
+        mesh.angles_deg, percent(mesh.radii_px.mean(axis=1), mesh), "x", color=GRAY,
         label="measured, 1024 polygons, 360 px",
     )  # fmt: skip
     axes.legend(loc="lower left", frameon=False)

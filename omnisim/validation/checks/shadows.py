@@ -1,4 +1,4 @@
-"""Direct light with shadows: our pictures of lit scenes against a path tracer's."""
+"""Direct light with shadows: our images of lit scenes against a path tracer's."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, LightKind
-from omnisim.validation.fixture import Fixture, linear_picture
+from omnisim.validation.fixture import Fixture, linear_image
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.plots.plot_file import Figure
 from omnisim.validation.plots.style import gallery
@@ -20,7 +20,7 @@ from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 from omnisim.validation.shadow_edges import (
     edge_distance_px,
-    grey_in_one_light,
+    gray_in_one_light,
     inside_surfaces,
     lit_share,
 )
@@ -57,7 +57,7 @@ EDGES_BOUND_PX = 1.0
 def check(fixture: Fixture, title: str) -> Section:
     """Trace scenes lit by lamps inside them in a real mirror and a fisheye, and compare."""
     measures: list[Measure] = []
-    pictures: dict[str, NDArray[np.generic]] = {}
+    images: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
     samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     for name in QUICK_SCENES if fixture.is_quick else SCENES:
@@ -67,13 +67,13 @@ def check(fixture: Fixture, title: str) -> Section:
             pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
             traced = traced_light(scene, sensor, pose, samples[camera])
             with open_sensor(scene, sensor, device=fixture.device) as renderer:
-                ours = linear_picture(renderer.render(pose, linear=True))
+                ours = linear_image(renderer.render(pose, linear=True))
             inside, place = inside_rim(sensor), f"{name}, {camera}"
             found_db = psnr_db(traced, ours, inside)
             measures.append(
                 Measure(f"{place}: default quality", found_db, "dB", BOUND_DB, at_least=True)
             )
-            pictures |= beside(place, traced, ours, inside)
+            images |= beside(place, traced, ours, inside)
         measures.append(_edges(fixture, name))
     measures += [Measure("size", size_px, "px"), *samples_of(samples)]
     return Section(
@@ -83,13 +83,13 @@ def check(fixture: Fixture, title: str) -> Section:
         "a cube, whose texels are averaged by the lens's published formula. The scenes are "
         "built-in ones, lit by lamps inside them and by the sun: `omnisim/validation/lit`, with "
         "exposures of 0.001 and 0.00001 for a lux. Edges of shadows are those of one low lamp on "
-        f"grey surfaces, at {EDGES_SIZE_PX} px, two pixels from any other edge.",
+        f"gray surfaces, at {EDGES_SIZE_PX} px, two pixels from any other edge.",
         tuple(measures),
         figures=(
             CaptionedFigure(
                 "lit-scenes",
-                _figure(pictures),
-                "Lit scenes traced in a mirror and through a fisheye, our pictures, and their "
+                _figure(images),
+                "Lit scenes traced in a mirror and through a fisheye, our images, and their "
                 "difference, eight times enhanced.",
             ),
         ),
@@ -99,22 +99,22 @@ def check(fixture: Fixture, title: str) -> Section:
 def _edges(fixture: Fixture, name: str) -> Measure:
     """Distance of the edges of shadows from a path tracer's."""
     lit = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
-    scene = grey_in_one_light(lit, LOW_LAMPS[name])
+    scene = gray_in_one_light(lit, LOW_LAMPS[name])
     bare = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
     sensor = small_mirror(EDGES_SIZE_PX)
     pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
     with open_sensor(scene, sensor, device=fixture.device) as renderer:
         frame = renderer.render(pose, linear=True, also=("instance", "normals"))
     with open_sensor(bare, sensor, device=fixture.device) as renderer:
-        unshadowed = linear_picture(renderer.render(pose, linear=True))
+        unshadowed = linear_image(renderer.render(pose, linear=True))
     counted = inside_rim(sensor) & inside_surfaces(
         frame.channels["instance"], frame.channels["normals"], unshadowed
     )
     traced = traced_light(scene, sensor, pose, EDGES_SAMPLES)
-    ours, theirs = (lit_share(one, unshadowed) for one in (linear_picture(frame), traced))
+    ours, theirs = (lit_share(one, unshadowed) for one in (linear_image(frame), traced))
     found_px = edge_distance_px(ours, theirs, counted)
     return Measure(f"{name}, edges of shadows, mean", found_px, "px", EDGES_BOUND_PX)
 
 
-def _figure(pictures: dict[str, NDArray[np.generic]]) -> Figure:
-    return gallery(pictures, 6, side_in=2.7)
+def _figure(images: dict[str, NDArray[np.generic]]) -> Figure:
+    return gallery(images, 6, side_in=2.7)

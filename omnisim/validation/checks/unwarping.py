@@ -1,4 +1,4 @@
-"""Unwarping: a perspective view out of the mirror's picture against a pinhole camera's, and lines
+"""Unwarping: a perspective view out of the mirror's image against a pinhole camera's, and lines
 that are straight in the world."""
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import View, perspective_view
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.validation.fixture import Fixture, linear_picture, max_abs
+from omnisim.validation.fixture import Fixture, linear_image, max_abs
 from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
 from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.style import BLUE, GREY, gallery, plot
+from omnisim.validation.plots.style import BLUE, GRAY, gallery, plot
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 
-PICTURE_PX, VIEW_PX = 1440, 320
+IMAGE_PX, VIEW_PX = 1440, 320
 YAW_DEG, PITCH_DEG = 30.0, 20.0
 PSNR_BOUND_DB, LINE_BOUND_PX = 30.0, 0.5
 BARS = 7
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Unwarp a picture of the textured scene, and one of straight bars."""
+    """Unwarp an image of the textured scene, and one of straight bars."""
     supersampling = 1 if fixture.is_quick else 2
-    sensor = OmniCamera(supersampling=supersampling).with_polygons(None).resized(PICTURE_PX)
+    sensor = OmniCamera(supersampling=supersampling).with_polygons(None).resized(IMAGE_PX)
     view = perspective_view(
         VIEW_PX, VIEW_PX, 0.5 * math.pi, math.radians(YAW_DEG), math.radians(PITCH_DEG)
     )
@@ -41,16 +41,16 @@ def check(fixture: Fixture, title: str) -> Section:
         sensor.model, view.camera, frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
     )
     frame = fixture.render(fixture.scene, sensor, sensor.base_pose(fixture.viewpoint_m))
-    unwarped, pinhole = unwarp(linear_picture(frame)), _pinhole(fixture)
-    suffices = unwarp.valid & (_picture_pixels_per_pixel(sensor, view) >= 1.0)
+    unwarped, pinhole = unwarp(linear_image(frame)), _pinhole(fixture)
+    suffices = unwarp.valid & (_image_pixels_per_pixel(sensor, view) >= 1.0)
     psnr = psnr_db(unwarped, pinhole, suffices)
     bars = unwarp(_bars(fixture, sensor))
     lines = [_line(bars, view.camera, index) for index in range(BARS)]
     bends = [_bend(line) for line in lines]
     return Section(
         title,
-        f"A 90° view of {VIEW_PX} px out of the mirror's picture of {PICTURE_PX} px, against what "
-        "a pinhole camera at the effective viewpoint sees, wherever the mirror's picture is at "
+        f"A 90° view of {VIEW_PX} px out of the mirror's image of {IMAGE_PX} px, against what "
+        "a pinhole camera at the effective viewpoint sees, wherever the mirror's image is at "
         f"least as fine ({100.0 * suffices.mean():.0f} % of the view); and {BARS} bars that are "
         "straight in the world, each followed through the view.",
         (
@@ -65,7 +65,7 @@ def check(fixture: Fixture, title: str) -> Section:
                     gallery({"unwarped": _masked(unwarped, unwarp.valid),
                              "pinhole camera": _masked(pinhole, unwarp.valid),
                              "bars, unwarped": bars}, 3),
-                    "The same view out of the mirror's picture and by a pinhole camera; and "
+                    "The same view out of the mirror's image and by a pinhole camera; and "
                     "straight bars, straight again."),
             CaptionedFigure("straight-bars", _figure(lines),
                     "Distance of each bar from the straight line that fits it best."),
@@ -74,7 +74,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
-    """Pinhole camera's picture: the front face of another rig, turned to that heading."""
+    """Pinhole camera's image: the front face of another rig, turned to that heading."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
     pose = poses.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
@@ -85,8 +85,8 @@ def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
     return averaged.astype(np.float32)
 
 
-def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float64]:
-    """Pixels of the mirror's picture to a pixel of the view, along the coarser direction."""
+def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float64]:
+    """Pixels of the mirror's image to a pixel of the view, along the coarser direction."""
     grid = pixel_grid(view.camera.width_px, view.camera.height_px)
     rotation = frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
 
@@ -103,7 +103,7 @@ def _picture_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.floa
 
 
 def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
-    """The mirror's picture of white bars on black: long, level, one above the other."""
+    """The mirror's image of white bars on black: long, level, one above the other."""
     forward = np.array([math.cos(math.radians(YAW_DEG)), math.sin(math.radians(YAW_DEG)), 0.0])
     side = np.array([-forward[1], forward[0], 0.0])
     corners = []
@@ -117,13 +117,13 @@ def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
         corners.append([middle - along - half, middle + along - half,
                         middle + along + half, middle - along + half])  # fmt: skip
     scene = plain_scene("bars", (quads("bars", corners), WHITE))
-    return linear_picture(fixture.render(scene, sensor, np.eye(4)))
+    return linear_image(fixture.render(scene, sensor, np.eye(4)))
 
 
 def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArray[np.float64]:
     """Positions (n, 2) of a bar in the columns of the view where it is seen whole."""
     directions = math.radians(PITCH_DEG - 30.0 + 10.0 * index)
-    grey = bars[..., 1].astype(np.float64)
+    gray = bars[..., 1].astype(np.float64)
     focal, middle = 0.5 * camera.width_px, 0.5 * (camera.height_px - 1)
     expected = middle + focal * math.tan(directions - math.radians(PITCH_DEG))
     found: dict[int, float] = {}
@@ -134,7 +134,7 @@ def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArr
             rows = np.arange(round(near) - 7, round(near) + 8)
             if rows[0] < 0 or rows[-1] >= camera.height_px:
                 break
-            column = grey[rows, u]
+            column = gray[rows, u]
             if column.sum() > 0.5 and max(column[0], column[-1]) < 0.01:
                 near = found[u] = float((column * rows).sum() / column.sum())
     return np.array(sorted(found.items()))
@@ -148,13 +148,13 @@ def _residuals(line: NDArray[np.float64]) -> NDArray[np.float64]:
     return line[:, 1] - np.polyval(np.polyfit(line[:, 0], line[:, 1], 1), line[:, 0])
 
 
-def _masked(picture: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
-    return np.where(valid[..., None], picture, 0.0)
+def _masked(image: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
+    return np.where(valid[..., None], image, 0.0)
 
 
 def _figure(lines: list[NDArray[np.float64]]) -> Figure:
     figure, axes = plot("Straight bars in the unwarped view", "u in pixels", "v − line in pixels")
     for index, line in enumerate(lines):
-        axes.plot(line[:, 0], _residuals(line), color=BLUE if index % 2 else GREY, linewidth=0.8)
+        axes.plot(line[:, 0], _residuals(line), color=BLUE if index % 2 else GRAY, linewidth=0.8)
     axes.set_ylim(-0.6, 0.6)
     return figure

@@ -13,7 +13,7 @@ from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.validation.fixture import Fixture, max_abs, mirror_camera
 from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.style import BLUE, GREY, ORANGE, plot
+from omnisim.validation.plots.style import BLUE, GRAY, ORANGE, plot
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 
@@ -103,7 +103,7 @@ def _figure(mirror: HyperbolicMirror) -> Figure:
             label="from the scene" if first else None,
         )  # fmt: skip
         axes.plot(
-            [point[0], 0.0], [point[2], 0.0], color=GREY, linewidth=0.7, linestyle=":",
+            [point[0], 0.0], [point[2], 0.0], color=GRAY, linewidth=0.7, linestyle=":",
             label="prolonged" if first else None,
         )  # fmt: skip
     axes.plot(0.0, 0.0, "o", color=ORANGE, label="effective viewpoint")

@@ -20,10 +20,10 @@ FOUND_WITHIN_SHARE = 0.25
 
 @dataclass(frozen=True)
 class DetectionMatch:
-    """Landmark in one picture, and its detection.
+    """Landmark in one image, and its detection.
 
     Attributes:
-        step: of the picture.
+        step: of the image.
         landmark: its name.
         range_m: true range.
         detection: of it, or None.

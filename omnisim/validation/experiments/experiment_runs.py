@@ -30,7 +30,7 @@ class Experiment:
 
     Args:
         run: with labels and ground truth.
-        trained: colour model.
+        trained: color model.
         robot: of the run.
         progress: reports the steps.
     """
@@ -76,15 +76,15 @@ class Real(Experiment):
 def _timed(
     run: RunData, detector: LandmarkDetector, progress: Progress
 ) -> tuple[list[list[Detection]], float]:
-    """Detections of all steps, and the median time of one picture in milliseconds.
+    """Detections of all steps, and the median time of one image in milliseconds.
 
     Time of this thread alone.
     """
     found, times = [], []
     for step in progress(f"landmarks: {run.folder.path.name}", run.steps)(range(run.steps)):
-        picture = run.picture(step)
+        image = run.image(step)
         start = time.thread_time()
-        found.append(detector(picture))
+        found.append(detector(image))
         times.append(time.thread_time() - start)
     return found, 1e3 * float(np.median(times))
 
@@ -113,7 +113,7 @@ def observations_from_detections(
 
 
 def _picked(run: RunData, seed: int) -> list[list[Observation]]:
-    """Observations from landmarks picked by hand in the pictures of a run."""
+    """Observations from landmarks picked by hand in the images of a run."""
     generator = np.random.default_rng([3, seed])
     landmarks = LandmarkMap.of_scene(run.landmarks)
     poses = run.true_poses

@@ -1,6 +1,6 @@
-"""Landmarks picked by hand in a picture, with a hand's noise.
+"""Landmarks picked by hand in an image, with a hand's noise.
 
-The paper's authors did so in the pictures of the real robot, where their classifier had too many
+The paper's authors did so in the images of the real robot, where their classifier had too many
 false positives. Only here are observations made from the true pose; the filter gets the picked
 pixels' range and bearing and nothing else.
 """
@@ -23,7 +23,7 @@ class Hand:
     """Noise and limits of picking by hand.
 
     Attributes:
-        sigma_px: of a picked point, along both of the picture's axes.
+        sigma_px: of a picked point, along both of the image's axes.
         farthest_m: landmarks beyond are too small to pick.
         steepest_rad: below the horizon; nearer things are hidden by the vehicle.
     """
@@ -101,7 +101,7 @@ def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
 def _pick(
     mount: CameraMount, offsets: NDArray[np.float64], hand: Hand, generator: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Ranges and bearings of picked points on the ground; None if one is not in the picture."""
+    """Ranges and bearings of picked points on the ground; None if one is not in the image."""
     rotation = mount.base_from_optical[:3, :3]
     rays = np.column_stack((offsets, np.full(len(offsets), -mount.height_m)))
     pixels = mount.camera.pixel_from_ray(rays @ rotation)
@@ -116,7 +116,7 @@ def _pick(
 
 
 def _sigmas(mount: CameraMount, range_m: float, sigma_px: float) -> tuple[float, float]:
-    """Sigmas of range and bearing of a picked pixel, by the picture's scale at the picked range."""
+    """Sigmas of range and bearing of a picked pixel, by the image's scale at the picked range."""
     step = 1e-4
     rotation = mount.base_from_optical[:3, :3]
     theta = math.atan2(range_m, mount.height_m)

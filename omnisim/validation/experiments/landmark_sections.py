@@ -1,4 +1,4 @@
-"""Sections of the report about pictures, colours, landmarks and degradations."""
+"""Sections of the report about images, colors, landmarks and degradations."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ from omnisim.validation.report.report import CaptionedFigure, ResultTable, Secti
 EDGES_M = np.arange(0.0, 6.01, 0.5)
 
 
-def pictures(runs: Recordings, trained: Training, simulated: Simulated, real: Real) -> Section:
+def images(runs: Recordings, trained: Training, simulated: Simulated, real: Real) -> Section:
     """Fig. 11: both settings side by side, and their detections."""
     steps = (4, 20, 47)
-    shown = {f"real setting, step {step}": runs.real.picture(step) for step in steps}
-    shown |= {f"simulation, step {step}": runs.simulated.picture(step) for step in steps}
+    shown = {f"real setting, step {step}": runs.real.image(step) for step in steps}
+    shown |= {f"simulation, step {step}": runs.simulated.image(step) for step in steps}
     rows = [
-        (f"{name}, step {step}", each.detector.panorama(each.run.picture(step)),
+        (f"{name}, step {step}", each.detector.panorama(each.run.image(step)),
          each.detections[step])
         for name, each in (("simulation", simulated), ("real setting", real))
         for step in _steps_with_most(each.detections)
     ]  # fmt: skip
     return Section(
-        "Fig. 11: pictures side by side",
-        f"The real setting, as far as a simulator can go: a Super Scout among boxes in colours "
+        "Fig. 11: images side by side",
+        f"The real setting, as far as a simulator can go: a Super Scout among boxes in colors "
         "like the landmarks', a lamp over one corner, and a camera with defocus, motion blur, "
-        "auto-exposure, noise, dirt and a colour mosaic. The simulation: a P2AT with an ideal "
-        f"camera. Colours are learned from {trained.pictures} clean pictures of another drive.",
+        "auto-exposure, noise, dirt and a color mosaic. The simulation: a P2AT with an ideal "
+        f"camera. Colors are learned from {trained.images} clean images of another drive.",
         figures=(
-            CaptionedFigure("fig11-pictures", gallery(shown, 3),
+            CaptionedFigure("fig11-images", gallery(shown, 3),
                     "Above the real setting, below the simulation: the same field, blurred and "
                     "noisy above."),
             CaptionedFigure("fig11-detections", detections_figure(rows),
                     "Panoramas with what is found: in the simulation every box is around a "
-                    "landmark; in the real setting most are missed, even in the pictures with most "
+                    "landmark; in the real setting most are missed, even in the images with most "
                     "boxes that are shown here, and some are around something else."),
         ),
     )  # fmt: skip
@@ -82,8 +82,8 @@ def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
         )  # fmt: skip
     alarms = [1e6 * sum(each.pixels.false_alarms.values()) for each in (simulated, real)]
     numbers = [
-        Measure("false positives of all colours, clean", alarms[0], "in a million pixels"),
-        Measure("false positives of all colours, degraded", alarms[1], "in a million pixels",
+        Measure("false positives of all colors, clean", alarms[0], "in a million pixels"),
+        Measure("false positives of all colors, degraded", alarms[1], "in a million pixels",
                paper="“a large amount of false positives”"),
     ]  # fmt: skip
     curves = {
@@ -91,23 +91,23 @@ def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
             (name, each.pixels.curves[name], model.thresholds[index])
             for index, name in enumerate(model.colors)
         ]
-        for title, each in (("clean pictures", simulated), ("degraded pictures", real))
+        for title, each in (("clean images", simulated), ("degraded images", real))
     }
     table = ResultTable(
         "Pixels, on drives that nothing was learned from. A threshold Θ is that of Eq. 3 which "
-        "costs least on held-out pictures, where a false alarm costs four misses.",
-        ("colour", "Θ", "found, clean", "found, degraded", "false in 10⁶, clean",
+        "costs least on held-out images, where a false alarm costs four misses.",
+        ("color", "Θ", "found, clean", "found, degraded", "false in 10⁶, clean",
          "false in 10⁶, degraded", "area, clean", "area, degraded"),
         tuple(rows),
     )  # fmt: skip
     return Section(
-        "Eq. 3: colour histograms",
-        "Four histograms of 32³ bins. Pixels on the edge of a landmark mix its colour with what is "
+        "Eq. 3: color histograms",
+        "Four histograms of 32³ bins. Pixels on the edge of a landmark mix its color with what is "
         "behind it, and are most of those that are missed.",
         numbers,
         (table,),
         (CaptionedFigure("roc", roc_figure(curves),
-                 "The share of a colour's pixels that is found against that of all others that "
+                 "The share of a color's pixels that is found against that of all others that "
                  "is taken for it; dots are the thresholds."),),
     )  # fmt: skip
 
@@ -131,7 +131,7 @@ def detection(simulated: Simulated, real: Real) -> Section:
         Measure("the same by the inverse of Eq. 2", 100.0 * three.range_eq2_rms_share, "%"),
         Measure("range by Eq. 2 less that by the exact relation, mean within 4 m",
                1e3 * near.eq2_mean_m, "mm"),
-        Measure("processor time of one picture of 360 × 360, median",
+        Measure("processor time of one image of 360 × 360, median",
                simulated.milliseconds, "ms", 30.0),
         Measure("recall within 4 m, real setting", worst.recall),
         Measure("precision within 4 m, real setting", worst.precision),
@@ -198,8 +198,8 @@ def degradations(
     }
     return Section(
         "Each degradation alone",
-        "What the paper's discussion asks for. The pictures of experiment 1 degraded one way at a "
-        "time; colours are those learned from clean ones, and the start is known.",
+        "What the paper's discussion asks for. The images of experiment 1 degraded one way at a "
+        "time; colors are those learned from clean ones, and the start is known.",
         tables=(
             ResultTable("Landmarks within 4 m; error of the place: mean after step 5, median of 5 "
                   "seeds.",
@@ -208,7 +208,7 @@ def degradations(
         ),
         figures=(
             CaptionedFigure("degradations", curves_figure(panels, levels),
-                    "Levels as in the table. What shifts colours costs most, white balance and "
+                    "Levels as in the table. What shifts colors costs most, white balance and "
                     "light; noise makes most false positives; blur costs what is far."),
         ),
     )  # fmt: skip

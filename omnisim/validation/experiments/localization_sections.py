@@ -60,14 +60,14 @@ def first_experiment(simulated: Simulated) -> Section:
     return Section(
         "Experiment 1: simulation",
         "P2AT, counter-clockwise and across; landmarks found automatically; the gate open from the "
-        "start. All seeds see the same pictures, with noise of their own on the pixels and the "
-        "wheels. What errors the pictures' rasters give to detections all seeds have in common, so "
+        "start. All seeds see the same images, with noise of their own on the pixels and the "
+        "wheels. What errors the images' rasters give to detections all seeds have in common, so "
         "that NEES, averaged over seeds, wanders about its mean more than independent runs would.",
         numbers,
         figures=(
             CaptionedFigure("seeds", seeds_figure(seeds.errors_m, seeds.reckoned_m,
                                           f"{SEEDS} seeds of experiment 1"),
-                    "The estimate stays within millimetres while the wheels are off by a metre."),
+                    "The estimate stays within millimeters while the wheels are off by a meter."),
             CaptionedFigure("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
                                                       seeds.nis_intervals),
                     "NEES about 3, with the wandering that all seeds share; NIS below 1: what is "
@@ -148,7 +148,7 @@ def side_by_side(simulated: Simulated, real: Real) -> Section:
         figures=(
             CaptionedFigure("fig12-paths", paths_figure(panels),
                     "Left the estimate leaves the truth and comes back when the gate opens; right "
-                    "it lies on the truth, with ellipses of millimetres."),
+                    "it lies on the truth, with ellipses of millimeters."),
             CaptionedFigure("fig13-errors", errors_figure(panels),
                     "Left the gate rejects what is seen at first, and opens by itself; right it is "
                     "open from the start."),
@@ -195,8 +195,8 @@ def gains(simulated: Simulated) -> Section:
         "would have seen only those within 45° of the front: its range and resolution are taken to "
         "be as good. Where it sees nothing, the wheels lead.",
         tables=(
-            ResultTable("Experiment 1, 20 seeds, error after step 5 in metres.",
-                  ("camera", "landmarks a picture", "mean error, median", "its 95 % band",
+            ResultTable("Experiment 1, 20 seeds, error after step 5 in meters.",
+                  ("camera", "landmarks an image", "mean error, median", "its 95 % band",
                    "largest error, median"), tuple(rows)),
         ),
         figures=(

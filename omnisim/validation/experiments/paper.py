@@ -25,13 +25,13 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
     machine = machine_of_device(device)  # without OpenGL better now than after the work
     make_folder(folder)
     runs = record_all(folder, device, progress)
-    trained = train_on_run(runs.learning, Costs(), progress("colours", runs.learning.steps))
+    trained = train_on_run(runs.learning, Costs(), progress("colors", runs.learning.steps))
     save_model(folder / "model.npz", trained.model, runs.learning.landmarks)
     parameters = read_parameters()
     simulated = Simulated(runs.simulated, trained, parameters, progress)
     real = Real(runs.real, trained, parameters, progress)
     sections = (
-        landmark_sections.pictures(runs, trained, simulated, real),
+        landmark_sections.images(runs, trained, simulated, real),
         landmark_sections.colors(trained, simulated, real),
         landmark_sections.detection(simulated, real),
         localization_sections.first_experiment(simulated),

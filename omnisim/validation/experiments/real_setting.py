@@ -16,7 +16,7 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh
 
-# Boxes left around the field: x, y, edge in metres, and colours like the landmarks'
+# Boxes left around the field: x, y, edge in meters, and colors like the landmarks'
 # but of cardboard and plastic. All stand outside of the carpet.
 YELLOWISH, BLUISH, PINKISH = (0.80, 0.56, 0.04), (0.03, 0.36, 0.72), (0.72, 0.07, 0.30)
 CLUTTER = (

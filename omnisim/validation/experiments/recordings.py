@@ -49,13 +49,13 @@ class Recordings:
 def real_camera() -> Degradation:
     """Degradation of the real setting's camera."""
     base = preset(REAL_PRESET)
-    centre, rim = REAL_DEFOCUS_PX
+    center, rim = REAL_DEFOCUS_PX
     assert base.defocus is not None
     assert base.shutter is not None
     assert base.noise is not None
     return dataclasses.replace(
         base,
-        defocus=dataclasses.replace(base.defocus, centre_defocus_px=centre, rim_defocus_px=rim),
+        defocus=dataclasses.replace(base.defocus, center_defocus_px=center, rim_defocus_px=rim),
         shutter=dataclasses.replace(base.shutter, exposure_s=REAL_EXPOSURE_S),
         noise=dataclasses.replace(base.noise, full_well_e=REAL_FULL_WELL_E),
     )

@@ -1,6 +1,6 @@
 """Monte Carlo runs: odometry and pixel noise drawn anew for each seed.
 
-Pictures do not depend on odometry, so a run is recorded once. Each seed draws the noise of the
+Images do not depend on odometry, so a run is recorded once. Each seed draws the noise of the
 odometry and of the pixels, in which landmarks are then detected again.
 """
 
@@ -30,19 +30,19 @@ Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 def detect_with_noise(
     run: RunData, detector: LandmarkDetector, seeds: int, progress: Progress
 ) -> list[list[list[Detection]]]:
-    """Detections of each seed and step, in pictures with each seed's pixel noise."""
-    pictures = list(run.pictures())
+    """Detections of each seed and step, in images with each seed's pixel noise."""
+    images = list(run.images())
     found = []
-    for seed in progress(f"pictures with noise of {seeds} seeds", seeds)(range(seeds)):
+    for seed in progress(f"images with noise of {seeds} seeds", seeds)(range(seeds)):
         generator = np.random.default_rng([1, seed])
-        found.append([detector(noisy(picture, generator)) for picture in pictures])
+        found.append([detector(noisy(image, generator)) for image in images])
     return found
 
 
-def noisy(picture: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
-    """Picture with added pixel noise."""
-    noise = PIXEL_SIGMA * generator.standard_normal(picture.shape, dtype=np.float32)
-    return np.clip(np.rint(picture + noise), 0, 255).astype(np.uint8)
+def noisy(image: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
+    """Image with added pixel noise."""
+    noise = PIXEL_SIGMA * generator.standard_normal(image.shape, dtype=np.float32)
+    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)

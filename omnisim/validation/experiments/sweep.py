@@ -1,8 +1,8 @@
 """Effect of each degradation alone on pixels, landmarks and self-localization.
 
-The recorded clean pictures are degraded in NumPy, one kind at a time and ever stronger; nothing is
+The recorded clean images are degraded in NumPy, one kind at a time and ever stronger; nothing is
 rendered again. Defocus and noise are quick versions with the parameters of `sensors.degradations`.
-Motion blur is that of a turn on the spot, which rotates the picture about its middle: driving
+Motion blur is that of a turn on the spot, which rotates the image about its middle: driving
 straight adds less.
 """
 
@@ -26,7 +26,7 @@ from omnisim.perception.localization.localize import observation_from_detection
 from omnisim.perception.localization.observations import LandmarkMap
 from omnisim.rendering.camera.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.rendering.camera.degradations.defocus import covered_share
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
 from omnisim.validation.experiments.seeds import Progress, run_seeds
@@ -52,7 +52,7 @@ class Cause:
     name: str
     unit: str
     levels: tuple[float, ...]
-    apply: Callable[[Light, PictureGeometry, float, int], Light]
+    apply: Callable[[Light, ImageGeometry, float, int], Light]
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Outcome:
     error_m: float
 
 
-def _defocus(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+def _defocus(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
     """Mean over a disc of the covered pixels: as `Defocus` does, in the frequency domain."""
     reach = math.ceil(level)
     span = range(-reach, reach + 1)
@@ -89,11 +89,11 @@ def _defocus(light: Light, geometry: PictureGeometry, level: float, step: int) -
     return result
 
 
-def _motion_blur(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
-    """Mean over a rotation of so many degrees about the middle of the picture."""
+def _motion_blur(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
+    """Mean over a rotation of so many degrees about the middle of the image."""
     count = 2 + math.ceil(level)
     total = np.zeros_like(light)
-    u0, v0 = geometry.centre_px
+    u0, v0 = geometry.center_px
     for angle in np.radians(level) * (np.arange(count) / (count - 1) - 0.5):
         cosine, sine = math.cos(angle), math.sin(angle)
         matrix = np.array([[cosine, -sine], [sine, cosine]])  # of (row, column)
@@ -105,7 +105,7 @@ def _motion_blur(light: Light, geometry: PictureGeometry, level: float, step: in
     return total / np.float32(count)
 
 
-def _noise(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+def _noise(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
     """Shot and read noise with the variances of `Noise`: many photons are normal."""
     generator = np.random.default_rng([2, step])
     colors = np.maximum(light[..., :3], np.float32(0.0))
@@ -115,11 +115,11 @@ def _noise(light: Light, geometry: PictureGeometry, level: float, step: int) -> 
     return noisy
 
 
-def _vignetting(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+def _vignetting(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
     return Vignetting(coefficients=(-level, 0.0, 0.0)).apply(light, geometry)
 
 
-def _darkness(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+def _darkness(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
     """Changing light: a wave of so many stops over 24 steps."""
     ev = -0.5 * level * (1.0 - math.cos(2.0 * math.pi * step / 24.0))
     dimmed = light.copy()
@@ -127,7 +127,7 @@ def _darkness(light: Light, geometry: PictureGeometry, level: float, step: int) 
     return dimmed
 
 
-def _white_balance(light: Light, geometry: PictureGeometry, level: float, step: int) -> Light:
+def _white_balance(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
     """Too warm: red up and blue down by a share."""
     gains = (1.0 + level, 1.0, 1.0 / (1.0 + level))
     return WhiteBalance(response=(1.0, 1.0, 1.0), gains=gains).apply(light, geometry)
@@ -154,16 +154,16 @@ def sweep(
 ) -> tuple[Outcome, Mapping[str, list[Outcome]]]:
     """Outcomes without degradation, and of each kind at each of its levels."""
     detector = LandmarkDetector(model, run.landmarks, run.mount)
-    geometry = PictureGeometry.of_camera(run.mount.camera)
-    pictures = list(run.pictures())
+    geometry = ImageGeometry.of_camera(run.mount.camera)
+    images = list(run.images())
     truth = [labels(step) for step in range(run.steps)]
     covered = run.mount.covered
-    shown = np.ones(pictures[0].shape[:2], bool) if covered is None else covered
+    shown = np.ones(images[0].shape[:2], bool) if covered is None else covered
 
     def evaluate(change: Callable[[NDArray[np.uint8], int], NDArray[np.uint8]]) -> Outcome:
         detections, alarms, others = [], 0, 0
-        for step, picture in enumerate(pictures):
-            changed = change(picture, step)
+        for step, image in enumerate(images):
+            changed = change(image, step)
             detections.append(detector(changed))
             if step % 6 == 0:
                 neg = shown & (truth[step] == 0)
@@ -193,26 +193,24 @@ def sweep(
         cause, level = tasks[index]
 
         def change(
-            picture: NDArray[np.uint8], step: int, cause: Cause = cause, level: float = level
+            image: NDArray[np.uint8], step: int, cause: Cause = cause, level: float = level
         ) -> NDArray[np.uint8]:
-            return degraded(picture, shown, geometry, cause, level, step)
+            return degraded(image, shown, geometry, cause, level, step)
 
         found[cause.name].append(evaluate(change))
-    return evaluate(lambda picture, _: picture), found
+    return evaluate(lambda image, _: image), found
 
 
 def degraded(
-    picture: NDArray[np.uint8],
+    image: NDArray[np.uint8],
     shown: NDArray[np.bool_],
-    geometry: PictureGeometry,
+    geometry: ImageGeometry,
     cause: Cause,
     level: float,
     step: int,
 ) -> NDArray[np.uint8]:
-    """Picture (height, width, 3), sRGB, with one degradation."""
-    light = np.concatenate(
-        (linear_from_srgb8(picture), shown[..., None].astype(np.float32)), axis=-1
-    )
+    """Image (height, width, 3), sRGB, with one degradation."""
+    light = np.concatenate((linear_from_srgb8(image), shown[..., None].astype(np.float32)), axis=-1)
     light = cause.apply(light, geometry, level, step)
     steps = np.rint(np.clip(light[..., :3], 0.0, 1.0) * np.float32(len(_SRGB) - 1))
     rgba = np.concatenate((_SRGB[steps.astype(np.int32)], shown[..., None] * np.uint8(255)), axis=2)

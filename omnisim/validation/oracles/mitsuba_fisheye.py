@@ -1,6 +1,6 @@
 """Light of lamps through a fisheye lens, traced by Mitsuba 3, which has no such lens.
 
-It traces the faces of a cube around the viewpoint, finer than the picture, and each pixel is the
+It traces the faces of a cube around the viewpoint, finer than the image, and each pixel is the
 average of the texels that rays from all over its square meet. Of omnisim's lens only its
 parameters go in; the rays are those of r = f θ, as Kannala and Brandt (2006, Eq. 3) have it.
 """
@@ -44,14 +44,14 @@ def trace_lit_fisheye(
     seed: int = 0,
     depth: int = DIRECT_DEPTH,
 ) -> NDArray[np.float32]:
-    """Trace the picture (height, width, 3), linear RGB, of a fisheye in a scene lit by its lamps.
+    """Trace the image (height, width, 3), linear RGB, of a fisheye in a scene lit by its lamps.
 
     Args:
         scene: see `lit_world`.
         camera: the lens.
         world_from_optical: (4, 4) pose of the optical frame.
         samples: rays a texel, of which a pixel has 16 or more; a square.
-        seed: same seed, same picture.
+        seed: same seed, same image.
         depth: most parts of a path from a lamp to the lens.
 
     Raises:
@@ -70,9 +70,9 @@ def trace_lit_fisheye(
             sensor = mi.load_dict(
                 _face(_FACES[number] @ pose[:3, :3].T, size_px, low, high - low, samples)
             )
-            picture = mi.render(loaded, sensor=sensor, spp=samples, seed=mi.UInt32(seed + number))
+            image = mi.render(loaded, sensor=sensor, spp=samples, seed=mi.UInt32(seed + number))
             column, row = (texels[mine] - low).T
-            found[mine] = np.array(picture, dtype=np.float32)[row, column, :3]
+            found[mine] = np.array(image, dtype=np.float32)[row, column, :3]
     height, width, side = camera.height_px, camera.width_px, 2 * TEXELS
     means: NDArray[np.float32] = found.reshape(height, side, width, side, 3).mean(axis=(1, 3))
     return means

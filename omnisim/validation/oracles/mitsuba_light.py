@@ -38,7 +38,7 @@ _DARK = (0.0, 0.0, 0.0)
 def matte_on_both_sides(scene: Scene) -> Scene:
     """Opaque surfaces of a scene, seen and lit on both sides, as both renderers show them alike.
 
-    Vertex colours beside a texture, which Mitsuba cannot show, are left out.
+    Vertex colors beside a texture, which Mitsuba cannot show, are left out.
     """
     scene = opaque_only(scene)
     materials = [
@@ -85,7 +85,7 @@ def trace_lit_mirror(
     seed: int = 0,
     depth: int = DIRECT_DEPTH,
 ) -> NDArray[np.float32]:
-    """Trace the picture (height, width, 3), linear RGB, of a mirror in a scene lit by its lamps.
+    """Trace the image (height, width, 3), linear RGB, of a mirror in a scene lit by its lamps.
 
     Args:
         scene: see `lit_world`.
@@ -102,8 +102,8 @@ def trace_lit_mirror(
         content = lit_world(scene, pose[:3, 3], units_per_m, depth + 1)
         content["sensor"] = pinhole(camera, pose[:3, :3], units_per_m, samples)
         content["mirror"] = mirror_of_metal(camera.mirror, pose[:3, :3], units_per_m)
-        picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
-        return np.array(picture, dtype=np.float32)[..., :3]
+        image = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
+        return np.array(image, dtype=np.float32)[..., :3]
 
 
 def lit_world(

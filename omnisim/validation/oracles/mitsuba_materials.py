@@ -25,18 +25,18 @@ from omnisim.validation.oracles.mitsuba_scene import film, rgb, scalar_variant
 
 def trace_sphere(
     material: Material,
-    centre_m: NDArray[np.float64],
+    center_m: NDArray[np.float64],
     radius_m: float,
     lighting: Lighting,
     camera: PerspectiveCamera,
     crop_px: tuple[int, int, int, int],
     samples: int,
 ) -> NDArray[np.float32]:
-    """Part (height, width, 3), linear RGB, of a picture from the origin along the world's x.
+    """Part (height, width, 3), linear RGB, of an image from the origin along the world's x.
 
     Args:
         material: a metal or a dielectric of the default index, without maps.
-        centre_m: (3,) of the sphere, world.
+        center_m: (3,) of the sphere, world.
         radius_m: of the sphere.
         lighting: directional lamps and light from everywhere, or a map.
         camera: at the origin.
@@ -44,20 +44,20 @@ def trace_sphere(
         samples: rays a pixel.
     """
     with scalar_variant():
-        content = _content(material, centre_m, radius_m, lighting)
+        content = _content(material, center_m, radius_m, lighting)
         content["sensor"] = _sensor(camera, crop_px, samples)
         return np.array(mi.render(mi.load_dict(content), seed=mi.UInt32(0)))[..., :3]
 
 
 def _content(
-    material: Material, centre_m: NDArray[np.float64], radius_m: float, lighting: Lighting
+    material: Material, center_m: NDArray[np.float64], radius_m: float, lighting: Lighting
 ) -> dict[str, Any]:
     content: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 2, "hide_emitters": True},
         "sphere": {
             "type": "sphere",
-            "center": centre_m.tolist(),
+            "center": center_m.tolist(),
             "radius": radius_m,
             "bsdf": principled(material),
         },

@@ -4,7 +4,7 @@ Of omnisim's optics only the shapes' heights and normals, poses and refractive i
 Mirrors are meshes of metal; a window's boundaries are spheres or discs of a smooth dielectric.
 Which way a pixel looks is for Mitsuba to find out.
 
-A boundary reflects a part of the light, which is lost here. A picture is divided by that of a white
+A boundary reflects a part of the light, which is lost here. An image is divided by that of a white
 world by the same random numbers: what is left are averages over the rays that came through.
 
 Coordinates run along the world's axes from the middle of the system's last surface, in hundredths
@@ -91,7 +91,7 @@ class PhysicalOptics:
         return SIZE_UNITS / self.size_m
 
     def units_from(self, system_from_part: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Affine map (4, 4) from metres in the frame of a part to Mitsuba's units."""
+        """Affine map (4, 4) from meters in the frame of a part to Mitsuba's units."""
         optical_from_system = np.eye(4)
         optical_from_system[:3, 3] = np.negative(self.system.origin_m)
         found = self.world_from_optical @ optical_from_system @ system_from_part
@@ -217,13 +217,13 @@ class PhysicalOptics:
     def _objects(self) -> dict[str, Any]:
         return self.objects()
 
-    def picture(self, scene: Scene, samples: int, seed: int = 0) -> NDArray[np.float32]:
-        """Picture (height, width, 3), linear RGB, through real mirrors and windows.
+    def image(self, scene: Scene, samples: int, seed: int = 0) -> NDArray[np.float32]:
+        """Image (height, width, 3), linear RGB, through real mirrors and windows.
 
         Args:
             scene: opaque surfaces, see `opaque_only`.
             samples: rays a pixel, a square.
-            seed: same seed, same picture.
+            seed: same seed, same image.
 
         Raises:
             OmnisimError: a surface or material that Mitsuba cannot show.
@@ -234,13 +234,13 @@ class PhysicalOptics:
                 f"surface {number}": shining(surface, self.units_per_m)
                 for number, surface in enumerate(surfaces)
             }
-            picture = self._rendered(shown, scene.background, samples, seed)
+            image = self._rendered(shown, scene.background, samples, seed)
             if all(surface.is_mirror for surface in self.system.surfaces):
-                return picture
+                return image
             if (samples, seed) not in self._white:
                 self._white[samples, seed] = self._rendered({}, (1.0, 1.0, 1.0), samples, seed)
         white = self._white[samples, seed]
-        return np.divide(picture, white, out=np.zeros_like(picture), where=white > 0.0)
+        return np.divide(image, white, out=np.zeros_like(image), where=white > 0.0)
 
     def _rendered(
         self, shown: dict[str, Any], background: tuple[float, ...], samples: int, seed: int
@@ -253,8 +253,8 @@ class PhysicalOptics:
             "sky": {"type": "constant", "radiance": rgb(background)},
         }
         loaded = mi.load_dict(content | self._objects | shown)
-        picture = mi.render(loaded, spp=samples, seed=mi.UInt32(seed))
-        return np.array(picture, dtype=np.float32)[..., :3]
+        image = mi.render(loaded, spp=samples, seed=mi.UInt32(seed))
+        return np.array(image, dtype=np.float32)[..., :3]
 
     def rays(self, pixels_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Origins and directions (n, 3) of single rays of pixels (n, 2), optical frame; NaN where

@@ -1,6 +1,6 @@
-"""Surfaces and pictures for Mitsuba 3, in whatever units.
+"""Surfaces and images for Mitsuba 3, in whatever units.
 
-Surfaces shine in their base colour and reflect nothing: a colour tells where a ray has gone, and
+Surfaces shine in their base color and reflect nothing: a color tells where a ray has gone, and
 no shading hides it. They are float32, not filtered and not clamped.
 """
 
@@ -49,7 +49,7 @@ def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDAr
 
 
 def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
-    """Emitter of a surface's base colour.
+    """Emitter of a surface's base color.
 
     Raises:
         SceneError: a material that Mitsuba cannot show.
@@ -59,7 +59,7 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
     if surface.texture_coordinates is not None and texture is not None:
         if surface.colors is not None:
             raise SceneError(
-                f"material {material.name!r}: Mitsuba has no texture times vertex colours"
+                f"material {material.name!r}: Mitsuba has no texture times vertex colors"
             )
         if texture.wrap_u is not texture.wrap_v:
             raise SceneError(
@@ -88,7 +88,7 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
 
 
 def bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
-    """Texture times a linear colour, of which RGB count."""
+    """Texture times a linear color, of which RGB count."""
     pixels = linear_from_srgb(texture.pixels[..., :3] / 255.0) * factor[:3]
     return {
         "type": "bitmap",
@@ -101,7 +101,7 @@ def bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
 
 def metal(reflectance: float) -> dict[str, Any]:
     """Smooth metal. With 0 it is the black of all surfaces: on anything rough Mitsuba 3.9 looks for
-    light, and crashes on emitters with vertex colours (`scalar_rgb`).
+    light, and crashes on emitters with vertex colors (`scalar_rgb`).
     """
     return {
         "type": "conductor",

@@ -8,7 +8,7 @@ A pixel is the average over its square. Nothing is too near to be seen. Around t
 looks past the mirror at the scene: compare inside the rim.
 
 Coordinates run along the world's axes from the effective viewpoint, in hundredths of the rim's
-radius. Mitsuba begins a reflected ray 9e-5 (1 + coordinate) off the surface: in metres that is
+radius. Mitsuba begins a reflected ray 9e-5 (1 + coordinate) off the surface: in meters that is
 0.1 mm and 0.012 px on a scene 1 m away, in these units 1 µm.
 """
 
@@ -49,7 +49,7 @@ def trace_mirror(
     samples: int,
     seed: int = 0,
 ) -> NDArray[np.float32]:
-    """Trace the picture (height, width, 3), linear RGB, that a camera takes of a mirror.
+    """Trace the image (height, width, 3), linear RGB, that a camera takes of a mirror.
 
     The mirror has flat facets with interpolated normals. For the paper's at 512 × 512 they move a
     ray by 0.0005 px on average and 0.0012 px at most; Mitsuba's rays as traced, in float32, to a
@@ -61,7 +61,7 @@ def trace_mirror(
         camera: mirror and pinhole camera.
         world_from_optical: (4, 4) pose of the optical frame.
         samples: rays a pixel; a square, or Mitsuba warns that it rounds up to what it can stratify.
-        seed: same seed, same picture.
+        seed: same seed, same image.
 
     Raises:
         OmnisimError: a matrix that is not a pose.
@@ -82,8 +82,8 @@ def trace_mirror(
         }
         for number, surface in enumerate(surfaces):
             content[f"surface {number}"] = shining(surface, units_per_m)
-        picture = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
-        return np.array(picture, dtype=np.float32)[..., :3]
+        image = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
+        return np.array(image, dtype=np.float32)[..., :3]
 
 
 def pinhole(
@@ -95,7 +95,7 @@ def pinhole(
     """Mitsuba's perspective camera in the mirror's other focus, for `mitsuba.load_dict`.
 
     It is placed with `look_at`, which can turn a camera but not mirror it: its up is the top of
-    our picture, −y of the optical frame, and right and left are as anybody who looks along it has
+    our image, −y of the optical frame, and right and left are as anybody who looks along it has
     them.
 
     Args:
@@ -112,7 +112,7 @@ def pinhole(
         "to_world": to_world,
         "fov_axis": "x",
         "fov": math.degrees(2.0 * math.atan(0.5 * camera.width_px / camera.focal_length_px)),
-        # from the principal point to the middle of the picture, in widths and heights
+        # from the principal point to the middle of the image, in widths and heights
         "principal_point_offset_x": 0.5 - (u + 0.5) / camera.width_px,
         "principal_point_offset_y": 0.5 - (v + 0.5) / camera.height_px,
         "near_clip": 0.1 * camera.mirror.c_m * units_per_m,
@@ -143,7 +143,7 @@ def mirror_of_metal(
 def mirror_mesh(
     mirror: HyperbolicMirror, rings: int = RINGS, sectors: int = SECTORS
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (n, 3) on Eq. 1 up to the rim, mirror frame, metres, and triangles (m, 3).
+    """Vertices (n, 3) on Eq. 1 up to the rim, mirror frame, meters, and triangles (m, 3).
 
     Rings are equally wide seen along the axis.
     """

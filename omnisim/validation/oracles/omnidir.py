@@ -44,22 +44,22 @@ def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np
 
 def calibrate(
     board_points: NDArray[np.float64],
-    pictures_px: list[NDArray[np.float64]],
+    images_px: list[NDArray[np.float64]],
     size_px: tuple[int, int],
     distorted: bool = False,
 ) -> OmnidirCalibration:
-    """Calibrate from corners of one plane board in several pictures.
+    """Calibrate from corners of one plane board in several images.
 
     Args:
         board_points: (n, 3) corners in the board's frame.
-        pictures_px: (n, 2) the same corners in each picture.
-        size_px: width and height of the pictures.
+        images_px: (n, 2) the same corners in each image.
+        size_px: width and height of the images.
         distorted: estimate radial and tangential distortion, too; else they are zero.
     """
     import cv2
 
-    objects = [board_points[:, None].astype(np.float64) for _ in pictures_px]
-    images = [pixels[:, None].astype(np.float64) for pixels in pictures_px]
+    objects = [board_points[:, None].astype(np.float64) for _ in images_px]
+    images = [pixels[:, None].astype(np.float64) for pixels in images_px]
     flags = cv2.omnidir.CALIB_FIX_SKEW
     for name in () if distorted else ("K1", "K2", "P1", "P2"):
         flags |= getattr(cv2.omnidir, f"CALIB_FIX_{name}")
@@ -77,18 +77,16 @@ def calibrate(
     )
 
 
-def find_corners(
-    picture: NDArray[np.uint8], pattern: tuple[int, int]
-) -> NDArray[np.float64] | None:
-    """Inner corners (n, 2) of a chessboard in a grey picture, or None where it is not found.
+def find_corners(image: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
+    """Inner corners (n, 2) of a chessboard in a gray image, or None where it is not found.
 
     Args:
-        picture: (height, width) uint8.
+        image: (height, width) uint8.
         pattern: inner corners along a row, and rows.
     """
     import cv2
 
-    found, corners = cv2.findChessboardCornersSB(picture, pattern)
+    found, corners = cv2.findChessboardCornersSB(image, pattern)
     if not found:
         return None
     rough = np.ascontiguousarray(corners.reshape(-1, 2), dtype=np.float32)
@@ -100,7 +98,7 @@ def find_corners(
     )
     window = max(2, int(spacing_px / 3.0))
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-4)
-    fine = cv2.cornerSubPix(picture, rough[:, None].copy(), (window, window), (-1, -1), stop)
+    fine = cv2.cornerSubPix(image, rough[:, None].copy(), (window, window), (-1, -1), stop)
     return fine.reshape(-1, 2).astype(np.float64)
 
 

@@ -18,7 +18,7 @@ def project(path: Path, format: str, points: NDArray[np.float64]) -> NDArray[np.
     Args:
         path: the file.
         format: opencv_omnidir, opencv_fisheye or opencv_pinhole.
-        points: in metres, z forward.
+        points: in meters, z forward.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""Surfaces of a scene for other renderers: triangles and colours without instances."""
+"""Surfaces of a scene for other renderers: triangles and colors without instances."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Surface:
 
     Attributes:
         material: of all triangles.
-        triangles_m: (n, 3, 3) float64 corners, metres from the effective viewpoint along the
+        triangles_m: (n, 3, 3) float64 corners, meters from the effective viewpoint along the
             world's axes, counter-clockwise seen from the front.
         texture_coordinates: (n, 3, 2) float32, (0, 0) at the texture's top left; None where the
             material has no texture or the mesh no coordinates.

@@ -3,7 +3,7 @@
 `python -m omnisim.validation.plots.boxes_3d_sheet FILE`, with FILE a .png or .jpg.
 
 A robot in the soccer field's hall through a fisheye lens and a mirror: boxes of whole instances,
-and of their visible points. Edges are straight in the world, and so curved in the picture.
+and of their visible points. Edges are straight in the world, and so curved in the image.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Tile = tuple[str, NDArray[np.uint8]]
 
 
 def boxes_3d_tiles() -> list[Tile]:
-    """Titles and pictures."""
+    """Titles and images."""
     vehicle = Vehicle.load("p2at")
     mounted = vehicle.camera("omnicam")
     theta_max = math.radians(LENS_THETA_MAX_DEG)
@@ -56,19 +56,19 @@ def boxes_3d_tiles() -> list[Tile]:
             for kind in ("full", "visible"):
                 drawn = ((getattr(one, kind), one.label.class_id) for one in shown)
                 world_from_optical = np.array(frame.metadata["world_from_optical"])
-                picture = draw_boxes(frame.rgb, sensor.model, world_from_optical, drawn)
-                tiles.append((f"{name}: {kind}", picture))
+                image = draw_boxes(frame.rgb, sensor.model, world_from_optical, drawn)
+                tiles.append((f"{name}: {kind}", image))
     return tiles
 
 
 def draw_boxes(
-    picture: NDArray[np.uint8],
+    image: NDArray[np.uint8],
     camera: CentralCamera,
     world_from_optical: NDArray[np.float64],
     boxes: Iterable[tuple[OrientedBox, int]],
 ) -> NDArray[np.uint8]:
-    """Draw the edges of boxes, world frame, in colours of numbers over a darker picture."""
-    drawn = (0.7 * picture).astype(np.uint8)
+    """Draw the edges of boxes, world frame, in colors of numbers over a darker image."""
+    drawn = (0.7 * image).astype(np.uint8)
     share = np.linspace(0.0, 1.0, POINTS_PER_EDGE)[:, None]
     for box, number in boxes:
         corners_m = (box.corners_m - world_from_optical[:3, 3]) @ world_from_optical[:3, :3]

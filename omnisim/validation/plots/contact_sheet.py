@@ -1,4 +1,4 @@
-"""Many pictures with their titles on one sheet, pixel for pixel."""
+"""Many images with their titles on one sheet, pixel for pixel."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.files.image_files import write_image
 from omnisim.validation.plots.style import DPI
 
-Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and pictures
+Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and images
 TITLE_PX, GAP_PX, POINTS = 26, 8, 9.5
 SHEET_JPEG_QUALITY = 82  # to look at, and light enough for a page
 
 
 def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
-    """Sheet (height, width, 3) of pictures, row by row, each below its title.
+    """Sheet (height, width, 3) of images, row by row, each below its title.
 
-    Pictures are neither scaled nor smoothed: `magnified` enlarges them. Smaller
+    Images are neither scaled nor smoothed: `magnified` enlarges them. Smaller
     ones stand in the middle of their cell.
 
     Args:
-        tiles: titles, and pictures (height, width, 3) uint8 sRGB or (height, width) grey.
-        columns: pictures side by side.
+        tiles: titles, and images (height, width, 3) uint8 sRGB or (height, width) gray.
+        columns: images side by side.
 
     Raises:
-        OutputError: no picture.
+        OutputError: no image.
     """
     if not tiles:
-        raise OutputError("contact sheet: expected at least one picture, got none")
-    cell_width = max(picture.shape[1] for _, picture in tiles) + GAP_PX
-    cell_height = max(picture.shape[0] for _, picture in tiles) + GAP_PX + TITLE_PX
+        raise OutputError("contact sheet: expected at least one image, got none")
+    cell_width = max(image.shape[1] for _, image in tiles) + GAP_PX
+    cell_height = max(image.shape[0] for _, image in tiles) + GAP_PX + TITLE_PX
     rows = math.ceil(len(tiles) / columns)
     width, height = columns * cell_width + GAP_PX, rows * cell_height + GAP_PX
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
@@ -54,9 +54,9 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     drawn_width, drawn_height = figure.canvas.get_width_height()
     rgba = np.frombuffer(data.getvalue(), np.uint8).reshape(drawn_height, drawn_width, 4)
     sheet = rgba[:height, :width, :3].copy()
-    for index, (_, picture) in enumerate(tiles):
+    for index, (_, image) in enumerate(tiles):
         row, column = divmod(index, columns)
-        colored = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=-1)
+        colored = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1)
         top = GAP_PX + row * cell_height + TITLE_PX
         left = GAP_PX + column * cell_width
         left += (cell_width - GAP_PX - colored.shape[1]) // 2
@@ -64,16 +64,16 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     return sheet
 
 
-def magnified(picture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
-    """Picture with each pixel repeated so many times along both axes."""
-    return np.repeat(np.repeat(picture, times, axis=0), times, axis=1)
+def magnified(image: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
+    """Image with each pixel repeated so many times along both axes."""
+    return np.repeat(np.repeat(image, times, axis=0), times, axis=1)
 
 
 def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
     """Write a contact sheet: .png or .jpg.
 
     Raises:
-        OutputError: no picture, or a file that cannot be written.
+        OutputError: no image, or a file that cannot be written.
     """
     sheet = np.ascontiguousarray(contact_sheet(tiles, columns))
     write_image(path, sheet, jpeg_quality=SHEET_JPEG_QUALITY)

@@ -3,7 +3,7 @@
 `python -m omnisim.validation.plots.degradation_sheet FILE` draws it.
 
 The first rows show each degradation alone, stronger than cameras usually have it, as a whole
-picture or as a part of a finer one with its pixels four times as large; what turns, turns left at
+image or as a part of a finer one with its pixels four times as large; what turns, turns left at
 120°/s. The last row shows the presets on a robot that drives and turns.
 """
 
@@ -39,7 +39,7 @@ from omnisim.scene import load_scene
 from omnisim.validation.plots.contact_sheet import magnified, run_sheet
 
 SIDE_PX, FINE_PX, TIMES, COLUMNS = 240, 360, 4, 4
-PART = np.s_[22:82, 178:238]  # of the fine picture: a poster, desks, the blue goal, a line
+PART = np.s_[22:82, 178:238]  # of the fine image: a poster, desks, the blue goal, a line
 TURNING_LEFT = Twist(angular_radps=(0.0, 0.0, math.radians(120.0)))
 DRIVING = Twist((0.6, 0.0, 0.0), (0.0, 0.0, math.radians(40.0)))
 
@@ -103,7 +103,7 @@ PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
 
 
 def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.uint8]]]:
-    """Titles and pictures of every degradation and preset.
+    """Titles and images of every degradation and preset.
 
     Raises:
         OmnisimError: there is no such scene, or no OpenGL.

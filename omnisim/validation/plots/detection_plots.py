@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.perception.landmarks.color_model import Roc
 from omnisim.perception.landmarks.landmark_detector import Detection
-from omnisim.validation.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED, label_axes
+from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 
 _BOX = "#111111"
 
@@ -71,7 +71,7 @@ class Rates(NamedTuple):
 
 
 def rates_figure(rates: Mapping[str, Rates]) -> Figure:
-    """Recall and precision against distance, a colour for each kind of picture."""
+    """Recall and precision against distance, a color for each kind of image."""
     figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
     for column, name in enumerate(("recall", "precision")):
         axes = figure.add_subplot(1, 2, column + 1)
@@ -87,7 +87,7 @@ def rates_figure(rates: Mapping[str, Rates]) -> Figure:
 
 
 def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure:
-    """ROC curves, a panel for each kind of picture: colour, curve, and the Θ that was chosen."""
+    """ROC curves, a panel for each kind of image: color, curve, and the Θ that was chosen."""
     figure = Figure(figsize=(6.4 * len(curves), 4.2), dpi=DPI, layout="constrained")
     for column, (title, panel) in enumerate(curves.items()):
         axes = figure.add_subplot(1, len(curves), column + 1)
@@ -112,7 +112,7 @@ def curves_figure(
 ) -> Figure:
     """Quantities against levels of degradation: a panel for each quantity, a line for each kind."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
-    colors = (BLUE, ORANGE, GREEN, RED, GREY, "#8054a0", "#b59a2e", "#3aa6a6")
+    colors = (BLUE, ORANGE, GREEN, RED, GRAY, "#8054a0", "#b59a2e", "#3aa6a6")
     for column, (title, lines) in enumerate(panels.items()):
         axes = figure.add_subplot(1, len(panels), column + 1)
         label_axes(axes, title, "level", "")

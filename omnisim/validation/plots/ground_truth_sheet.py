@@ -40,7 +40,7 @@ Tile = tuple[str, NDArray[np.uint8]]
 
 
 def ground_truth_tiles() -> list[Tile]:
-    """Titles and pictures."""
+    """Titles and images."""
     vehicle = Vehicle.load("p2at")
     mounted = vehicle.camera("omnicam")
     lens_theta_max = math.radians(LENS_THETA_MAX_DEG)
@@ -58,7 +58,7 @@ def ground_truth_tiles() -> list[Tile]:
 
 
 def _glowing(material: Material) -> Material:
-    """Material that emits its own colour, if it is one of what glows."""
+    """Material that emits its own color, if it is one of what glows."""
     if material.name not in GLOWING:
         return material
     red, green, blue, _ = material.base_color
@@ -86,8 +86,8 @@ def _tiles(
     channels = {
         name: preview(name, values, frame.labels) for name, values in frame.channels.items()
     }
-    pictures = {"picture": frame.rgb, **channels}
-    return [(f"{prefix}{name}", picture) for name, picture in pictures.items()]
+    images = {"image": frame.rgb, **channels}
+    return [(f"{prefix}{name}", image) for name, image in images.items()]
 
 
 if __name__ == "__main__":

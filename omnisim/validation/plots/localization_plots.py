@@ -18,7 +18,7 @@ from omnisim.core.srgb import srgb_from_linear
 from omnisim.perception.localization.consistency import Interval
 from omnisim.perception.localization.track import Track
 from omnisim.scene.model import Landmark
-from omnisim.validation.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, RED, label_axes
+from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 
 SIGMAS = 3.0
 SMALLEST_M = 1e-3  # lower end of the errors' scale: a known start has none at all
@@ -88,7 +88,7 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
         ):
             axes.plot(steps, np.maximum(errors, SMALLEST_M), line, color=color, label=label)
         sigma = SIGMAS * np.sqrt(np.linalg.eigvalsh(panel.track.covariances[:, :2, :2])[:, -1])
-        axes.plot(steps, np.maximum(sigma, SMALLEST_M), ":", color=GREY, lw=1.0, label="its own 3σ")
+        axes.plot(steps, np.maximum(sigma, SMALLEST_M), ":", color=GRAY, lw=1.0, label="its own 3σ")
         if panel.bound_m is not None:
             axes.axhline(panel.bound_m, color=_INK, lw=0.8, ls="-.", label="the paper's bound")
         axes.set_yscale("log")
@@ -157,14 +157,14 @@ def consistency_figure(
         steps = np.arange(1, len(values))  # at the start nothing was estimated yet
         axes.fill_between(steps, low[1:], high[1:], color=GREEN, alpha=0.2, lw=0, label="95 % band")
         axes.plot(steps, values[1:], color=BLUE, lw=1.3, label="measured")
-        axes.axhline(float(np.nanmean(values[1:])), color=GREY, lw=0.9, ls="--", label="its mean")
+        axes.axhline(float(np.nanmean(values[1:])), color=GRAY, lw=0.9, ls="--", label="its mean")
         axes.set_ylim(bottom=0.0)
         axes.legend(frameon=False, fontsize=8)
     return figure
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:
-    """Footprints, in the colours from the lowest outside to the highest inside."""
+    """Footprints, in the colors from the lowest outside to the highest inside."""
     for landmark in landmarks:
         bands = landmark.bands[-2:]
         for size, band in zip((1.0, 0.55), bands, strict=False):

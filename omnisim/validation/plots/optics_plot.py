@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem, Rod, Surface, caustic_points, ray_jacobians
 from omnisim.cameras.optics.tracing import Fate
-from omnisim.validation.plots.style import BLUE, DPI, GREEN, GREY, ORANGE, label_axes
+from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
 
 _RAYS = 25  # drawn
-_COLUMNS = 400  # of the picture, for caustic and resolution
+_COLUMNS = 400  # of the image, for caustic and resolution
 _MARGIN = 0.15  # of the drawn part's size, around it
 _SHOWN_PERCENT = (4.0, 96.0)  # of the caustic, which may reach to infinity
 _SMALLEST_M = 2e-4  # drawn part of the caustic
@@ -22,14 +22,14 @@ Floats = NDArray[np.float64]
 
 def optics_figure(name: str, system: OpticalSystem) -> Figure:
     """Section along the row of the principal point, the caustic of that row's rays from near, and
-    degrees a pixel against the radius in the picture."""  # fmt: skip
+    degrees a pixel against the radius in the image."""  # fmt: skip
     figure = Figure(figsize=(14.0, 5.2), dpi=DPI, layout="constrained")
     section, near, resolution = figure.subplots(1, 3, width_ratios=(1.0, 0.8, 1.0))
     caustic_m = caustic_points(system, _row(system, _COLUMNS)) + system.origin_m
     label_axes(section, f"{name}: rays", "x (mm)", "z (mm)")
     low, high = _draw_section(section, system, caustic_m)
     _frame(section, low, high)
-    label_axes(near, "Caustic: where neighbouring rays meet", "x (mm)", "z (mm)")
+    label_axes(near, "Caustic: where neighboring rays meet", "x (mm)", "z (mm)")
     _draw_section(near, system, caustic_m)
     seen = caustic_m.reshape(-1, 3)[:, [0, 2]]
     if np.isfinite(seen).any():
@@ -40,7 +40,7 @@ def optics_figure(name: str, system: OpticalSystem) -> Figure:
     handles, labels = section.get_legend_handles_labels()
     by_label = dict(zip(labels, handles, strict=True))
     figure.legend(by_label.values(), by_label.keys(), loc="outside lower left", ncols=6, fontsize=8)
-    label_axes(resolution, "Angular resolution", "radius in the picture (px)", "degrees a pixel")
+    label_axes(resolution, "Angular resolution", "radius in the image (px)", "degrees a pixel")
     _draw_resolution(resolution, system)
     return figure
 
@@ -72,9 +72,9 @@ def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple
     ends, begins = (paths.points_m[-1] + sign * length_m * paths.directions for sign in (1.0, -1.0))
     for ray in np.flatnonzero(seen):
         way = 1e3 * np.concatenate((paths.points_m[:, ray], ends[ray : ray + 1]))
-        axes.plot(way[:, 0], way[:, 2], color=GREY, linewidth=0.6)
+        axes.plot(way[:, 0], way[:, 2], color=GRAY, linewidth=0.6)
         back = 1e3 * np.stack((begins[ray], paths.points_m[-1, ray]))
-        axes.plot(back[:, 0], back[:, 2], color=GREY, linewidth=0.3, linestyle=":")
+        axes.plot(back[:, 0], back[:, 2], color=GRAY, linewidth=0.3, linestyle=":")
     for curve, surface in zip(curves, system.surfaces, strict=True):
         color, label = (BLUE, "mirror") if surface.is_mirror else (GREEN, "boundary")
         axes.plot(1e3 * curve[:, 0], 1e3 * curve[:, 2], color=color, linewidth=2.0, label=label)

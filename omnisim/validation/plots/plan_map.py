@@ -28,7 +28,7 @@ def plan_figure(prepared: PreparedPlan) -> Figure:
     """
     plan = prepared.plan
     drawn: list[list[Draw]] = [[] for _ in plan.scenes]
-    for number in range(min(plan.pictures, MOST_SAMPLES)):
+    for number in range(min(plan.images, MOST_SAMPLES)):
         drawn[draw_which(plan, number).scene].append(draw(prepared, number, 0))
     columns = min(len(plan.scenes), 3)
     rows = -(-len(plan.scenes) // columns)

@@ -1,4 +1,4 @@
-"""A run from above: the map, the path, dead reckoning, landmarks, and a strip of its pictures."""
+"""A run from above: the map, the path, dead reckoning, landmarks, and a strip of its images."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from omnisim.validation.plots.scene_map import draw_scene_map
 
 TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
 RUNS = (TRUE, "#b03060", "#2b8a57", "#7a3fa0")
-STRIP = 6  # pictures
+STRIP = 6  # images
 STRIP_IN = 3.0  # height, at most
 OTHERS = ("#7a3fa0", "#2b8a57", "#b03060", "#8a6d1f")
 TITLE_LETTERS = 110  # in a line
@@ -35,13 +35,13 @@ class RunDrawing:
     Attributes:
         truth: poses of the base.
         reckoned: (n, 2) positions by dead reckoning, or None: no odometry.
-        pictures: (height, width, 3) by step, at most a handful.
+        images: (height, width, 3) by step, at most a handful.
         name: of the robot, where there are several.
     """
 
     truth: Trajectory
     reckoned: NDArray[np.float64] | None
-    pictures: Mapping[int, NDArray[np.uint8]]
+    images: Mapping[int, NDArray[np.uint8]]
     name: str = ""
 
 
@@ -64,8 +64,8 @@ def run_figure(
     width_in = 9.0
     # what the labels leave of the width, for axes of equal scale
     map_in = float(np.clip((width_in - 0.8) * size[1] / size[0], 3.5, 12.0))
-    strips = [run for run in runs if run.pictures]
-    strips_in = [min(width_in / len(run.pictures), STRIP_IN) for run in strips]
+    strips = [run for run in runs if run.images]
+    strips_in = [min(width_in / len(run.images), STRIP_IN) for run in strips]
     figure = Figure(
         figsize=(width_in, map_in + sum(strips_in) + 1.1), dpi=110, layout="constrained"
     )
@@ -95,7 +95,7 @@ def run_figure(
 
 
 def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
-    """Draw the true path with headings, dead reckoning, and the steps of the pictures."""
+    """Draw the true path with headings, dead reckoning, and the steps of the images."""
     truth, whose = run.truth, f"{run.name}: " if run.name else ""
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
     if run.reckoned is not None:
@@ -110,7 +110,7 @@ def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
         x[::every], y[::every], np.cos(yaw[::every]), np.sin(yaw[::every]),
         color=color, scale=36.0, width=0.003, zorder=3,
     )  # fmt: skip
-    for position, steps in _steps_by_position(truth, list(run.pictures)).items():
+    for position, steps in _steps_by_position(truth, list(run.images)).items():
         axes.annotate(
             ", ".join(map(str, steps)), position, textcoords="offset points", xytext=(7, 7),
             fontsize=9, color=INK,
@@ -119,14 +119,14 @@ def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
 
 
 def _draw_strip(figure: Figure, place: SubplotSpec, run: RunDrawing) -> None:
-    """Draw the pictures side by side."""
-    columns = place.subgridspec(1, len(run.pictures))
+    """Draw the images side by side."""
+    columns = place.subgridspec(1, len(run.images))
     whose = f"{run.name}, " if run.name else ""
-    for column, (step, picture) in enumerate(run.pictures.items()):
+    for column, (step, image) in enumerate(run.images.items()):
         strip = figure.add_subplot(columns[column])
         strip.set_axis_off()
         strip.set_title(f"{whose}step {step}, {run.truth.times_s[step]:.1f} s", fontsize=8)
-        strip.imshow(picture)
+        strip.imshow(image)
 
 
 def steps_to_show(steps: int) -> list[int]:
@@ -135,7 +135,7 @@ def steps_to_show(steps: int) -> list[int]:
 
 
 def _steps_by_position(truth: Trajectory, steps: list[int]) -> dict[tuple[float, float], list[int]]:
-    """Steps by position to a centimetre."""
+    """Steps by position to a centimeter."""
     found: dict[tuple[float, float], list[int]] = {}
     for step in steps:
         x, y = truth.positions_m[step, :2].round(2).tolist()

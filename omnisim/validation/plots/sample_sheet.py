@@ -1,4 +1,4 @@
-"""Samples of a data set on one sheet: pictures and channels with their names and scales."""
+"""Samples of a data set on one sheet: images and channels with their names and scales."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ INK = (30, 30, 30)
 
 @dataclass(frozen=True, eq=False)
 class SampleTiles:
-    """Pictures of a sample, from above to below.
+    """Images of a sample, from above to below.
 
     Attributes:
         title: of the sample.
-        tiles: caption and picture (height, width, 3) uint8 of each.
+        tiles: caption and image (height, width, 3) uint8 of each.
     """
 
     title: str
@@ -35,7 +35,7 @@ class SampleTiles:
 def channel_tile(
     name: str, values: NDArray[Any], labels: Labels | None = None
 ) -> tuple[str, NDArray[np.uint8]]:
-    """Caption and false colours of a channel; with the limits of its scale, if it has one."""
+    """Caption and false colors of a channel; with the limits of its scale, if it has one."""
     key = legend(name, values, labels)
     caption = name
     if key["kind"] == "ramp":
@@ -48,8 +48,8 @@ def sample_sheet(samples: Sequence[SampleTiles]) -> NDArray[np.uint8]:
     font = ImageFont.load_default(FONT_PX)
     texts = [text for one in samples for text in (one.title, *(tile[0] for tile in one.tiles))]
     widths = [math.ceil(font.getlength(text)) for text in texts]
-    widths += [picture.shape[1] for one in samples for _, picture in one.tiles]
-    heights = [sum(picture.shape[0] + LINE_PX + GAP_PX for _, picture in one.tiles)
+    widths += [image.shape[1] for one in samples for _, image in one.tiles]
+    heights = [sum(image.shape[0] + LINE_PX + GAP_PX for _, image in one.tiles)
                for one in samples]  # fmt: skip
     columns = math.ceil(math.sqrt(len(samples)))
     width, height = max(widths) + GAP_PX, max(heights) + LINE_PX + GAP_PX
@@ -61,10 +61,10 @@ def sample_sheet(samples: Sequence[SampleTiles]) -> NDArray[np.uint8]:
         left, top = GAP_PX + column * width, GAP_PX + row * height
         draw.text((left, top), sample.title, INK, font, stroke_width=0.3)
         top += LINE_PX
-        for caption, picture in sample.tiles:
+        for caption, image in sample.tiles:
             draw.text((left, top), caption, INK, font)
             sheet.paste(
-                Image.fromarray(np.ascontiguousarray(picture[..., :3])), (left, top + LINE_PX)
+                Image.fromarray(np.ascontiguousarray(image[..., :3])), (left, top + LINE_PX)
             )
-            top += picture.shape[0] + LINE_PX + GAP_PX
+            top += image.shape[0] + LINE_PX + GAP_PX
     return np.asarray(sheet)

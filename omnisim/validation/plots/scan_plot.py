@@ -15,7 +15,7 @@ _SCANNER_SIZE = 0.016  # of the larger side
 
 
 def scan_figure(scan: Scan) -> Figure:
-    """Scan in its scanner's frame, metres: x, straight ahead, is up and y, left, is left.
+    """Scan in its scanner's frame, meters: x, straight ahead, is up and y, left, is left.
 
     Beams that hit something are faint lines that end in a point; the others are not drawn.
     """

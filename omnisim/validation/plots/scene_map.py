@@ -1,4 +1,4 @@
-"""Floor plan of a scene: cut at some height, everything below in colour."""
+"""Floor plan of a scene: cut at some height, everything below in color."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def draw_scene_map(
             )
     order = np.argsort(np.concatenate(heights), kind="stable")
     faces = np.concatenate(colors)[order]
-    # edges in the same colour, or hairlines of background show between triangles
+    # edges in the same color, or hairlines of background show between triangles
     axes.add_collection(
         PolyCollection(
             list(np.concatenate(shown)[order]), facecolors=faces, edgecolors=faces, linewidths=0.3
@@ -72,7 +72,7 @@ def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _mean_color(material: Material, mesh: Mesh) -> NDArray[np.float64]:
-    """Mean colour of a surface, made pale: sRGB (3,)."""
+    """Mean color of a surface, made pale: sRGB (3,)."""
     color = np.array(material.base_color[:3])
     if material.texture is not None:
         sample = material.texture.pixels[::4, ::4, :3] / 255.0

@@ -1,4 +1,4 @@
-"""Style of all plots, and pictures side by side."""
+"""Style of all plots, and images side by side."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from omnisim.core.srgb import srgb_from_linear
 
 DPI = 110
 TITLE_PT = 12.0  # of a plot alone
-BLUE, ORANGE, GREEN, GREY, RED = "#2c6fbb", "#e07b39", "#3a8f4d", "#777777", "#c23b3b"
+BLUE, ORANGE, GREEN, GRAY, RED = "#2c6fbb", "#e07b39", "#3a8f4d", "#777777", "#c23b3b"
 
 
 def plot(
     title: str, x_label: str, y_label: str, width_in: float = 8.0, height_in: float = 4.5
 ) -> tuple[Figure, Axes]:
-    """A figure with one pair of labelled axes and a light grid."""
+    """A figure with one pair of labeled axes and a light grid."""
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     label_axes(axes, title, x_label, y_label)
@@ -39,16 +39,16 @@ def label_axes(axes: Axes, title: str, x_label: str, y_label: str) -> None:
         axes.spines[side].set_visible(False)
 
 
-def gallery(pictures: Mapping[str, NDArray[Any]], columns: int, side_in: float = 3.3) -> Figure:
-    """Pictures (height, width, 3), uint8 or linear floats, side by side with their titles."""
-    rows = -(-len(pictures) // columns)
-    ratio = max(picture.shape[0] / picture.shape[1] for picture in pictures.values())
+def gallery(images: Mapping[str, NDArray[Any]], columns: int, side_in: float = 3.3) -> Figure:
+    """Images (height, width, 3), uint8 or linear floats, side by side with their titles."""
+    rows = -(-len(images) // columns)
+    ratio = max(image.shape[0] / image.shape[1] for image in images.values())
     size = (columns * side_in, rows * (side_in * ratio + 0.35))
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
-    for index, (title, picture) in enumerate(pictures.items()):
+    for index, (title, image) in enumerate(images.items()):
         axes = figure.add_subplot(rows, columns, index + 1)
         axes.set_title(title, fontsize=10)
         axes.set_axis_off()
-        shown = picture if picture.dtype == np.uint8 else srgb_from_linear(picture)
+        shown = image if image.dtype == np.uint8 else srgb_from_linear(image)
         axes.imshow(shown)  # averaged where it is made smaller, pixels where it is magnified
     return figure

@@ -1,4 +1,4 @@
-"""Pictures into a video file (the home of PyAV)."""
+"""Images into a video file (the home of PyAV)."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def check_video_target(path: Path) -> None:
     check_target(path)
 
 
-def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
-    """Write pictures (height, width, 3), all of one size, as H.264; returns how many.
+def write_video(path: Path, images: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
+    """Write images (height, width, 3), all of one size, as H.264; returns how many.
 
     Odd sizes lose their last row or column, which the format cannot hold.
 
     Raises:
-        OutputError: an unknown format, no pictures or too small ones, or the file cannot be
+        OutputError: an unknown format, no images or too small ones, or the file cannot be
             written.
     """
     check_video_target(path)
@@ -53,21 +53,21 @@ def write_video(path: Path, pictures: Iterable[NDArray[np.uint8]], rate_hz: floa
                 )
                 stream.pix_fmt = "yuv420p"
                 stream.options = {"crf": str(QUALITY)}
-                for picture in pictures:
-                    height, width = (side // 2 * 2 for side in picture.shape[:2])
+                for image in images:
+                    height, width = (side // 2 * 2 for side in image.shape[:2])
                     if not (height and width):
                         raise OutputError(
-                            f"{path}: expected pictures of at least 2 × 2 px, got "
-                            f"{picture.shape[1]} × {picture.shape[0]} px"
+                            f"{path}: expected images of at least 2 × 2 px, got "
+                            f"{image.shape[1]} × {image.shape[0]} px"
                         )
                     if count == 0:
                         stream.width, stream.height = width, height
-                    cut = np.ascontiguousarray(picture[:height, :width, :3])
+                    cut = np.ascontiguousarray(image[:height, :width, :3])
                     frame = av.VideoFrame.from_ndarray(cut, format="rgb24")
                     container.mux(stream.encode(frame))
                     count += 1
                 if count == 0:
-                    raise OutputError(f"{path}: expected at least one picture, got none")
+                    raise OutputError(f"{path}: expected at least one image, got none")
                 container.mux(stream.encode())
         except av.FFmpegError as reason:
             raise OutputError(f"{path}: cannot be encoded: {reason}") from None

@@ -56,7 +56,7 @@ def write_localized(
     report = Report(
         f"Localization of {run.name}",
         "The robot's position by an extended Kalman filter, from its wheels and from the landmarks "
-        "in its pictures.",
+        "in its images.",
         (_section(run, track, parameters, shown, warnings),),
         {"parameters": parameters.model_dump(), "steps": len(track.estimates)},
     )

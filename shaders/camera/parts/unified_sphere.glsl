@@ -1,5 +1,5 @@
 // vec3 lift_alpha(vec2 plane, float alpha): vector, not of unit length, that the unified model
-// in its alpha form has at a point of the normalised plane; within 1/sqrt(2 alpha - 1).
+// in its alpha form has at a point of the normalized plane; within 1/sqrt(2 alpha - 1).
 // Twin of omnisim/cameras/unified_sphere.py.
 
 vec3 lift_alpha(vec2 plane, float alpha) {

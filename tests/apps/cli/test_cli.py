@@ -17,7 +17,7 @@ from omnisim.scene import load_scene
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_render_writes_the_picture_and_a_summary(omnisim, tmp_path):
+def test_render_writes_the_image_and_a_summary(omnisim, tmp_path):
     status, out, _ = omnisim("render", "courtyard", "-o", "a.png", "--size", 90, "--yaw", -30)
     assert status == 0
     assert "a.png: 90 × 90 px, 900 polygons (auto), from (0, 0, 0.9) m at yaw -30°" in out

@@ -26,7 +26,7 @@ def test_all_channels_in_one_exr(omnisim, tmp_path, needs_opengl):
     assert {path.name for path in tmp_path.iterdir()} == {"f.exr", "f.coco.json"}
 
 
-def test_files_and_previews_beside_a_picture(omnisim, tmp_path, needs_opengl):
+def test_files_and_previews_beside_a_image(omnisim, tmp_path, needs_opengl):
     (tmp_path / "labels.toml").write_text(
         '[[labels]]\nname = "grass"\nnodes = ["carpet"]\ncolor = [1, 2, 3]\n'
     )

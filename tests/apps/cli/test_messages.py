@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.apps.cli.picture_files import write_pictures
+from tests.apps.cli.image_files import write_images
 
 TABLE = tomllib.loads(Path(__file__).with_name("messages.toml").read_text(encoding="utf-8"))
 OPENGL = "OpenGL"
@@ -19,8 +19,8 @@ OPENGL = "OpenGL"
 
 @pytest.fixture
 def inputs(tmp_path):
-    """Files of the table, and pictures; the names of all."""
-    write_pictures(tmp_path)
+    """Files of the table, and images; the names of all."""
+    write_images(tmp_path)
     for name, text in TABLE["files"].items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     return sorted(path.name for path in tmp_path.iterdir())

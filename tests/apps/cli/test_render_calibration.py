@@ -50,12 +50,12 @@ def test_render_writes_calibration_and_rays(omnisim, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-o", "a.exr", "--rays", "a.exr"], "a.exr: is the picture already"),
+        (["-o", "a.exr", "--rays", "a.exr"], "a.exr: is the image already"),
         (
             ["-o", "front.png", "--faces", "."],
-            "front.png: is the picture: expected another name for the face front",
+            "front.png: is the image: expected another name for the face front",
         ),
-        (["-o", "./unfolded.png", "--faces", "."], "unfolded.png: is the picture: expected"),
+        (["-o", "./unfolded.png", "--faces", "."], "unfolded.png: is the image: expected"),
         (
             ["-o", "a.png", "--calibration", "c.yaml"],
             "c.yaml: expected .json for omnisim, got .yaml",

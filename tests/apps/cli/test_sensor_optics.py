@@ -10,7 +10,7 @@ import omnisim as package
 from omnisim import OmniCamera
 from omnisim.cameras.optics import read_optics_file
 from omnisim.core.trajectories import Trajectory, write_trajectory
-from omnisim.rendering.camera.picture_file import read_picture
+from omnisim.rendering.camera.captured_image import read_captured_image
 
 EXAMPLES = Path(package.__file__).parents[1] / "examples" / "optics"
 IN_PLACE = """
@@ -59,7 +59,7 @@ def test_trajectories(omnisim, tmp_path, options):
     command = ("render", "soccer", *options, "--trajectory", "poses.tum", "--size", 36, "-o", "run")
     status, _, err = omnisim(*command)
     assert status == 0, err
-    taken = read_picture(tmp_path / "run" / "camera" / "000001.png")
+    taken = read_captured_image(tmp_path / "run" / "camera" / "000001.png")
     again = OmniCamera.from_file(tmp_path / "run" / "camera" / "sensor.toml")
     assert taken.camera.parameters() == again.model.parameters()
     first = (tmp_path / "run" / "camera" / "000000.png").read_bytes()

@@ -22,12 +22,12 @@ RARE_MODULES = (
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_picture_imports_nothing_of_other_commands(tmp_path):
+def test_a_image_imports_nothing_of_other_commands(tmp_path):
     _run(tmp_path, RARE_LIBRARIES + RARE_MODULES, "render", "rings", "--size", "24", "-o", "a.png")
     assert (tmp_path / "a.png").is_file()
 
 
-def test_a_sensor_file_is_checked_without_scenes_pictures_and_graphics(tmp_path):
+def test_a_sensor_file_is_checked_without_scenes_images_and_graphics(tmp_path):
     (tmp_path / "sensor.toml").write_bytes(DEFAULT_SENSOR_FILE.read_bytes())
     rare = (
         "moderngl", "OpenImageIO", "PIL", "omnisim.scene", "omnisim.core.files.image_files",

@@ -58,7 +58,7 @@ class Client:
         return self.receive("frame")
 
     def fine_frame(self):
-        """The picture at rest, after all that was sent."""
+        """The image at rest, after all that was sent."""
         end_s = time.monotonic() + REST_WITHIN_S
         while time.monotonic() < end_s:
             frame = self.frame()

@@ -1,4 +1,4 @@
-"""Page in a real browser: no outside request, no error, and pictures that are the renderer's."""
+"""Page in a real browser: no outside request, no error, and images that are the renderer's."""
 
 import importlib.util
 import os
@@ -96,7 +96,7 @@ def change(page):
 
 
 def rest(page, after, still_s=0.8):
-    """Wait for a fine picture of a state after another, which stays for a while."""
+    """Wait for a fine image of a state after another, which stays for a while."""
     deadline_s, since_s, last = time.monotonic() + 120.0, 0.0, None
     while last is None or time.monotonic() - since_s < still_s:
         now = (change(page), page.get_attribute("body", "data-fine"), len(shown_png(page)))
@@ -104,27 +104,27 @@ def rest(page, after, still_s=0.8):
             now = None
         if now is None or now != last:
             last, since_s = now, time.monotonic()
-        assert time.monotonic() < deadline_s, f"never: a fine picture after {after}"
+        assert time.monotonic() < deadline_s, f"never: a fine image after {after}"
         time.sleep(0.02)
 
 
 def shown_png(page):
-    """Bytes of the camera's picture that is shown."""
+    """Bytes of the camera's image that is shown."""
     script = "async () => [...new Uint8Array(await omnisim.views.get('camera').blob.arrayBuffer())]"
     return bytes(page.evaluate(script))
 
 
 def rendered_png(page, folder):
-    """Bytes of the picture by the command line that the page copies."""
+    """Bytes of the image by the command line that the page copies."""
     page.click("#copy-command")
     command = page.evaluate("navigator.clipboard.readText()")
     own = f"{shlex.quote(sys.executable)} -m omnisim render"
     command = command.replace("omnisim render", own)
     subprocess.run(["bash", "-ec", command], cwd=folder, check=True, capture_output=True)
-    return (folder / "picture.png").read_bytes()
+    return (folder / "image.png").read_bytes()
 
 
-def test_keys_move_the_camera_and_the_picture_is_the_renderers(page, tmp_path):
+def test_keys_move_the_camera_and_the_image_is_the_renderers(page, tmp_path):
     before, place = change(page), page.inner_text("#place")
     page.keyboard.down("w")
     page.keyboard.down("ArrowLeft")
@@ -170,7 +170,7 @@ def test_a_preset_of_the_gallery_is_one_click_away(page, tmp_path):
     assert shown_png(page) == first
 
 
-def test_a_fault_is_shown_and_the_picture_stays(page):
+def test_a_fault_is_shown_and_the_image_stays(page):
     first, before = shown_png(page), change(page)
     page.fill("[data-path='sensor.mirror.k'] input[type=number]", "1")
     page.keyboard.press("Enter")
@@ -205,7 +205,7 @@ def test_a_second_page_watches(page, browser, live):
     page.keyboard.up("s")
     rest(page, before)
     wait_until(lambda: other.inner_text("#place") == page.inner_text("#place"), "the same place")
-    wait_until(lambda: shown_png(other) == shown_png(page), "the same picture")
+    wait_until(lambda: shown_png(other) == shown_png(page), "the same image")
     other.close()
 
 
@@ -227,7 +227,7 @@ def test_all_is_reached_by_the_keyboard(page):
             "document.activeElement.id || document.activeElement.getAttribute('aria-label')"
             " || document.activeElement.textContent.slice(0, 30)"
         ))  # fmt: skip
-    assert {"theme", "help", "save-toml", "copy-command", "save-picture"} <= reached
+    assert {"theme", "help", "save-toml", "copy-command", "save-image"} <= reached
     page.keyboard.press("?")
     assert page.is_visible("#help-dialog")
     page.keyboard.press("Escape")

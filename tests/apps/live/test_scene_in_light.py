@@ -76,4 +76,4 @@ def test_the_command_renders_the_same_image(tmp_path, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code
-    np.testing.assert_array_equal(read_image(tmp_path / "picture.png")[0], taken.rgb)
+    np.testing.assert_array_equal(read_image(tmp_path / "image.png")[0], taken.rgb)

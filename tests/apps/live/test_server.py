@@ -1,4 +1,4 @@
-"""Server without a browser: pictures are the renderer's, and no client can end it."""
+"""Server without a browser: images are the renderer's, and no client can end it."""
 
 import dataclasses
 import http.client
@@ -88,7 +88,7 @@ def test_a_token_is_asked_for_where_others_listen():
         assert token in page.server.url
 
 
-def test_the_picture_at_rest_is_that_of_the_command_that_is_shown(page, tmp_path, monkeypatch):
+def test_the_image_at_rest_is_that_of_the_command_that_is_shown(page, tmp_path, monkeypatch):
     from omnisim.apps.cli.app import app
 
     monkeypatch.chdir(tmp_path)
@@ -98,11 +98,11 @@ def test_the_picture_at_rest_is_that_of_the_command_that_is_shown(page, tmp_path
         words = shlex.split(frame["command"])
         assert words[:2] == ["omnisim", "render"]
         app(words[1:], standalone_mode=False)
-        assert (tmp_path / "picture.png").read_bytes() == frame["data"]["camera"]
+        assert (tmp_path / "image.png").read_bytes() == frame["data"]["camera"]
 
 
 @pytest.mark.parametrize("k", [None, 8.0])
-def test_a_robots_picture_is_that_of_the_command_that_is_shown(tmp_path, monkeypatch, k):
+def test_a_robots_image_is_that_of_the_command_that_is_shown(tmp_path, monkeypatch, k):
     from omnisim.apps.cli.app import app
 
     monkeypatch.chdir(tmp_path)
@@ -121,15 +121,15 @@ def test_a_robots_picture_is_that_of_the_command_that_is_shown(tmp_path, monkeyp
     if file:
         (tmp_path / "camera.toml").write_text(file.partition("\n")[2].rpartition("END")[0])
     app(["render", *shlex.split(command)], standalone_mode=False)
-    assert (tmp_path / "picture.png").read_bytes() == frame["data"]["camera"]
+    assert (tmp_path / "image.png").read_bytes() == frame["data"]["camera"]
     bare = OmniCamera().resized(SIZE_PX)  # the body is in it
     with open_sensor(load_scene("rings"), bare) as renderer:
         base = renderer.camera.base_pose(frame["viewpoint"]["position_m"], 33.3)
         without_body = renderer.render(base).rgb
-    assert (read_image(tmp_path / "picture.png")[0] != without_body).any()
+    assert (read_image(tmp_path / "image.png")[0] != without_body).any()
 
 
-def test_a_saved_camera_renders_the_same_picture(page, tmp_path):
+def test_a_saved_camera_renders_the_same_image(page, tmp_path):
     with Client(page) as client:
         client.send("set", path="sensor.mirror.k", value=7.5)
         client.send("preset", kind="degradation", name="webcam")
@@ -148,12 +148,12 @@ def test_a_saved_camera_renders_the_same_picture(page, tmp_path):
         assert "cat > camera.toml" in frame["command"]
 
 
-def test_a_saved_picture_has_all_channels(page, tmp_path):
+def test_a_saved_image_has_all_channels(page, tmp_path):
     with Client(page) as client:
         frame = client.fine_frame()
-        client.send("save", what="picture")
+        client.send("save", what="image")
         archive = zipfile.ZipFile(io.BytesIO(client.receive("saved")["data"]["omnisim.zip"]))
-        (tmp_path / "saved.png").write_bytes(archive.read("picture.png"))
+        (tmp_path / "saved.png").write_bytes(archive.read("image.png"))
         (tmp_path / "shown.png").write_bytes(frame["data"]["camera"])
         saved, shown = (read_image(tmp_path / f"{name}.png")[0] for name in ("saved", "shown"))
         np.testing.assert_array_equal(saved, shown)
@@ -161,7 +161,7 @@ def test_a_saved_picture_has_all_channels(page, tmp_path):
         assert all(any(f".{name}." in one for one in names) for name in CHANNELS)
 
 
-def test_views_channels_and_legends_come_with_the_picture(page):
+def test_views_channels_and_legends_come_with_the_image(page):
     names = ["panorama", "perspective", "birdseye", "map", "range", "semantic", "normals"]
     with Client(page) as client:
         client.send("views", names=names)
@@ -204,7 +204,7 @@ def test_a_fault_is_told_and_the_camera_stays(page):
         assert after["data"]["camera"] == before["data"]["camera"]
 
 
-def test_a_picture_of_100_000_px_is_refused(page):
+def test_a_image_of_100_000_px_is_refused(page):
     with Client(page) as client:
         for path in ("size_px", "sensor.camera.width_px"):
             client.send("set", path=path, value=100_000)

@@ -22,7 +22,7 @@ def live(monkeypatch):
 
 
 def _next(live):
-    """The next picture, drawn at once."""
+    """The next image, drawn at once."""
     live.ask()
     draw = live.next_work()
     assert isinstance(draw, Draw)
@@ -34,7 +34,7 @@ def _apply(live, kind, **content):
     live.apply(messages.parse_message(f'{{"type": "{kind}"}}').model_copy(update=content))
 
 
-def test_the_first_picture_is_coarse_and_the_next_fine(live):
+def test_the_first_image_is_coarse_and_the_next_fine(live):
     assert [_next(live).is_fine, _next(live).is_fine] == [False, True]
 
 
@@ -58,7 +58,7 @@ def test_nothing_is_drawn_until_somebody_asks(live):
     assert not done.is_alive()
 
 
-def test_pictures_are_coarse_while_a_key_is_held_and_fine_after(live):
+def test_images_are_coarse_while_a_key_is_held_and_fine_after(live):
     _next(live), _next(live)
     live.apply(messages.Drive(ahead=1.0))
     for _ in range(3):
@@ -71,7 +71,7 @@ def test_pictures_are_coarse_while_a_key_is_held_and_fine_after(live):
     assert draw.shown.place.position_m[0] > 0.0
 
 
-def test_a_key_pressed_and_let_go_during_a_picture_counts(live):
+def test_a_key_pressed_and_let_go_during_a_image_counts(live):
     _next(live), _next(live)
     live.apply(messages.Drive(turn=1.0))
     time.sleep(0.05)

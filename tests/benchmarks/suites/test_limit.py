@@ -81,5 +81,5 @@ def test_the_processors_part_is_of_single_frames_and_of_batches(report):
     values = {bound["name"]: bound["value"] for bound in report["bounds"]}
     for row in rows:
         assert 0.0 < row["batched_ms"] <= 2.0 * row["small_frame_ms"]
-        batched = f"the processor's ms a picture of 84² in a batch of 64: {row['scene']}"
+        batched = f"the processor's ms an image of 84² in a batch of 64: {row['scene']}"
         assert values[batched] == row["batched_ms"]

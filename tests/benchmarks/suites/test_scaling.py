@@ -25,14 +25,14 @@ def test_every_size_is_timed(tmp_path, monkeypatch):
         options, triangles=(1000,), sizes_px=(32, 64), cameras=(1, 3), batches=(2, 64)
     )
     check(report)
-    rows = [(row["against"], row["picture_px"], row["cameras"]) for row in report["rows"]]
+    rows = [(row["against"], row["image_px"], row["cameras"]) for row in report["rows"]]
     assert rows == [
-        ("triangles", 360, 1), ("picture", 32, 1), ("picture", 64, 1), ("cameras", 360, 1),
+        ("triangles", 360, 1), ("image", 32, 1), ("image", 64, 1), ("cameras", 360, 1),
         ("cameras", 360, 3), ("batch", 84, 2), ("batch", 84, 64),
     ]  # fmt: skip
     batch = report["rows"][-1]
     assert report["bounds"][-1]["value"] == batch["batch_ratio"] > 0.0
-    assert batch["pictures_per_second"] == pytest.approx(64 * batch["fps"])
+    assert batch["images_per_second"] == pytest.approx(64 * batch["fps"])
     assert report["rows"][0]["triangles"] == build_town(1000).triangle_count
     town = report["rows"][0]
     assert 0 < town["seen_triangles"] < town["submitted_triangles"]

@@ -12,7 +12,7 @@ EXACT_SAMPLES = [path for path in SAMPLES if path.name != "kalibr_fov.yaml"]
 
 
 def rig_rays(camera, count=33):
-    """Rays of pixels all over a camera's picture, edges included, in its rig."""
+    """Rays of pixels all over a camera's image, edges included, in its rig."""
     u, v = (
         np.rint(np.linspace(0, side - 1, count)) for side in (camera.width_px, camera.height_px)
     )

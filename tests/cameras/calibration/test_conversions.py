@@ -20,7 +20,7 @@ from tests.cameras.calibration.sample_files import EXACT_SAMPLES, FOLDER, rig_ra
 
 @pytest.fixture
 def quick_fits(monkeypatch):
-    """Fits by their linear initialisation alone: near, not the nearest."""
+    """Fits by their linear initialization alone: near, not the nearest."""
     monkeypatch.setattr(fit, "_refined", lambda start, *arguments: (start, np.eye(3)))
 
 
@@ -64,7 +64,7 @@ def test_any_format_converts_to_any_other_or_gives_the_reason(path, tmp_path):
         ("colmap", "cylindrical", "colmap has no panorama, and this one is cylindrical"),
         ("opencv_omnidir", "equidistant-full-sphere",
          "opencv_omnidir cannot represent model 'equidistant': the nearest, 'unified', is up to"),
-        ("gazebo", "hyperbolic-off-centre",
+        ("gazebo", "hyperbolic-off-center",
          "gazebo cannot represent model 'hyperbolic'"),
         ("basalt", "orthographic-full", None),
     ],

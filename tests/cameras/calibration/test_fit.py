@@ -12,9 +12,9 @@ from omnisim.core.errors import CalibrationError
 from tests.camera_examples import CAMERA_EXAMPLES
 
 EXACT_PAIRS = [
-    *((name, model) for name in ("hyperbolic-paper", "hyperbolic-up-face", "parabolic-off-centre",
+    *((name, model) for name in ("hyperbolic-paper", "hyperbolic-up-face", "parabolic-off-center",
                                  "stereographic", "perspective-wide", "unified-no-distortion",
-                                 "planar", "elliptic-off-centre")
+                                 "planar", "elliptic-off-center")
       for model in ("unified", "eucm", "double_sphere")),
     ("orthographic-full", "eucm"),
     ("orthographic-full", "gazebo"),
@@ -25,8 +25,8 @@ EXACT_PAIRS = [
     ("equisolid-full-sphere", "gazebo"),
     ("gazebo-id", "equidistant"),
     ("equidistant-full-sphere", "kannala_brandt"),
-    ("equidistant-off-centre", "f_theta"),
-    ("equidistant-off-centre", "f_theta_inverse"),
+    ("equidistant-off-center", "f_theta"),
+    ("equidistant-off-center", "f_theta_inverse"),
     ("f-theta-to-its-fold", "kannala_brandt"),
     ("unified-kitti-360", "unified"),
     ("double-sphere-tum-vi", "double_sphere"),
@@ -64,7 +64,7 @@ def test_mirrored_frame_maps_rays_of_the_source_to_the_fit():
             source.directions[source.valid] @ mirrored_frame(camera).T,
             atol=1e-12,
         )
-        assert np.linalg.det(mirrored_frame(camera)) == -1.0  # a mirror's picture is mirrored
+        assert np.linalg.det(mirrored_frame(camera)) == -1.0  # a mirror's image is mirrored
 
 
 def _kannala_brandt(camera, rays):
@@ -102,13 +102,13 @@ def _eucm(camera, rays):
     [
         ("double-sphere-tum-vi", "kannala_brandt", _kannala_brandt, {}, 0.01),
         ("hyperbolic-paper", "kannala_brandt", _kannala_brandt, {}, 0.01),
-        ("equisolid-off-centre", "eucm", _eucm, {}, 0.5),
+        ("equisolid-off-center", "eucm", _eucm, {}, 0.5),
         ("kannala-brandt-tum-vi", "eucm", _eucm, {}, 5.0),
         ("hyperbolic-nearly-plane", "unified", _pinhole_with_distortion, {"xi": 0.0}, 0.5),
     ],
 )
 def test_residuals_are_those_of_the_formula(name, model, formula, fixed, most_px):
-    """Over every pixel of the picture, where the fit knows some of them."""
+    """Over every pixel of the image, where the fit knows some of them."""
     source = CAMERA_EXAMPLES[name]
     fit = _fit(name, model, fixed=fixed)
     pixels = pixel_grid(source.width_px, source.height_px).reshape(-1, 2)
@@ -158,7 +158,7 @@ def test_covered_share_leaves_out_pixels_beyond_the_target():
 
 
 def test_a_fit_ends_where_its_source_does():
-    source = CAMERA_EXAMPLES["equisolid-off-centre"]
+    source = CAMERA_EXAMPLES["equisolid-off-center"]
     fit = fit_camera(source, CAMERA_MODELS["kannala_brandt"])
     assert fit.camera.theta_max_rad == pytest.approx(largest_theta_rad(source), abs=1e-6)
 

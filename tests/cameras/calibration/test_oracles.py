@@ -32,7 +32,7 @@ def _seen(camera, largest_theta_rad):
 
 
 def _matrices(cv2, path):
-    """K, D, ξ or 0, and the picture's size, as cv2.FileStorage reads them."""
+    """K, D, ξ or 0, and the image's size, as cv2.FileStorage reads them."""
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     assert storage.isOpened()
     xi = storage.getNode("xi")
@@ -108,7 +108,7 @@ def test_files_that_opencv_writes_are_read(kind, tmp_path):
 
 @pytest.mark.parametrize(
     "name",
-    ["perspective-off-centre", "kannala-brandt-tum-vi", "eucm", "equirectangular",
+    ["perspective-off-center", "kannala-brandt-tum-vi", "eucm", "equirectangular",
      "unified-pinhole-with-k3"],
 )  # fmt: skip
 def test_colmap_reads_our_cameras_and_projects_the_same(name, tmp_path):
@@ -118,9 +118,9 @@ def test_colmap_reads_our_cameras_and_projects_the_same(name, tmp_path):
     for other in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
         (tmp_path / other).write_text("# none\n")
     theirs = pycolmap.Reconstruction(str(tmp_path)).cameras[1]
-    widest = {"perspective-off-centre": 70.0, "unified-pinhole-with-k3": 40.0}.get(name, 85.0)
+    widest = {"perspective-off-center": 70.0, "unified-pinhole-with-k3": 40.0}.get(name, 85.0)
     points = _seen(camera, math.radians(widest))
-    # the first pixel's centre is at (0.5, 0.5)
+    # the first pixel's center is at (0.5, 0.5)
     _assert_same(camera, points, theirs.img_from_cam(points) - 0.5)
 
 
@@ -174,7 +174,7 @@ def _scaramuzza_cam2world(text, row, column):
     return np.stack((xy[0], xy[1], z), axis=-1), rho, inverse
 
 
-@pytest.mark.parametrize("name", ["ocamcalib-fisheye", "parabolic-off-centre"])
+@pytest.mark.parametrize("name", ["ocamcalib-fisheye", "parabolic-off-center"])
 def test_scaramuzzas_functions_agree_with_our_ocamcalib_file(name, tmp_path):
     camera = CAMERA_EXAMPLES[name]
     calibration_of(camera).save(tmp_path / "a.txt", "ocamcalib")
@@ -217,7 +217,7 @@ def test_basalts_double_sphere_agrees():
     scale = value["alpha"] * d2 + (1.0 - value["alpha"]) * k
     pixels = (value["fx"] * x / scale + value["cx"], value["fy"] * y / scale + value["cy"])
     _assert_same(found.camera, points, np.stack(pixels, axis=-1))
-    # the camera sits some centimetres beside the IMU, its axis along the IMU's −y
+    # the camera sits some centimeters beside the IMU, its axis along the IMU's −y
     (pose,) = found.poses
     assert (pose.target, pose.source) == ("imu", "cam0")
     assert pose.target_from_source[1, 2] < -0.99

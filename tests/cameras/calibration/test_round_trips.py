@@ -75,7 +75,7 @@ def test_exact_models_come_back(form, tmp_path):
         assert found.residuals is None
         assert type(found.camera) is type(written.cameras[0].camera) or "perspective" in name
         (ours, valid), (back, still_valid) = rig_rays(camera), rig_rays(found.camera)
-        # where a domain ends by 1e-12, which rounding moves, no pixel's centre of these is
+        # where a domain ends by 1e-12, which rounding moves, no pixel's center of these is
         assert np.array_equal(valid, still_valid), name
         chords = np.linalg.norm(ours - back, axis=-1)  # radians, as small as they are
         assert chords[valid].max() < 1e-9, name

@@ -12,7 +12,7 @@ from omnisim.cameras.mirrors.mirror_mesh_error import (
     needed_polygons,
 )
 
-# Mean, 95 % and maximum in pixels at 360 × 360 of a mesh with rings equally spaced in the picture,
+# Mean, 95 % and maximum in pixels at 360 × 360 of a mesh with rings equally spaced in the image,
 # computed by others for the paper's mirror and a rim at 105°.
 EQUAL_RINGS = {
     16: (10.4, 19.0, 19.7),
@@ -136,7 +136,7 @@ def test_sector_is_that_of_the_mesh():
     assert found == {tuple(np.round(triangle, 12).ravel() + 0.0) for triangle in expected}
 
 
-def test_a_part_of_the_picture_needs_fewer_polygons():
+def test_a_part_of_the_image_needs_fewer_polygons():
     mirror = HyperbolicMirror()
     bound = 0.1 / _focal_length_px(mirror, 1024)
     rim = float(mirror.tangent_from_theta(mirror.theta_max_rad))

@@ -56,7 +56,7 @@ def test_each_triangle_lies_in_one_face_and_its_texture_there(mirror, mesh):
     corners = unfolded.vertices_m[unfolded.triangles]
     faces = face_index(corners.mean(axis=1) @ RIG_FROM_MIRROR.T)
     cells = np.array(LAYOUT_CELLS)[faces][:, None]
-    # from the picture back to the direction: tangents in the face, then the face's own frame
+    # from the image back to the direction: tangents in the face, then the face's own frame
     inside = unfolded.texture_coordinates[unfolded.triangles] * (3, 2) - cells
     tangents = (2.0 * inside - 1.0) * CELL_TANGENT
     assert np.abs(tangents).max() <= 1.0 + 1e-12
@@ -91,7 +91,7 @@ def test_file_is_read_back_the_same(tmp_path, suffix):
     assert scene.triangle_count == len(unfolded.triangles)
     mesh, placed = scene.meshes[0], scene.instances[0]
     world = mesh.positions @ placed.world_from_mesh[:3, :3].T + placed.world_from_mesh[:3, 3]
-    # float32, or OBJ's eight decimals, of millimetres
+    # float32, or OBJ's eight decimals, of millimeters
     np.testing.assert_allclose(
         world[mesh.triangles].mean(axis=1),
         unfolded.vertices_m[unfolded.triangles].mean(axis=1),

@@ -61,11 +61,11 @@ def test_edge_is_the_last_valid_position():
     assert not camera.ray_from_pixel(beyond[inside]).valid.any()
 
 
-@pytest.mark.parametrize("centre", [(199.5, -0.5), (-30.0, 149.5), (-0.5, -0.5)])
-def test_axis_at_the_border_or_beside_the_picture(centre):
-    camera = PerspectiveCamera(400, 300, 200.0, centre)
-    corner = np.array([399.5, 299.5]) - centre
-    furthest = max(np.hypot(*corner), np.hypot(corner[0], centre[1] + 0.5))
+@pytest.mark.parametrize("center", [(199.5, -0.5), (-30.0, 149.5), (-0.5, -0.5)])
+def test_axis_at_the_border_or_beside_the_image(center):
+    camera = PerspectiveCamera(400, 300, 200.0, center)
+    corner = np.array([399.5, 299.5]) - center
+    furthest = max(np.hypot(*corner), np.hypot(corner[0], center[1] + 0.5))
     found = field_of_view(camera)
     assert found.covered == 1.0
     assert math.tan(found.theta_max_rad) == pytest.approx(furthest / 200.0, abs=1e-9)

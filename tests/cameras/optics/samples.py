@@ -1,4 +1,4 @@
-"""Rays of all samples of a picture as one array, for comparisons."""
+"""Rays of all samples of an image as one array, for comparisons."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from omnisim.cameras import Rays
 
 
 def all_samples(rays, camera):
-    """Rays of samples in the optical frame, and their validity, row by row of the finer picture."""
+    """Rays of samples in the optical frame, and their validity, row by row of the finer image."""
     side = rays.supersampling
     rows, columns = np.indices((side * camera.height_px, side * camera.width_px)).reshape(2, -1)
     parts = side * (rows % side) + columns % side

@@ -135,8 +135,8 @@ def test_impossible_distances(distance_m):
         CentralView(SYSTEMS["sphere"], distance_m)
 
 
-def test_axis_of_a_ball_that_is_aside_in_a_wide_picture():
-    """The ball's outline is in the middle of the picture no more, and sees nearly all around."""
+def test_axis_of_a_ball_that_is_aside_in_a_wide_image():
+    """The ball's outline is in the middle of the image no more, and sees nearly all around."""
     camera = PerspectiveCamera(1280, 960, 1240.0, (639.5, 479.5))
     ball = Surface(Conic(0.02), poses.pose((0.0012, -0.0008, 0.0815)))
     (fitted,) = fit_central(OpticalSystem(camera, (ball,)), "opencv_fisheye").cameras

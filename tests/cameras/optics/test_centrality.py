@@ -46,7 +46,7 @@ def test_error_of_the_central_model_falls_with_distance():
 
 
 def test_error_is_that_of_the_rays():
-    """The error in the picture, turned back to an angle, is the miss over the distance."""
+    """The error in the image, turned back to an angle, is the miss over the distance."""
     system, distance_m = SYSTEMS["port"], 1000.0
     measured = measure_centrality(system, [distance_m])
     largest_rad = measured.misses_m.max() / distance_m

@@ -22,7 +22,7 @@ SHARE = 1e-9  # of a surface's distance
 
 
 def _radial(system):
-    """Valid rays of a picture: (azimuth's direction, angle to the axis, origins, directions)."""
+    """Valid rays of an image: (azimuth's direction, angle to the axis, origins, directions)."""
     return closed_forms.traced_rays(system)[1:]
 
 
@@ -49,7 +49,7 @@ def test_flat_port():
     _expect(system, closed_forms.flat_port, 0.05, (0.01,), indices)
 
 
-def test_centred_dome_refracts_nothing():
+def test_centerd_dome_refracts_nothing():
     system = OpticalSystem(pinhole(150.0), dome())
 
     def form(beta):

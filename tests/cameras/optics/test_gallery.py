@@ -29,10 +29,10 @@ def test_every_example_is_shown(maker):
         assert maker.title_of(name) in page, RENEW
         assert f"`examples/optics/{name}.toml`" in page, RENEW
         system = maker.system_of(name)
-        with Image.open(maker.PICTURES / f"{name}.jpg") as picture:
-            assert picture.size == (system.width_px, system.height_px), RENEW
-        assert (maker.PICTURES / f"{name}.jpg").stat().st_size <= maker.LARGEST_BYTES
-        assert (maker.PICTURES / f"{name}-plot.png").is_file()
+        with Image.open(maker.IMAGES / f"{name}.jpg") as image:
+            assert image.size == (system.width_px, system.height_px), RENEW
+        assert (maker.IMAGES / f"{name}.jpg").stat().st_size <= maker.LARGEST_BYTES
+        assert (maker.IMAGES / f"{name}-plot.png").is_file()
 
 
 @pytest.mark.slow

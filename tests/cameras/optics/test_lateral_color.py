@@ -1,4 +1,4 @@
-"""Lateral colour of far points behind a flat port: Snell's law by channel, in closed form."""
+"""Lateral color of far points behind a flat port: Snell's law by channel, in closed form."""
 
 import dataclasses
 import math

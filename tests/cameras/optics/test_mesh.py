@@ -180,7 +180,7 @@ def test_samples_of_a_mesh_are_its_rays():
 
 
 @pytest.mark.parametrize("backend", ["cube", "rays"])
-def test_pictures_settle_with_more_polygons(backend):
+def test_images_settle_with_more_polygons(backend):
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
     sensor = OmniCamera(SYSTEMS["sphere"].scaled(0.3), supersampling=2)
     scene = scene_of([room()])

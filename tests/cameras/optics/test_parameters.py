@@ -1,4 +1,4 @@
-"""Parameters of optical systems: complete, so that files of pictures and runs need no others."""
+"""Parameters of optical systems: complete, so that files of images and runs need no others."""
 
 import dataclasses
 import json
@@ -157,7 +157,7 @@ def test_a_camera_without_a_principal_point_has_none_by_default():
 @pytest.mark.parametrize(
     "table", [{"camera": {"calibration": "a.yaml"}}, {"surfaces": [{"file": "../a.csv"}]}]
 )
-def test_pictures_name_no_other_files(table):
+def test_images_name_no_other_files(table):
     with pytest.raises(
         OpticsError, match=r"^camera: (calibration|file): expected its content, got"
     ):

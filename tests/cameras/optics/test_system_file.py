@@ -57,8 +57,8 @@ def test_misalignment_is_about_the_vertex():
         ({"radios_m": 1.0}, "surfaces.0.radios_m: unknown key; did you mean 'radius_m'?"),
         ({"position_m": None}, "surfaces.0.position_m: missing"),
         ({"medium": "honey"}, "surfaces.0.medium: expected vacuum, air, water, acrylic, glass, a"),
-        ({"shape": "conic", "radius_m": 0.0}, "surfaces.0.radius_m: expected a number of metres"),
-        ({"shape": "sphere", "radius_m": 0.0}, "surfaces.0.radius_m: expected a number of metres"),
+        ({"shape": "conic", "radius_m": 0.0}, "surfaces.0.radius_m: expected a number of meters"),
+        ({"shape": "sphere", "radius_m": 0.0}, "surfaces.0.radius_m: expected a number of meters"),
         ({"shape": "asphere"}, "surfaces.0.rim_radius_m: missing"),
         ({"shape": "dome", "thickness_m": 0.1}, "surfaces.0.medium: missing"),
         (
@@ -110,7 +110,7 @@ def test_profile_file(tmp_path):
         ("r_m,z_m\n1,0\n2,1\n3,1\n4,1\n", "r_m: expected numbers that grow from 0"),
         ("r_m,z_m\n0,0\n2,1\n2,1\n4,1\n", "r_m: expected numbers that grow from 0"),
         ("r_m,z_m\n0,0\n1,x\n", "'x': expected a number"),
-        ("r_m,z_m\n0,0\n1,1\n2,1\n4,1e9\n", "expected finite numbers in metres"),
+        ("r_m,z_m\n0,0\n1,1\n2,1\n4,1e9\n", "expected finite numbers in meters"),
     ],
 )
 def test_faults_of_profiles(tmp_path, text, message):

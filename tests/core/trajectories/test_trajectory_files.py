@@ -20,7 +20,7 @@ TURNED = 1.5e-9
 
 
 def _trajectory(count=300, seed=0):
-    """Any rotation and any position within a kilometre."""
+    """Any rotation and any position within a kilometer."""
     rng = np.random.default_rng(seed)
     poses = np.zeros((count, 4, 4))
     poses[:, :3, :3] = rotation_from_quaternion(rng.normal(size=(count, 4)))
@@ -42,7 +42,7 @@ def test_there_and_back(tmp_path, format_name, count):
     suffix = {"euroc": "csv"}.get(format_name, format_name)
     path = tmp_path / f"a.{suffix}"
     write_trajectory(path, trajectory, format_name)
-    again = parse_trajectory(path)  # recognised
+    again = parse_trajectory(path)  # recognized
     if format_name == "kitti":
         assert again.times_s is None
     else:
@@ -95,7 +95,7 @@ def test_axes_that_cannot_be(tmp_path):
 
 
 @pytest.mark.parametrize("format_name", ["tum", "kitti"])
-def test_recognised_by_its_columns(tmp_path, format_name):
+def test_recognized_by_its_columns(tmp_path, format_name):
     trajectory = _trajectory(3)
     path = tmp_path / "poses.txt"
     write_trajectory(path, trajectory, format_name)
@@ -177,7 +177,7 @@ def test_jump_is_named_by_its_line(tmp_path):
         read_trajectory(path, max_speed_mps=1.2)
 
 
-def test_quaternion_is_normalised_within_a_thousandth(tmp_path):
+def test_quaternion_is_normalized_within_a_thousandth(tmp_path):
     path = _write(tmp_path, "a.tum", "0 0 0 0 0 0 0 1.0009\n1 0 0 0 0 0 0.7071 0.7071\n")
     trajectory = read_trajectory(path)
     np.testing.assert_allclose(np.degrees(trajectory.yaw_rad), (0, 90), atol=1e-12)

@@ -89,7 +89,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def seen(run):
-    """Points of the world that a camera sees at a step, and its picture's colours there."""
+    """Points of the world that a camera sees at a step, and its image's colors there."""
 
     def points(camera, step):
         recording = Recording.read(run, camera)
@@ -100,7 +100,7 @@ def seen(run):
         v, u = np.nonzero(hit)
         return SimpleNamespace(
             world_m=world_m,
-            colors=recorded.picture(step)[hit],
+            colors=recorded.image(step)[hit],
             pixels=np.stack((u, v), axis=-1),
             width_px=recorded.size_px[0],
         )
@@ -110,15 +110,15 @@ def seen(run):
 
 @pytest.fixture(scope="session")
 def check_pixels(seen):
-    """Checks that projected points of the world land on the pixels that have their colours."""
+    """Checks that projected points of the world land on the pixels that have their colors."""
 
-    def check(pixels, picture, camera, step, within_px=1e-3, kept=None):
+    def check(pixels, image, camera, step, within_px=1e-3, kept=None):
         expected = kept or seen(camera, step)
         flipped = camera == "mirror"
         u, v = expected.pixels.T
         u = expected.width_px - 1 - u if flipped else u
         np.testing.assert_allclose(pixels, np.stack((u, v), axis=-1), atol=within_px)
         at = np.round(pixels).astype(int)
-        np.testing.assert_array_equal(picture[at[:, 1], at[:, 0], :3], expected.colors)
+        np.testing.assert_array_equal(image[at[:, 1], at[:, 0], :3], expected.colors)
 
     return check

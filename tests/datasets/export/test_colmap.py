@@ -28,10 +28,10 @@ def colmap(run, tmp_path_factory):
 @pytest.mark.parametrize("name", CAMERAS)
 def test_points_project_to_their_pixels(colmap, pycolmap, seen, check_pixels, name):
     found = pycolmap.Reconstruction(colmap / "sparse" / "0")
-    pictures = {image.name: image for image in found.images.values()}
-    assert set(pictures) == {f"{camera}/{step:06d}.png" for camera in CAMERAS for step in range(4)}
+    by_name = {image.name: image for image in found.images.values()}
+    assert set(by_name) == {f"{camera}/{step:06d}.png" for camera in CAMERAS for step in range(4)}
     for step in range(4):
-        image = pictures[f"{name}/{step:06d}.png"]
+        image = by_name[f"{name}/{step:06d}.png"]
         camera = found.cameras[image.camera_id]
         points = seen(name, step).world_m
         local = points @ image.cam_from_world().rotation.matrix().T
@@ -39,16 +39,16 @@ def test_points_project_to_their_pixels(colmap, pycolmap, seen, check_pixels, na
         shown = local[:, 2] > 1e-3  # COLMAP projects nothing at or past 90°
         pixels = np.full((len(points), 2), np.nan)
         pixels[shown] = [camera.img_from_cam(point) for point in local[shown]]
-        picture = read_image(colmap / "images" / image.name)[0]
+        rgb = read_image(colmap / "images" / image.name)[0]
         expected = seen(name, step)
         kept = type(expected)(
             **{**vars(expected), "pixels": expected.pixels[shown], "colors": expected.colors[shown]}
         )
-        check_pixels(pixels[shown] - 0.5, picture, name, step, kept=kept)
+        check_pixels(pixels[shown] - 0.5, rgb, name, step, kept=kept)
         assert shown.sum() > 100
 
 
-def test_tracks_are_of_pictures_whose_projections_agree_with_their_pixels(colmap, pycolmap):
+def test_tracks_are_of_images_whose_projections_agree_with_their_pixels(colmap, pycolmap):
     found = pycolmap.Reconstruction(colmap / "sparse" / "0")
     assert len(found.points3D) > 1000
     errors_px, lengths = [], []

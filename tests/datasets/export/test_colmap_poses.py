@@ -1,4 +1,4 @@
-"""COLMAP finds the poses of an exported fisheye from the pictures alone."""
+"""COLMAP finds the poses of an exported fisheye from the images alone."""
 
 import subprocess
 import sys
@@ -20,12 +20,12 @@ principal_point_px = [319.5, 319.5]
 coefficients = [0.01, -0.002, 0.0, 0.0]
 theta_max_deg = 80.0
 """
-PICTURES = 17
+IMAGES = 17
 
 
 def _path():
     """An S of 4.3 m across the court, looking north."""
-    t = np.linspace(0.0, 1.0, PICTURES)
+    t = np.linspace(0.0, 1.0, IMAGES)
     positions = np.stack(
         (-2.0 + 3.92 * t, 0.35 * np.sin(2 * np.pi * t) - 0.5, 1.3 + 0.1 * np.sin(3 * np.pi * t)), -1
     )
@@ -35,7 +35,7 @@ def _path():
 
 
 def _reconstruct(pycolmap, export, work):
-    """Reconstruction from pictures, masks and the lens, whose poses nobody tells."""
+    """Reconstruction from images, masks and the lens, whose poses nobody tells."""
     (camera,) = pycolmap.Reconstruction(export / "sparse" / "0").cameras.values()
     pycolmap.set_random_seed(0)
     reader = pycolmap.ImageReaderOptions()
@@ -80,7 +80,7 @@ def _aligned(found, true):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
-def test_poses_are_found_from_the_pictures_to_5_mm(tmp_path):
+def test_poses_are_found_from_the_images_to_5_mm(tmp_path):
     pycolmap = pytest.importorskip("pycolmap")
     (tmp_path / "lens.toml").write_text(LENS)
     write_trajectory(tmp_path / "path.tum", _path())
@@ -100,5 +100,5 @@ def test_poses_are_found_from_the_pictures_to_5_mm(tmp_path):
     ]
     errors_m = np.linalg.norm(_aligned(*centers) - centers[1], axis=-1)
     rms_mm = 1e3 * np.sqrt(np.mean(errors_m**2))
-    print(f"{len(names)} pictures, positions {rms_mm:.2f} mm RMS, {1e3 * errors_m.max():.2f} mm")
+    print(f"{len(names)} images, positions {rms_mm:.2f} mm RMS, {1e3 * errors_m.max():.2f} mm")
     assert rms_mm < 5.0

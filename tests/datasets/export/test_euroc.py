@@ -77,8 +77,8 @@ def test_points_project_to_their_pixels(euroc, seen, check_pixels, index, name):
             pixels, _ = cv2.omnidir.projectPoints(
                 points[:, None], zero, zero, matrix, shape[0], distortion
             )
-        picture = read_image(euroc / f"cam{index}" / "data" / f"{stamps[step]}.png")[0]
-        check_pixels(pixels.reshape(-1, 2), picture, name, step)
+        image = read_image(euroc / f"cam{index}" / "data" / f"{stamps[step]}.png")[0]
+        check_pixels(pixels.reshape(-1, 2), image, name, step)
 
 
 def test_the_body_is_the_imu_and_feels_its_gravity(euroc, run):

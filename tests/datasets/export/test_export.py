@@ -100,7 +100,7 @@ class TestRefusals:
         assert not (tmp_path / "out").exists()
 
     @pytest.mark.parametrize("format", FORMATS)
-    def test_of_a_damaged_picture_or_table_leave_nothing(self, run, tmp_path, format):
+    def test_of_a_damaged_image_or_table_leave_nothing(self, run, tmp_path, format):
         shutil.copytree(run, tmp_path / "run")
         for name in ("front/000003.png", "front/calibration.json", "imu/sensor.yaml"):
             (tmp_path / "run" / name).write_text("damaged")
@@ -222,7 +222,7 @@ class TestWithoutCameras:
             list(export_run(folder, "tum", tmp_path / "out"))
 
     def test_depths_are_the_cameras_own(self, without, run, tmp_path):
-        """Millimetres of the run as 5000ths of a metre; +inf, 0."""
+        """Millimeters of the run as 5000ths of a meter; +inf, 0."""
         list(export_run(without(*CAMERAS), "tum", tmp_path / "out"))
         own = read_image(run / "kinect" / "000001.png")[0][..., 0].astype(int)
         depths = read_image(tmp_path / "out" / "depth" / "0.500000000.png")[0][..., 0]
@@ -234,7 +234,7 @@ def test_an_interrupted_export_leaves_nothing(run, tmp_path, monkeypatch):
     def interrupt(self, step):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(RecordedCamera, "picture_file", interrupt)
+    monkeypatch.setattr(RecordedCamera, "captured_image", interrupt)
     with pytest.raises(KeyboardInterrupt):
         list(export_run(run, "ros2-mcap", tmp_path / "out"))
     assert not any(tmp_path.iterdir())
@@ -255,7 +255,7 @@ def optics(tmp_path_factory):
 
 @pytest.mark.usefixtures("needs_opengl")
 class TestOptics:
-    def test_a_bag_has_their_pictures_ranges_and_points(self, optics, tmp_path):
+    def test_a_bag_has_their_images_ranges_and_points(self, optics, tmp_path):
         """Points of rays that do not meet in one point lie on the floor."""
         rosbags = pytest.importorskip("rosbags.highlevel")
         settings = ExportSettings(with_points=True)

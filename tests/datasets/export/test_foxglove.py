@@ -87,6 +87,6 @@ def test_all_topics_are_read_with_their_messages(topics):
 
 def test_pixels_are_the_runs_own(topics, run):
     image = topics["/front/image_raw"]["first"]
-    picture = Recording.read(run, "front").cameras[0].picture(0)
+    rgb = Recording.read(run, "front").cameras[0].rgb(0)
     assert (image["width"], image["height"], image["encoding"]) == (64, 48, "rgb8")
-    assert image["data"] == picture.reshape(-1).tolist()
+    assert image["data"] == rgb.reshape(-1).tolist()

@@ -70,8 +70,8 @@ def test_points_project_to_their_pixels(kitti, run, seen, check_pixels):
         world_m = seen("front", step).world_m
         points = np.column_stack((world_m, np.ones(len(world_m)))) @ np.linalg.inv(first @ pose).T
         pixels = points @ projection.T
-        picture = read_image(kitti / "sequences" / "00" / "image_2" / f"{step:06d}.png")[0]
-        check_pixels(pixels[:, :2] / pixels[:, 2:], picture, "front", step)
+        image = read_image(kitti / "sequences" / "00" / "image_2" / f"{step:06d}.png")[0]
+        check_pixels(pixels[:, :2] / pixels[:, 2:], image, "front", step)
 
 
 def test_clouds_are_without_skew(kitti, run):

@@ -83,8 +83,8 @@ def test_points_project_to_their_pixels(kitti, seen, check_pixels, image):
             pixels = _pinhole(kitti / "calibration" / "perspective.txt", points)
         else:
             pixels = _mei(kitti / "calibration" / f"{image}.yaml", points)
-        picture = read_image(kitti / "data_2d_raw" / DRIVE / image / data / f"{step:010d}.png")[0]
-        check_pixels(pixels, picture, name, step, within_px)
+        rgb = read_image(kitti / "data_2d_raw" / DRIVE / image / data / f"{step:010d}.png")[0]
+        check_pixels(pixels, rgb, name, step, within_px)
 
 
 def test_the_imu_looks_ahead_right_and_down(kitti, run):

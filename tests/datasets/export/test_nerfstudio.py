@@ -48,8 +48,8 @@ def test_points_project_to_their_pixels(run, tmp_path, seen, check_pixels, name,
     assert len(document["frames"]) == 4
     for step, frame in enumerate(document["frames"]):
         pixels = _project(document, seen(name, step).world_m, np.array(frame["transform_matrix"]))
-        picture = read_image(tmp_path / "out" / frame["file_path"])[0]
-        check_pixels(pixels, picture, name, step, within_px)
+        image = read_image(tmp_path / "out" / frame["file_path"])[0]
+        check_pixels(pixels, image, name, step, within_px)
         assert ("mask_path" in frame) == (name != "front")
         assert ("depth_file_path" in frame) == (name == "front")
 
@@ -64,7 +64,7 @@ def test_our_own_reader_takes_the_poses_back(run, tmp_path):
     )
 
 
-def test_depths_are_along_the_axis_in_millimetres(run, tmp_path, seen):
+def test_depths_are_along_the_axis_in_millimeters(run, tmp_path, seen):
     document = _export(run, tmp_path / "out", "front")
     for step, frame in enumerate(document["frames"]):
         found = read_image(tmp_path / "out" / frame["depth_file_path"])[0][..., 0]

@@ -59,15 +59,15 @@ def _transforms(message):
     }
 
 
-def test_pictures_and_ranges_are_the_runs_own(bag, run):
+def test_images_and_ranges_are_the_runs_own(bag, run):
     for camera in ("front", "fisheye", "mirror"):
         images, ranges = _messages(bag, f"/{camera}/image_raw"), _messages(bag, f"/{camera}/range")
         assert len(images) == len(ranges) == 4
         for step, (image, range_image) in enumerate(zip(images, ranges, strict=True)):
-            picture = read_image(run / camera / f"{step:06d}.png")[0]
+            rgb = read_image(run / camera / f"{step:06d}.png")[0]
             assert image.encoding == "rgb8"
             assert image.header.frame_id == f"{camera}_optical_frame"
-            np.testing.assert_array_equal(_array(image, np.uint8, 3), picture[..., :3])
+            np.testing.assert_array_equal(_array(image, np.uint8, 3), rgb[..., :3])
             recorded = Recording.read(run, camera).cameras[0].channel(step, "range")
             assert range_image.encoding == "32FC1"
             np.testing.assert_array_equal(_array(range_image, np.float32), recorded)
@@ -235,7 +235,7 @@ def test_two_exports_have_the_same_bytes(run, tmp_path, storage):
     assert exports[0] == exports[1]
 
 
-def test_compressed_pictures_are_the_runs_files(run, tmp_path):
+def test_compressed_images_are_the_runs_files(run, tmp_path):
     pytest.importorskip("rosbags")
     reader = pytest.importorskip("mcap_ros2.reader")
     list(export_run(run, "ros2-mcap", tmp_path / "c", ExportSettings(compressed=True), "front"))

@@ -32,18 +32,18 @@ def test_depths_and_poses_put_points_where_they_are(run, tmp_path, seen, camera)
         u, v = expected.pixels.T
         at = expected.width_px - 1 - u if camera == "mirror" else u
         depth = _read_depth(root / f"depth_{name}" / f"{step:06d}_{name}_depth.png")
-        picture = read_image(root / f"image_{name}" / f"{step:06d}_{name}.png")[0]
-        np.testing.assert_array_equal(picture[v, at, :3], expected.colors)
+        image = read_image(root / f"image_{name}" / f"{step:06d}_{name}.png")[0]
+        np.testing.assert_array_equal(image[v, at, :3], expected.colors)
         offsets = expected.world_m @ ned_from_world.T - row[:3]
         forward, right, down = Rotation.from_quat(row[3:]).as_matrix().T
         along = offsets @ forward if camera == "front" else np.linalg.norm(offsets, axis=-1)
         np.testing.assert_allclose(depth[v, at], along, rtol=1e-6)
-        # a point right of the middle of the picture is at the camera's right, one below below
-        centre = np.array(recorded.mount.camera.principal_point_px)
+        # a point right of the middle of the image is at the camera's right, one below below
+        center = np.array(recorded.mount.camera.principal_point_px)
         if camera == "mirror":
-            centre[0] = expected.width_px - 1 - centre[0]
-        assert np.all((offsets @ right > 0)[at > centre[0] + 1])
-        assert np.all((offsets @ down > 0)[v > centre[1] + 1])
+            center[0] = expected.width_px - 1 - center[0]
+        assert np.all((offsets @ right > 0)[at > center[0] + 1])
+        assert np.all((offsets @ down > 0)[v > center[1] + 1])
         hits = np.zeros(depth.shape, dtype=bool)
         hits[v, at] = True
         assert np.all(depth[~hits] == 10_000.0)
@@ -67,7 +67,7 @@ def _read_flow(path):
 
 
 @pytest.mark.parametrize("camera", NAMES)
-def test_flow_leads_to_where_the_points_are_in_the_next_picture(run, tmp_path, seen, camera):
+def test_flow_leads_to_where_the_points_are_in_the_next_image(run, tmp_path, seen, camera):
     list(export_run(run, "tartanair", tmp_path / "out", camera_name=camera))
     folder = tmp_path / "out" / "P000" / f"flow_{NAMES[camera]}"
     names = [f"{step:06d}_{step + 1:06d}_flow.png" for step in range(3)]

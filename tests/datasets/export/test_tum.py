@@ -28,26 +28,26 @@ def _list(folder, name):
     return [line.split() for line in lines if not line.startswith("#")]
 
 
-def test_stamps_pictures_and_poses_belong_together(run, tmp_path, check_pixels, seen):
+def test_stamps_images_and_poses_belong_together(run, tmp_path, check_pixels, seen):
     file_interface = pytest.importorskip("evo.tools.file_interface")
     _export(run, tmp_path / "tum", "front")
-    pictures = _list(tmp_path / "tum", "rgb")
-    assert pictures[1] == ["1769860800.623456789", "rgb/1769860800.623456789.png"]
+    images = _list(tmp_path / "tum", "rgb")
+    assert images[1] == ["1769860800.623456789", "rgb/1769860800.623456789.png"]
     truth = file_interface.read_tum_trajectory_file(tmp_path / "tum" / "groundtruth.txt")
-    # at all that is recorded, and so at each picture's stamp
+    # at all that is recorded, and so at each image's stamp
     assert truth.num_poses > 31
     stamps = truth.timestamps.tolist()
-    poses = [truth.poses_se3[stamps.index(float(stamp))] for stamp, _ in pictures]
-    focal, centre = 40.0, (31.5, 23.5)
-    for step, (_, name) in enumerate(pictures):
+    poses = [truth.poses_se3[stamps.index(float(stamp))] for stamp, _ in images]
+    focal, center = 40.0, (31.5, 23.5)
+    for step, (_, name) in enumerate(images):
         camera_from_world = np.linalg.inv(poses[step])
         points = seen("front", step).world_m @ camera_from_world[:3, :3].T
         points += camera_from_world[:3, 3]
-        pixels = focal * points[:, :2] / points[:, 2:] + centre
+        pixels = focal * points[:, :2] / points[:, 2:] + center
         check_pixels(pixels, read_image(tmp_path / "tum" / name)[0], "front", step)
 
 
-def test_depths_are_along_the_axis_in_steps_of_a_fifth_of_a_millimetre(run, tmp_path, seen):
+def test_depths_are_along_the_axis_in_steps_of_a_fifth_of_a_millimeter(run, tmp_path, seen):
     cv2 = pytest.importorskip("cv2")
     notes = _export(run, tmp_path / "tum", "front")
     truth = np.loadtxt(tmp_path / "tum" / "groundtruth.txt")
@@ -70,11 +70,11 @@ def test_depths_are_along_the_axis_in_steps_of_a_fifth_of_a_millimetre(run, tmp_
     assert sum("has no place for imu" in note for note in notes) == 1
 
 
-def test_a_mirror_has_flipped_pictures_no_depths_and_says_so(run, tmp_path):
+def test_a_mirror_has_flipped_images_no_depths_and_says_so(run, tmp_path):
     notes = _export(run, tmp_path / "tum", "mirror")
     assert not (tmp_path / "tum" / "depth.txt").exists()
     assert any("mirror: no depths" in note for note in notes)
-    assert any("mirror: looks into a mirror: its pictures are flipped" in note for note in notes)
+    assert any("mirror: looks into a mirror: its images are flipped" in note for note in notes)
     name = _list(tmp_path / "tum", "rgb")[2][1]
     flipped, own = read_image(tmp_path / "tum" / name)[0], read_image(run / "mirror/000002.png")[0]
     np.testing.assert_array_equal(flipped, own[:, ::-1])

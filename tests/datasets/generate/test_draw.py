@@ -1,4 +1,4 @@
-"""Draws of samples: places, attitudes, colours and objects."""
+"""Draws of samples: places, attitudes, colors and objects."""
 
 import numpy as np
 import pytest

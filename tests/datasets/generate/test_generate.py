@@ -64,10 +64,10 @@ def test_samples_are_whole(made):
     assert endings == {"png", "json", "channels.json", "range.png", "instance.png", "coco.json"}
 
 
-def test_a_sample_is_the_picture_at_its_pose(made):
+def test_a_sample_is_the_image_at_its_pose(made):
     _, out = made
     sample = Shards(out)[4]
-    pose = np.array(sample["metadata"]["pictures"]["camera"]["world_from_base"])
+    pose = np.array(sample["metadata"]["images"]["camera"]["world_from_base"])
     camera = OmniCamera().resized(32).with_quality("fast")
     with open_sensor(load_scene("rings"), camera) as renderer:
         frame = renderer.render(pose, also=("range",))
@@ -213,7 +213,7 @@ def _started(plan, out, *words):
 
 @pytest.mark.slow
 def test_killed_ten_times_it_ends_with_the_same_bytes(tmp_path):
-    plan = write_plan(tmp_path, scene="soccer", shards=60, pictures_per_shard=6)
+    plan = write_plan(tmp_path, scene="soccer", shards=60, images_per_shard=6)
     assert _omnisim("generate", plan, "-o", tmp_path / "whole").exit_code == 0
     moments, out, killed = random.Random(4), tmp_path / "out", 0
     for _ in range(10):
@@ -235,7 +235,7 @@ def test_killed_ten_times_it_ends_with_the_same_bytes(tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_worker_loses_nothing(tmp_path):
-    plan = write_plan(tmp_path, scene="soccer", shards=4, pictures_per_shard=8)
+    plan = write_plan(tmp_path, scene="soccer", shards=4, images_per_shard=8)
     assert _omnisim("generate", plan, "-o", tmp_path / "whole").exit_code == 0
     process = _started(plan, tmp_path / "out", "--workers", "2")
     children, victims = Path(f"/proc/{process.pid}/task/{process.pid}/children"), []
@@ -328,7 +328,7 @@ def test_one_annotation_file_has_all_boxes(made, tmp_path, capsys):
 
 @pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # of its masks
 def test_small_objects_are_left_out_of_splits_with_polygons(made, tmp_path, capsys):
-    """Both splits have each picture once, and polygons are the masks of the run lengths."""
+    """Both splits have each image once, and polygons are the masks of the run lengths."""
     coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
     _, out = made
     assert _omnisim("dataset", "convert", out, "-o", tmp_path / "all").exit_code == 0
@@ -372,23 +372,23 @@ def test_a_network_learns_depth_better_than_the_mean(tmp_path):
     torch = pytest.importorskip("torch", reason="torch is not installed")
     plan = write_plan(
         tmp_path, "[stand]\nheight_m = [0.4, 1.2]", scene="soccer", shards=2,
-        pictures_per_shard=100, channel_format="npy",
+        images_per_shard=100, channel_format="npy",
     )  # fmt: skip
     assert _omnisim("generate", plan, "-o", tmp_path / "out", "--workers", "2").exit_code == 0
     torch.manual_seed(1)
     loader = torch.utils.data.DataLoader(Shards(tmp_path / "out"), batch_size=None)
-    pictures, ranges = [], []
+    images, ranges = [], []
     for sample in loader:
-        pictures.append(sample["rgb"].permute(2, 0, 1).float() / 255.0)
+        images.append(sample["rgb"].permute(2, 0, 1).float() / 255.0)
         ranges.append(sample["range"].float())
-    pictures, ranges = torch.stack(pictures), torch.stack(ranges)
+    images, ranges = torch.stack(images), torch.stack(ranges)
     hit = torch.isfinite(ranges) & (ranges > 0.0)
     logs = torch.log(torch.where(hit, ranges, torch.ones(())))
     train, test = slice(0, 150), slice(150, 200)
     pixel_sum, pixel_count = (logs * hit)[train].sum(0), hit[train].sum(0).clamp(min=1)
     mean = pixel_sum / pixel_count  # of each pixel: what the mount alone tells
     grid = torch.stack(torch.meshgrid(*[torch.linspace(-1, 1, 32)] * 2, indexing="ij"))
-    inputs = torch.cat((pictures, grid.expand(len(pictures), -1, -1, -1)), dim=1)
+    inputs = torch.cat((images, grid.expand(len(images), -1, -1, -1)), dim=1)
     layers = torch.nn.Sequential(
         torch.nn.Conv2d(5, 24, 5, padding=2), torch.nn.ReLU(),
         torch.nn.Conv2d(24, 24, 5, padding=2), torch.nn.ReLU(),
@@ -453,7 +453,7 @@ def test_free_floors_are_found_once_for_all_processes(tmp_path, monkeypatch):
 
 
 def test_a_process_at_work_keeps_a_folder_that_another_gives_up(tmp_path, needs_opengl):
-    path, folder = write_plan(tmp_path, pictures_per_shard=1), tmp_path / "set"
+    path, folder = write_plan(tmp_path, images_per_shard=1), tmp_path / "set"
     first = Generation(path, folder, range(0, 1))
     second = Generation(path, folder, range(1, 2))
     second.give_up()  # which has not taken it

@@ -41,11 +41,11 @@ def test_faults_of_the_plan(tmp_path, text, message):
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"channels": ["range", "flow"]}, "flow: expected channels of single pictures"),
+        ({"channels": ["range", "flow"]}, "flow: expected channels of single images"),
         ({"channels": ["rang"]}, "did you mean 'range'"),
         ({"shards": 0}, "shards: expected a number ≥ 1, got 0"),
         ({"seed": -1}, "seed: expected a number ≥ 0, got -1"),
-        ({"picture_format": "gif"}, "picture_format"),
+        ({"image_format": "gif"}, "image_format"),
         ({"min_area_px": 9}, "min_area_px: expected the channel instance"),
         ({"min_visible": 0.5}, "min_visible: expected the channel instance"),
         ({"channels": ["instance"], "min_visible": 2.0}, "min_visible: expected a number ≤ 1"),
@@ -96,17 +96,17 @@ def test_classes_of_several_numbers_are_noted(tmp_path):
     assert PreparedPlan.read(plan).notices() == []
 
 
-def test_the_fingerprint_is_of_what_pictures_depend_on(tmp_path):
+def test_the_fingerprint_is_of_what_images_depend_on(tmp_path):
     def fingerprint(text="", **keys):
         return PreparedPlan.read(write_plan(tmp_path, text, **keys)).fingerprint
 
     first = fingerprint()
-    assert fingerprint(shards=100, licence="mit", title="other") == first
+    assert fingerprint(shards=100, license="mit", title="other") == first
     assert fingerprint('[stand]\nwhere = "free"\nradius_m = 0.25') == first  # the defaults
     others = {
         fingerprint(seed=1), fingerprint(camera='preset = "webcam"'),
         fingerprint(scene="courtyard"),
-        fingerprint("[vary]\npitch_deg = 1.0"), fingerprint(pictures_per_shard=4),
+        fingerprint("[vary]\npitch_deg = 1.0"), fingerprint(images_per_shard=4),
     }  # fmt: skip
     assert len({first, *others}) == 6
 

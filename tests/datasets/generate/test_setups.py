@@ -26,7 +26,7 @@ read_noise_e = [1.0, 50.0]
 [cameras.degradation.jpeg]
 quality = [20, 90]"""
 LIGHT = """[vary]
-pictures_per_setup = 2
+images_per_setup = 2
 exposure_ev = [-1.0, 1.0]
 [vary.sky]
 hour = [8.0, 16.0]
@@ -52,11 +52,11 @@ def test_shards_are_the_same_whatever_was_made_before(tmp_path):
     for name in ("shard-000000.tar", "shard-000001.tar"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     contents = [Shards(tmp_path / "a").metadata(row) for row in range(6)]
-    cameras = [json.dumps(one["pictures"]["camera"]["camera"]) for one in contents]
+    cameras = [json.dumps(one["images"]["camera"]["camera"]) for one in contents]
     lights = [json.dumps(one["light"]) for one in contents]
     for values in (cameras, lights):  # shards of three, setups of two
         assert values[0] == values[1] != values[2] == values[3] != values[4] == values[5]
-    degradations = [one["pictures"]["camera"]["degradation"] for one in contents]
+    degradations = [one["images"]["camera"]["degradation"] for one in contents]
     assert len({one["exposure"]["ev"] for one in degradations}) == 6
     assert all(-1.0 <= one["exposure"]["ev"] <= 1.0 for one in degradations)
     noises = [one["parameters"]["noise"]["read_noise_e"] for one in degradations]
@@ -75,7 +75,7 @@ def test_parameters_are_added_to(tmp_path):
     prepared = _prepared(tmp_path, camera=CAMERA)
     before = prepared.rigs[0].first.model
     found = [setup_rig(prepared, 0, setup).first for setup in range(60)]
-    scale = 32 / 360  # of the picture, to the file's
+    scale = 32 / 360  # of the image, to the file's
     added = np.array(
         [(one.model.focal_length_px - before.focal_length_px) / scale for one in found]
     )
@@ -123,14 +123,14 @@ def test_lamps_have_factors_of_their_own(tmp_path):
 
 
 def test_exposure_is_in_stops(tmp_path):
-    pictures = []
+    images = []
     for ev in (-2.0, -1.0):
         prepared = _prepared(tmp_path, f"[vary]\nexposure_ev = {ev}")
         renderer = SampleRenderer(prepared)
         frame = renderer.render(0).frames[""]
-        pictures.append(linear_from_srgb8(frame.rgb[frame.valid]).astype(float))
+        images.append(linear_from_srgb8(frame.rgb[frame.valid]).astype(float))
         renderer.close()
-    darker, brighter = pictures
+    darker, brighter = images
     bright = brighter > 0.1
     assert bright.sum() > 100
     np.testing.assert_allclose(brighter[bright] / darker[bright], 2.0, rtol=0.15)  # 8 bits
@@ -149,7 +149,7 @@ def test_exposure_is_in_stops(tmp_path):
         ("[vary]\nhour = [8, 9]", "", "vary.hour: unknown key; expected in [vary.sky]"),
         ("[vary.light]\nlamp_factor = [-1.0, 1.0]", "", "lamp_factor: expected factors of at"),
         ("[vary.light]\nlamp_temperature_k = 10.0", "", "temperature_k: expected 1667 to 25000"),
-        ("[vary]\npictures_per_setup = 0", "", "pictures_per_setup: expected a number ≥ 1, got 0"),
+        ("[vary]\nimages_per_setup = 0", "", "images_per_setup: expected a number ≥ 1, got 0"),
         ("", "parameters = { focal = 1.0 }", "focal: of model 'hyperbolic': did you"),
         ("", "parameters = { xi = 0.1 }", "parameters.xi: follows from the other parameters"),
         ("", "parameters = { focal_length_px = [-9e3, 0] }", "plan.toml: cameras: "),

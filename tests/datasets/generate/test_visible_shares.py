@@ -93,8 +93,8 @@ def _boxes(out):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """Data sets of the same pictures: without limits, and with all shares recorded."""
-    keys = {"channels": ["range", "instance"], "shards": 1, "pictures_per_shard": 2}
+    """Data sets of the same images: without limits, and with all shares recorded."""
+    keys = {"channels": ["range", "instance"], "shards": 1, "images_per_shard": 2}
     made = {}
     for name, limits in (("none", {}), ("shares", {"min_visible": 0.0})):
         folder = tmp_path_factory.mktemp(name)
@@ -122,7 +122,7 @@ def test_conversion_and_plan_leave_out_the_same_objects(recorded, tmp_path):
     assert 0 < len(wanted) < sum(one["area"] >= least_px for one in shares.values())
     plan = write_plan(
         tmp_path, scene="courtyard", channels=["range", "instance"], shards=1,
-        pictures_per_shard=2, min_visible=least, min_area_px=least_px,
+        images_per_shard=2, min_visible=least, min_area_px=least_px,
     )  # fmt: skip
     assert _omnisim("generate", plan, "-o", tmp_path / "out").exit_code == 0
     kept = sorted((one["instance_id"], one["area"]) for one in _boxes(tmp_path / "out").values())

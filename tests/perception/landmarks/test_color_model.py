@@ -1,4 +1,4 @@
-"""Colour histograms: Eq. 3, its thresholds, and models on disk."""
+"""Color histograms: Eq. 3, its thresholds, and models on disk."""
 
 import json
 
@@ -21,11 +21,11 @@ from omnisim.perception.landmarks.color_model_file import load_model, save_model
 from omnisim.scene import load_scene
 from omnisim.scene.model import ColorBand, Landmark
 
-YELLOW, BLUE, GREY = (240, 210, 8), (8, 180, 240), (120, 120, 120)
+YELLOW, BLUE, GRAY = (240, 210, 8), (8, 180, 240), (120, 120, 120)
 
 
 def _counts(*classes):
-    """Histograms of (pixels, how many) for neg and each colour."""
+    """Histograms of (pixels, how many) for neg and each color."""
     pixels, labels = [], []
     for label, colors in enumerate(classes):
         for color, count in colors.items():
@@ -39,12 +39,12 @@ def test_bins_are_eight_values_wide():
     assert bin_of(pixels).tolist() == [0, 0, 1024, 1, BINS**3 - 1]
 
 
-def test_a_colour_is_told_by_its_likelihood_ratio():
-    counts = _counts({GREY: 900, YELLOW: 100}, {YELLOW: 50, GREY: 50}, {BLUE: 10})
+def test_a_color_is_told_by_its_likelihood_ratio():
+    counts = _counts({GRAY: 900, YELLOW: 100}, {YELLOW: 50, GRAY: 50}, {BLUE: 10})
     model = ColorModel(("yellow", "blue"), counts, (4.9, 4.9), smoothing=1e-9)
     assert model.ratios[0, bin_of(np.array(YELLOW, np.uint8))] == pytest.approx(0.5 / 0.1)
-    assert model.ratios[0, bin_of(np.array(GREY, np.uint8))] == pytest.approx(0.5 / 0.9)
-    shown = np.array([[YELLOW, BLUE], [GREY, (1, 2, 3)]], np.uint8)
+    assert model.ratios[0, bin_of(np.array(GRAY, np.uint8))] == pytest.approx(0.5 / 0.9)
+    shown = np.array([[YELLOW, BLUE], [GRAY, (1, 2, 3)]], np.uint8)
     assert model.classify(shown).tolist() == [[1, 2], [0, 0]]
     strict = ColorModel(("yellow", "blue"), counts, (5.1, 4.9), smoothing=1e-9)
     assert strict.classify(shown).tolist() == [[0, 2], [0, 0]]
@@ -78,22 +78,22 @@ def test_the_threshold_costs_least():
     assert chosen == pytest.approx(2.0 * 3000.0 / 1000.0, rel=0.02)  # the grid's step is 0.5 %
 
 
-def test_a_colour_without_pixels_is_named():
+def test_a_color_without_pixels_is_named():
     shown, missing = {YELLOW: 5}, {}
-    counts = _counts({GREY: 9}, shown, {BLUE: 1})
+    counts = _counts({GRAY: 9}, shown, {BLUE: 1})
     counts[2] = 0.0
-    with pytest.raises(LocalizationError, match="colour 'blue': has no pixel to learn from"):
+    with pytest.raises(LocalizationError, match="color 'blue': has no pixel to learn from"):
         train(("yellow", "blue"), counts, counts, Costs())
-    judge = _counts({GREY: 9}, shown, {BLUE: 1})
+    judge = _counts({GRAY: 9}, shown, {BLUE: 1})
     judge[1] = 0.0
-    whole = _counts({GREY: 9}, shown, {BLUE: 1})
-    with pytest.raises(LocalizationError, match="colour 'yellow': has no pixel to choose"):
+    whole = _counts({GRAY: 9}, shown, {BLUE: 1})
+    with pytest.raises(LocalizationError, match="color 'yellow': has no pixel to choose"):
         train(("yellow", "blue"), whole, judge, Costs())
     assert not missing
 
 
 def test_a_model_comes_back_from_its_file(tmp_path):
-    counts = _counts({GREY: 90}, {YELLOW: 5}, {BLUE: 10})
+    counts = _counts({GRAY: 90}, {YELLOW: 5}, {BLUE: 10})
     model = ColorModel(("yellow", "sky_blue"), counts, (3.0, 7.0))
     landmarks = load_scene("soccer").landmarks
     file = tmp_path / "model.npz"
@@ -114,7 +114,7 @@ def test_a_file_that_is_no_model_is_refused(tmp_path):
     np.savez(tmp_path / "other.npz", counts=np.zeros(3))
     with pytest.raises(LocalizationError, match=r"other.npz: is no model"):
         load_model(tmp_path / "other.npz")
-    model = ColorModel(("yellow",), _counts({GREY: 9}, {YELLOW: 5}), (3.0,))
+    model = ColorModel(("yellow",), _counts({GRAY: 9}, {YELLOW: 5}), (3.0,))
     with pytest.raises(OutputError, match=r"expected a name that ends in .npz"):
         save_model(tmp_path / "model.txt", model, ())
 

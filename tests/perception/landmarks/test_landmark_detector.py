@@ -21,7 +21,7 @@ COLORS = {"pink": (244, 56, 162), "sky_blue": (0, 184, 241), "yellow": (246, 218
 
 
 def _model(colors=tuple(COLORS)):
-    """Every colour whose hue is near enough to a landmark's, at any brightness, blurred or not."""
+    """Every color whose hue is near enough to a landmark's, at any brightness, blurred or not."""
     steps = 8 * np.arange(BINS) + 4
     red, green, blue = np.meshgrid(steps, steps, steps, indexing="ij")
     bins = np.stack((red, green, blue), axis=-1).reshape(-1, 3).astype(np.float64)
@@ -43,22 +43,22 @@ def _mount(sensor):
 
 @pytest.fixture(scope="module")
 def field():
-    """The scene, the camera on its mount, and pictures from some places."""
+    """The scene, the camera on its mount, and images from some places."""
     scene = omnisim.load_scene("soccer")
     sensor = omnisim.OmniCamera()
     with omnisim.open_sensor(scene, sensor) as renderer:
-        pictures = [
+        images = [
             renderer.render(omnisim.pose((x, y, HEIGHT_M), yaw_deg=yaw)).rgb for x, y, yaw in PLACES
         ]
-    return scene, _mount(sensor), pictures
+    return scene, _mount(sensor), images
 
 
 def test_every_landmark_is_found_where_it_is(field):
-    scene, mount, pictures = field
+    scene, mount, images = field
     detector = LandmarkDetector(_model(), scene.landmarks, mount)
     landmarks = LandmarkMap.of_scene(scene.landmarks)
-    for (x, y, yaw_deg), picture in zip(PLACES, pictures, strict=True):
-        found = {each.landmark: each for each in detector(picture)}
+    for (x, y, yaw_deg), image in zip(PLACES, images, strict=True):
+        found = {each.landmark: each for each in detector(image)}
         for name, corners in landmarks.corners_m.items():
             expected = predict_measurement((x, y, math.radians(yaw_deg)), mount.position_m, corners)
             range_m, bearing = expected[0], expected[4]
@@ -77,16 +77,16 @@ def test_every_landmark_is_found_where_it_is(field):
 
 def test_a_turned_robot_sees_the_same_landmarks_elsewhere(field):
     """Also one that stands across the panorama's edge."""
-    scene, mount, pictures = field
+    scene, mount, images = field
     straight = {
-        d.landmark: d for d in LandmarkDetector(_model(), scene.landmarks, mount)(pictures[0])
+        d.landmark: d for d in LandmarkDetector(_model(), scene.landmarks, mount)(images[0])
     }
     assert len(straight) == 6
     for turn in np.radians((65.0, 140.0, 155.0, 230.0)):
         rotation = np.eye(4)
         rotation[:2, :2] = (math.cos(turn), -math.sin(turn)), (math.sin(turn), math.cos(turn))
         turned = dataclasses.replace(mount, base_from_optical=rotation @ mount.base_from_optical)
-        found = LandmarkDetector(_model(), scene.landmarks, turned)(pictures[0])
+        found = LandmarkDetector(_model(), scene.landmarks, turned)(images[0])
         assert {each.landmark for each in found} == set(straight)
         for each in found:
             bearing = straight[each.landmark].bearing_rad + turn
@@ -95,17 +95,17 @@ def test_a_turned_robot_sees_the_same_landmarks_elsewhere(field):
 
 
 def test_nothing_is_found_where_nothing_is(field):
-    _, mount, pictures = field
+    _, mount, images = field
     scene = omnisim.load_scene("soccer")
     detector = LandmarkDetector(_model(), scene.landmarks, mount)
-    assert detector(np.full_like(pictures[0], 120)) == []
-    assert detector(np.zeros_like(pictures[0])) == []
+    assert detector(np.full_like(images[0], 120)) == []
+    assert detector(np.zeros_like(images[0])) == []
     # yellow up to the horizon is no goal
-    assert detector(np.full_like(pictures[0], COLORS["yellow"])) == []
+    assert detector(np.full_like(images[0], COLORS["yellow"])) == []
 
 
-def test_a_wrong_order_of_colours_is_another_landmark(field):
-    scene, mount, pictures = field
+def test_a_wrong_order_of_colors_is_another_landmark(field):
+    scene, mount, images = field
     swapped = tuple(
         dataclasses.replace(
             landmark,
@@ -119,8 +119,8 @@ def test_a_wrong_order_of_colours_is_another_landmark(field):
         if len(landmark.bands) == 3
     )
     right = [each for each in scene.landmarks if len(each.bands) == 3]
-    seen = {each.landmark for each in LandmarkDetector(_model(), right, mount)(pictures[0])}
-    mirrored = {each.landmark for each in LandmarkDetector(_model(), swapped, mount)(pictures[0])}
+    seen = {each.landmark for each in LandmarkDetector(_model(), right, mount)(images[0])}
+    mirrored = {each.landmark for each in LandmarkDetector(_model(), swapped, mount)(images[0])}
     other = {name.replace("left", "?").replace("right", "left").replace("?", "right")
              for name in seen}  # fmt: skip
     assert mirrored == other
@@ -132,7 +132,7 @@ def test_landmarks_must_differ(field):
     with pytest.raises(LocalizationError, match="'goal_yellow' and 'twin': look the same"):
         LandmarkDetector(_model(), (*scene.landmarks, twin), mount)
     other = _model(("pink",))
-    with pytest.raises(LocalizationError, match="none has colours of the model"):
+    with pytest.raises(LocalizationError, match="none has colors of the model"):
         LandmarkDetector(other, scene.landmarks[:1], mount)
     grounded = mount.base_from_optical.copy()
     grounded[2, 3] = 0.0

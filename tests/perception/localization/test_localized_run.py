@@ -1,4 +1,4 @@
-"""A short drive from its pictures to the page, by the command line."""
+"""A short drive from its images to the page, by the command line."""
 
 import dataclasses
 import json
@@ -31,7 +31,7 @@ def _omnisim(*words):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A metre and a half across the middle of the field, with labels."""
+    """A meter and a half across the middle of the field, with labels."""
     folder = tmp_path_factory.mktemp("localized")
     (folder / "way.csv").write_text("x_m,y_m\n-1.0,0.2\n0.6,0.2\n")
     done = _omnisim(
@@ -44,10 +44,10 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def model(run):
-    """Colours that were learned from it."""
+    """Colors that were learned from it."""
     done = _omnisim("landmarks", "train", run, "-o", run.parent / "model.npz")
     assert done.exit_code == 0, done.output
-    assert "3 colours from 5 pictures" in done.output
+    assert "3 colors from 5 images" in done.output
     return run.parent / "model.npz"
 
 
@@ -59,27 +59,27 @@ def localized(run, model):
     return run.parent / "out"
 
 
-def test_labels_are_those_of_the_colours(run):
+def test_labels_are_those_of_the_colors(run):
     data = read_run(run)
     colors = landmark_colors(data.landmarks)
     assert colors == ("pink", "sky_blue", "yellow")  # white tells nothing
-    labels, picture = RunLabels(data, colors)(0), data.picture(0)
-    assert labels.shape == picture.shape[:2]
+    labels, image = RunLabels(data, colors)(0), data.image(0)
+    assert labels.shape == image.shape[:2]
     for index, hue in enumerate(((244, 56, 162), (0, 184, 241), (246, 218, 0)), start=1):
-        mean = np.median(picture[labels == index], axis=0)
+        mean = np.median(image[labels == index], axis=0)
         # the lamps' shade takes from all three alike; the hue is left
         assert np.linalg.norm(mean / mean.max() - np.array(hue) / max(hue)) < 0.2
 
 
-def test_landmarks_are_detected_in_a_run_and_in_a_picture(run, model, tmp_path):
+def test_landmarks_are_detected_in_a_run_and_in_a_image(run, model, tmp_path):
     csv, png = tmp_path / "found.csv", tmp_path / "found.png"
     done = _omnisim("landmarks", "detect", run, "--model", model, "-o", csv, "--show", png)
     assert done.exit_code == 0, done.output
     lines = csv.read_text().splitlines()
     assert len(lines) > 1 + 4 * STEPS
     assert png.stat().st_size > 10_000
-    picture = run / "omnicam" / "000002.png"
-    done = _omnisim("landmarks", "detect", picture, "--model", model)
+    image = run / "omnicam" / "000002.png"
+    done = _omnisim("landmarks", "detect", image, "--model", model)
     assert done.exit_code == 0, done.output
     alone = {line.split(":")[0].strip() for line in done.output.splitlines()[1:]}
     assert alone == {line.split(",")[1] for line in lines if line.startswith("2,")}
@@ -125,15 +125,15 @@ def _track(folder, model):
     colors, landmarks = load_model(model)
     detector = LandmarkDetector(colors, landmarks, data.mount)
     observations = [
-        [observation_from_detection(each, parameters.measurement) for each in detector(picture)]
-        for picture in data.pictures()
+        [observation_from_detection(each, parameters.measurement) for each in detector(image)]
+        for image in data.images()
     ]
     known = LandmarkMap.of_scene(data.landmarks)
     return localize(data.odometry, observations, known, parameters, data.mount.position_m)
 
 
 def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):
-    """With a wrong truth beside them pictures and wheels lead to the same place."""
+    """With a wrong truth beside them images and wheels lead to the same place."""
     shutil.copytree(run, tmp_path / "lied")
     lines = (run / "ground_truth.tum").read_text().splitlines()
     moved = [
@@ -149,7 +149,7 @@ def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):
         assert (tmp_path / name).read_bytes() == (localized / name).read_bytes()
 
 
-def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path):
+def test_images_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path):
     blank = shutil.copytree(run, tmp_path / "blank")
     for step in range(STEPS):
         pixels, metadata = read_image(blank / "omnicam" / f"{step:06d}.png")
@@ -180,7 +180,7 @@ def test_pictures_without_landmarks_leave_it_to_the_wheels(run, model, tmp_path)
         ),
         (
             ("landmarks", "detect", "RUN", "--model", "MODEL", "--sensor", "PNG"),
-            "--sensor: expected a picture",
+            "--sensor: expected an image",
         ),
     ],
 )
@@ -213,7 +213,7 @@ def test_labels_with_other_ids_are_damaged(run, tmp_path, number):
         train_on_run(read_run(copy), Costs())
 
 
-def test_a_picture_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_path):
+def test_a_image_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_path):
     pixels, _ = read_image(run / "omnicam" / "000001.png")
     write_image(tmp_path / "plain.png", pixels, None)
     words = ("landmarks", "detect", tmp_path / "plain.png", "--model", model)
@@ -226,7 +226,7 @@ def test_a_picture_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_
     assert len(found) >= 4
 
 
-def test_a_run_with_a_picture_missing_says_which(run, model, tmp_path):
+def test_a_run_with_a_image_missing_says_which(run, model, tmp_path):
     broken = shutil.copytree(run, tmp_path / "broken")
     (broken / "omnicam" / "000003.png").unlink()
     message = "000003.png: is missing: the first 3 of 5 steps are looked at; record the run again"
@@ -247,14 +247,14 @@ def test_a_run_with_a_picture_missing_says_which(run, model, tmp_path):
         (lambda pixels: pixels.astype(np.uint16) * 257, "px of 3 × uint16"),
     ],
 )
-def test_a_picture_of_another_camera_is_named(run, monkeypatch, spoil, message):
+def test_a_image_of_another_camera_is_named(run, monkeypatch, spoil, message):
     data = read_run(run)
     stored = read_image(run / "omnicam" / "000002.png")[0]
     monkeypatch.setattr("omnisim.runs.run_data.read_image", lambda _: (spoil(stored), None))
     with pytest.raises(
         OmnisimError, match=rf"000002.png: has .*{message}.*: expected .* 3 × uint8"
     ):
-        data.picture(2)
+        data.image(2)
 
 
 def test_landmarks_that_the_model_cannot_tell_are_named(run, model):

@@ -1,4 +1,4 @@
-"""Unwarped channels: values of the picture and no others, in the view's own frame."""
+"""Unwarped channels: values of the image and no others, in the view's own frame."""
 
 import numpy as np
 import pytest
@@ -38,23 +38,23 @@ def _render(scene, camera, now=NOW, after=AFTER):
 
 
 @pytest.fixture(scope="module")
-def picture(scene):
+def image(scene):
     return _render(scene, FISHEYE)
 
 
-def _world_from_view(picture):
-    world_from_view = np.array(picture.metadata["world_from_optical"])
+def _world_from_view(image):
+    world_from_view = np.array(image.metadata["world_from_optical"])
     world_from_view[:3, :3] = world_from_view[:3, :3] @ TURN
     return world_from_view
 
 
-def test_view_of_the_picture_itself_has_its_channels(picture):
+def test_view_of_the_image_itself_has_its_channels(image):
     unwarp = ChannelUnwarping(FISHEYE, FISHEYE, np.eye(3))
-    found = unwarp(picture.channels, picture.metadata["world_from_optical"])
-    np.testing.assert_array_equal(unwarp.valid, picture.channels["valid"] > 0)
+    found = unwarp(image.channels, image.metadata["world_from_optical"])
+    np.testing.assert_array_equal(unwarp.valid, image.channels["valid"] > 0)
     assert list(found) == list(CHANNELS)
     for name, values in found.items():
-        expected = picture.channels[name]
+        expected = image.channels[name]
         assert values.dtype == expected.dtype
         made = name == "z" or name in ("flow", "flow_backward")
         bound = {"z": 1e-5}.get(name, 1e-3) if made else 0.0
@@ -62,12 +62,12 @@ def test_view_of_the_picture_itself_has_its_channels(picture):
 
 
 @views
-def test_no_value_is_invented(picture, view):
-    found = ChannelUnwarping(FISHEYE, view, TURN)(picture.channels, _world_from_view(picture))
+def test_no_value_is_invented(image, view):
+    found = ChannelUnwarping(FISHEYE, view, TURN)(image.channels, _world_from_view(image))
     for name in ("range", "instance", "semantic", "occluded", "valid"):
-        there = np.append(np.unique(picture.channels[name]), (CHANNELS[name].empty, 2))
+        there = np.append(np.unique(image.channels[name]), (CHANNELS[name].empty, 2))
         assert np.isin(found[name], there).all(), name
-    triples = {row.tobytes() for row in picture.channels["position"].reshape(-1, 3)}
+    triples = {row.tobytes() for row in image.channels["position"].reshape(-1, 3)}
     known = np.isfinite(found["position"]).all(axis=-1)
     assert {row.tobytes() for row in found["position"][known]} <= triples
     outside = found["valid"] == 0
@@ -76,10 +76,10 @@ def test_no_value_is_invented(picture, view):
 
 
 @views
-def test_channels_are_those_of_the_view_itself(picture, scene, view):
-    """Rendered from the same viewpoint, where a ray is up to 0.7 px of the picture off."""
+def test_channels_are_those_of_the_view_itself(image, scene, view):
+    """Rendered from the same viewpoint, where a ray is up to 0.7 px of the image off."""
     unwarp = ChannelUnwarping(FISHEYE, view, TURN)
-    found = unwarp(picture.channels, _world_from_view(picture))
+    found = unwarp(image.channels, _world_from_view(image))
     into_base = FISHEYE.rig_from_optical @ TURN @ view.rig_from_optical.T
     turned = np.eye(4)
     turned[:3, :3] = into_base
@@ -95,15 +95,15 @@ def test_channels_are_those_of_the_view_itself(picture, scene, view):
         # poles of a sphere turn a small angle into many pixels
         share, bound = (90, 0.1) if name in FLOWS else (95, 0.03)
         off = np.abs(found[name].astype(np.float64) - own[name])[same]
-        if name not in FLOWS.values():  # outside of the picture is not outside of the view
+        if name not in FLOWS.values():  # outside of the image is not outside of the view
             assert np.nanpercentile(off, share) < bound, name
 
 
 @views
-def test_flow_leads_to_where_the_point_will_be_seen(picture, view):
-    """By the exact points, of the picture's own ray."""
-    found = ChannelUnwarping(FISHEYE, view, TURN)(picture.channels, _world_from_view(picture))
-    now = _world_from_view(picture)
+def test_flow_leads_to_where_the_point_will_be_seen(image, view):
+    """By the exact points, of the image's own ray."""
+    found = ChannelUnwarping(FISHEYE, view, TURN)(image.channels, _world_from_view(image))
+    now = _world_from_view(image)
     after = AFTER @ np.linalg.inv(NOW) @ now
     known = np.isfinite(found["flow"]).all(axis=-1)
     points = found["position"][known]
@@ -122,10 +122,10 @@ def test_flow_leads_to_where_the_point_will_be_seen(picture, view):
     assert (found["occluded"][known][left] == 2).all()
 
 
-def test_what_cannot_be_made_is_refused_by_name(picture):
+def test_what_cannot_be_made_is_refused_by_name(image):
     unwarp = ChannelUnwarping(FISHEYE, VIEWS["perspective"], TURN)
     with pytest.raises(OutputError, match="'z': expected position beside it"):
-        unwarp({"z": picture.channels["z"]}, np.eye(4))
+        unwarp({"z": image.channels["z"]}, np.eye(4))
     with pytest.raises(OutputError, match=r"'range': expected 300 × 300 px, .* got 9 × 7"):
         unwarp({"range": np.zeros((7, 9))})
     behind = np.diag((1.0, -1.0, -1.0))

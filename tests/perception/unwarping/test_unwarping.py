@@ -1,4 +1,4 @@
-"""Unwarping against pictures whose every pixel is known."""
+"""Unwarping against images whose every pixel is known."""
 
 import math
 
@@ -18,18 +18,18 @@ BASE_FROM_OPTICAL = RIG_FROM_OPTICAL_LOOKING_UP
 
 
 def _colors(directions_base):
-    """A colour that says where it is: the direction itself, in [0, 1]."""
+    """A color that says where it is: the direction itself, in [0, 1]."""
     return 0.5 + 0.5 * directions_base
 
 
-def _picture(camera=CAMERA):
+def _image(camera=CAMERA):
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     return (_colors(rays.directions @ BASE_FROM_OPTICAL.T) * rays.valid[..., None]).astype("f4")
 
 
-def _unwarped(view, picture):
+def _unwarped(view, image):
     unwarp = Unwarping(CAMERA, view.camera, BASE_FROM_OPTICAL.T @ view.base_from_view, samples=1)
-    return unwarp(picture), unwarp.valid
+    return unwarp(image), unwarp.valid
 
 
 VIEWS = {
@@ -41,7 +41,7 @@ VIEWS = {
 
 @pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS.keys())
 def test_every_pixel_shows_its_direction(view):
-    pixels, valid = _unwarped(view, _picture())
+    pixels, valid = _unwarped(view, _image())
     grid = pixel_grid(view.camera.width_px, view.camera.height_px)
     wanted = _colors(view.camera.ray_from_pixel(grid).directions @ view.base_from_view.T)
     assert valid.mean() > 0.5
@@ -68,19 +68,19 @@ def test_sides_and_corners_of_the_views():
 
 def test_bytes_are_blended_in_linear_light():
     camera = PerspectiveCamera(2, 2, 10.0, (0.5, 0.5))
-    picture = np.zeros((2, 2, 3), dtype=np.uint8)
-    picture[:, 1] = 255
+    image = np.zeros((2, 2, 3), dtype=np.uint8)
+    image[:, 1] = 255
     view = PerspectiveCamera(1, 1, 10.0, (0.0, 0.0))
-    between = Unwarping(camera, view, np.eye(3), samples=1)(picture)[0, 0, 0]
+    between = Unwarping(camera, view, np.eye(3), samples=1)(image)[0, 0, 0]
     assert linear_from_srgb(between / 255.0) == pytest.approx(0.5, abs=0.005)
 
 
 def test_bytes_pass_unchanged_where_nothing_is_blended():
     camera = PerspectiveCamera(16, 16, 20.0, (7.5, 7.5))
-    picture = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
+    image = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
     same = Unwarping(camera, camera, np.eye(3), samples=1)
-    # only rounding blends in a neighbour: below half a level
-    np.testing.assert_array_equal(same(picture), picture)
+    # only rounding blends in a neighbor: below half a level
+    np.testing.assert_array_equal(same(image), image)
     assert same.valid.all()
 
 
@@ -94,7 +94,7 @@ def test_fine_patterns_are_averaged_and_not_skipped():
 
 
 def test_blocks_and_a_table_that_is_not_kept_change_nothing(monkeypatch):
-    view, picture = VIEWS["perspective"], _picture()
+    view, image = VIEWS["perspective"], _image()
     rotation = BASE_FROM_OPTICAL.T @ view.base_from_view
     whole = Unwarping(CAMERA, view.camera, rotation, samples=2)
     monkeypatch.setattr("omnisim.perception.unwarping.unwarping.BLOCK_SAMPLES", 7 * 300 * 4 + 1)
@@ -102,7 +102,7 @@ def test_blocks_and_a_table_that_is_not_kept_change_nothing(monkeypatch):
     banded = Unwarping(CAMERA, view.camera, rotation, samples=2)
     np.testing.assert_array_equal(banded.valid, whole.valid)
     for _ in range(2):
-        np.testing.assert_array_equal(banded(picture), whole(picture))
+        np.testing.assert_array_equal(banded(image), whole(image))
 
 
 def test_what_the_camera_does_not_see_is_masked():
@@ -120,11 +120,11 @@ def test_what_the_camera_does_not_see_is_masked():
 
 
 def test_bad_views_are_named():
-    picture = np.zeros((10, 20, 3), dtype=np.uint8)
+    image = np.zeros((10, 20, 3), dtype=np.uint8)
     view = perspective_view(20, 20, 1.0)
     unwarp = Unwarping(CAMERA, view.camera, BASE_FROM_OPTICAL.T @ view.base_from_view)
     with pytest.raises(OpticsError, match="20 × 10 px, where the camera's has 600 × 600"):
-        unwarp(picture)
+        unwarp(image)
     up = perspective_view(20, 20, 0.2, pitch_rad=-math.pi / 2)
     with pytest.raises(OpticsError, match="nothing of this view"):
         Unwarping(CAMERA, up.camera, BASE_FROM_OPTICAL.T @ up.base_from_view)

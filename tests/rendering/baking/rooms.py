@@ -10,7 +10,7 @@ from omnisim.scene.model import Lighting, StartPose
 DARK = Lighting((0.0, 0.0, 0.0), ())
 
 
-def box(name, size_m, centre_m=(0.0, 0.0, 0.0), color=(0.5, 0.5, 0.5), inwards=False):
+def box(name, size_m, center_m=(0.0, 0.0, 0.0), color=(0.5, 0.5, 0.5), inwards=False):
     """A closed box, whose corners belong to one side each."""
     corners, triangles = [], []
     for axis in range(3):
@@ -23,7 +23,7 @@ def box(name, size_m, centre_m=(0.0, 0.0, 0.0), color=(0.5, 0.5, 0.5), inwards=F
             first = len(corners)
             corners += [base - u - v, base + u - v, base + u + v, base - u + v]
             triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-    positions = 0.5 * np.array(corners) * size_m + centre_m
+    positions = 0.5 * np.array(corners) * size_m + center_m
     return Scene.from_arrays(name, positions, triangles, base_color=color, double_sided=False)
 
 

@@ -40,7 +40,7 @@ def test_furnace(tmp_path, albedo):
 def at(bake, light, surface, place, normal=(0.0, 0.0, 1.0), within_m=0.15):
     """Mean light (3,) of an instance's patches near a place, that face along a normal."""
     surfaces = bake.surfaces(np.ones(bake.patches.count, dtype=bool))
-    positions = surfaces.positions_m + bake.transport.centre_m
+    positions = surfaces.positions_m + bake.transport.center_m
     near = np.linalg.norm(positions - place, axis=1) < within_m
     near &= surfaces.normals @ np.array(normal) > 0.99
     near &= (bake.patches.surfaces == surface) & (np.diff(bake.patches.first) > 0)
@@ -68,7 +68,7 @@ def test_panel(tmp_path, half_m):
     room = black_room().added("panel", shining(panel, 5.0))
     bake, found, _ = baked(tmp_path, room, texel_m=0.2, samples=64, bounces=0)
     surfaces = bake.surfaces(found.is_valid)
-    places = surfaces.positions_m + bake.transport.centre_m
+    places = surfaces.positions_m + bake.transport.center_m
     floor = found.is_valid & (surfaces.normals[:, 2] > 0.99) & (bake.patches.surfaces == 0)
     x, y, _ = places[floor].T
     expected = 5.0 * sum(
@@ -140,7 +140,7 @@ def test_both_sides_of_a_sheet_have_their_own_light(tmp_path):
         np.testing.assert_allclose(middle, level, atol=1e-5)
 
 
-def test_red_wall_colours_its_neighbour(tmp_path):
+def test_red_wall_colors_its_neighbor(tmp_path):
     """A floor lit from the ceiling reddens towards a red wall."""
     room = lit_by(box("room", (2.0, 2.0, 2.0), color=(0.7, 0.7, 0.7), inwards=True))
     red = box("red", (0.02, 1.9, 1.9), (-0.98, 0.0, 0.0), color=(0.7, 0.05, 0.05))

@@ -66,7 +66,7 @@ def test_resizing_keeps_the_view():
     larger = sensor.resized(720)
     assert (larger.model.width_px, larger.model.height_px) == (720, 720)
     assert larger.model.rim_radius_px == pytest.approx(360.0)
-    # the same corner of the picture sees the same ray
+    # the same corner of the image sees the same ray
     one = sensor.model.ray_from_pixel((-0.5, 100.5)).directions
     np.testing.assert_allclose(larger.model.ray_from_pixel((-0.5, 201.5)).directions, one)
 

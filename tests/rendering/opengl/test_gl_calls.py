@@ -28,7 +28,7 @@ def _poses(count):
 
 
 def _frame(calls, renderer):
-    """Calls of a frame, and of batches of 1, 3 and 9 pictures."""
+    """Calls of a frame, and of batches of 1, 3 and 9 images."""
     poses = _poses(9)
     runs = [lambda: renderer.render(poses[0])]
     runs += [lambda some=poses[:count]: renderer.render_batch(some) for count in (1, 3, 9)]
@@ -46,7 +46,7 @@ def _frame(calls, renderer):
 )
 def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(name, monkeypatch):
     calls = GlCalls(monkeypatch)
-    # the courtyard's sun has maps that follow the viewpoint, and are drawn for each picture
+    # the courtyard's sun has maps that follow the viewpoint, and are drawn for each image
     sky = "none" if name == "courtyard" else None
     with open_sensor(omnisim.load_scene(name, sky=sky), CAMERA) as renderer:
         frame, *batches = _frame(calls, renderer)

@@ -1,7 +1,7 @@
-"""Golden pictures, the last line of proof: only on llvmpipe, the one renderer all can have.
+"""Golden images, the last line of proof: only on llvmpipe, the one renderer all can have.
 
 To renew them after a change that is meant to be seen: OMNISIM_RENEW_GOLDEN=1 pytest this file,
-and look at every picture before it is committed.
+and look at every image before it is committed.
 """
 
 import os
@@ -39,9 +39,9 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_picture_is_the_golden_one(context, name, tmp_path):
+def test_image_is_the_golden_one(context, name, tmp_path):
     if "llvmpipe" not in graphics_info(context).renderer:
-        pytest.skip("golden pictures are llvmpipe's")
+        pytest.skip("golden images are llvmpipe's")
     sensor, unlit, yaw_deg = CASES[name]
     scene = load_scene("courtyard", sky="none")  # of drawing, in even light
     with open_sensor(scene, sensor, unlit=unlit) as renderer:
@@ -51,7 +51,7 @@ def test_picture_is_the_golden_one(context, name, tmp_path):
         write_image(path, np.ascontiguousarray(pixels))
     golden, _ = read_image(path)
     off = np.abs(pixels.astype(int) - golden)
-    # Versions of llvmpipe place a sample or round a colour differently: that moves single pixels
+    # Versions of llvmpipe place a sample or round a color differently: that moves single pixels
     # on edges and no others.
     if off.mean() > 0.25 or (off.max(axis=-1) > 24).mean() > 0.005:
         difference = tmp_path / f"{name}-difference.png"

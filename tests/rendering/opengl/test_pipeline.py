@@ -1,4 +1,4 @@
-"""Every camera model in a room whose colours are computed without any renderer."""
+"""Every camera model in a room whose colors are computed without any renderer."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def _render(context, camera):
 
 
 @camera_examples
-def test_room_has_the_right_colour_everywhere(context, camera):
+def test_room_has_the_right_color_everywhere(context, camera):
     rgba = _render(context, camera)
     pixels = pixel_grid(camera.width_px, camera.height_px)
     rays = camera.ray_from_pixel(pixels)
@@ -62,13 +62,13 @@ def test_room_has_the_right_colour_everywhere(context, camera):
 
 
 @camera_examples
-def test_planned_faces_are_those_of_the_pictures_rays(camera):
+def test_planned_faces_are_those_of_the_images_rays(camera):
     plan = plan_tiles(camera, camera.rig_from_optical)
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     seen = np.unique(face_index(rays.directions[rays.valid] @ camera.rig_from_optical.T))
     planned = {tile.face_name for tile in plan.tiles}
     assert {FACE_NAMES[index] for index in seen} <= planned
-    # as many texels as pixels, and no more than the picture could ever use
+    # as many texels as pixels, and no more than the image could ever use
     longest = max(camera.width_px, camera.height_px)
     assert max(tile.face_size_px for tile in plan.tiles) < 8 * longest
     assert plan.max_level <= 6

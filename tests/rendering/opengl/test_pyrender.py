@@ -1,9 +1,9 @@
-"""Faces of the cube against pyrender: an independent rasteriser, unlit, same camera.
+"""Faces of the cube against pyrender: an independent rasterizer, unlit, same camera.
 
 pyrender filters textures and edges in sRGB values, we filter in linear light, so the two differ by
 design in every pixel that an edge crosses, and agree to a level or two elsewhere. Two views of it:
-the pictures as they are, large enough that edges do not rule them, and both made four times as
-large and averaged in linear light, which leaves the shapes and colours themselves to compare.
+the images as they are, large enough that edges do not rule them, and both made four times as
+large and averaged in linear light, which leaves the shapes and colors themselves to compare.
 """
 
 import dataclasses
@@ -39,7 +39,7 @@ AVERAGED = 4
 def _opaque_file(source, folder):
     """The scene's opaque part as a file of trimesh's, and as a scene of trimesh's.
 
-    Drawn flat, pyrender blends in the order of nodes, and takes base colours for sRGB values.
+    Drawn flat, pyrender blends in the order of nodes, and takes base colors for sRGB values.
     """
     trimesh = pytest.importorskip("trimesh")
     loaded = trimesh.load_scene(resolve_source(source)[0])
@@ -80,8 +80,8 @@ def _pyrender_face(loaded, world_from_face):
     return color
 
 
-def _averaged(picture):
-    blocks = linear_from_srgb(picture / 255.0).reshape(
+def _averaged(image):
+    blocks = linear_from_srgb(image / 255.0).reshape(
         SIZE_PX // AVERAGED, AVERAGED, SIZE_PX // AVERAGED, AVERAGED, 3
     )
     return 255.0 * srgb_from_linear(blocks.mean(axis=(1, 3)))
@@ -122,7 +122,7 @@ def test_face(source, name, our_faces):
     assert psnr_of_levels_db(_averaged(ours), _averaged(theirs)) >= averaged_bound_db
 
 
-def test_exported_mirror_shows_our_picture(tmp_path):
+def test_exported_mirror_shows_our_image(tmp_path):
     """The paper's Fig. 6 by another renderer: the mirror's file, its texture coordinates,
     the five faces as its texture, and a pinhole camera at its focus make our capture."""
     pyrender = pytest.importorskip("pyrender")
@@ -145,7 +145,7 @@ def test_exported_mirror_shows_our_picture(tmp_path):
         camera.focal_length_px, camera.focal_length_px, u + 0.5, v + 0.5, znear=0.01, zfar=1.0
     )
     # The file is y up: the mirror's (x, y, z) is stored as (x, z, −y). The camera sits at the
-    # mirror's (0, 0, c), looks along its −z, and has its y at the top of the picture.
+    # mirror's (0, 0, c), looks along its −z, and has its y at the top of the image.
     file_from_mirror = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
     mirror_from_camera = np.eye(4)
     mirror_from_camera[2, 3] = camera.mirror.c_m

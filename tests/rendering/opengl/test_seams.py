@@ -1,4 +1,4 @@
-"""The exact capture against colours computed without any renderer."""
+"""The exact capture against colors computed without any renderer."""
 
 import dataclasses
 import math
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 def _analytic(camera, world_from_base):
-    """8-bit sRGB picture of the room, its valid mask and the face of the cube at each pixel."""
+    """8-bit sRGB image of the room, its valid mask and the face of the cube at each pixel."""
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     rig = rays.directions @ RIG_FROM_OPTICAL_LOOKING_UP.T
     world = rig @ world_from_base[:3, :3].T
@@ -38,7 +38,7 @@ def _analytic(camera, world_from_base):
     ],
     ids=["level", "tilted"],
 )
-def test_no_seam_and_the_right_colour_everywhere(theta_max_deg, face_size_px, pose):
+def test_no_seam_and_the_right_color_everywhere(theta_max_deg, face_size_px, pose):
     mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
     camera = HyperbolicCamera.framed_on_rim(mirror, 360, 360)
     sensor = OmniCamera(model=camera, polygons=None, face_size_px=face_size_px)
@@ -66,16 +66,16 @@ def test_no_seam_and_the_right_colour_everywhere(theta_max_deg, face_size_px, po
     assert off[seam].mean() < 1.0
 
 
-def test_thousand_polygons_show_the_exact_picture():
+def test_thousand_polygons_show_the_exact_image():
     sensor = OmniCamera()
     pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=20.0)
-    pictures = []
+    images = []
     for polygons in (None, 1024):
         with open_sensor(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
-            pictures.append(renderer.render(pose))
-    both = pictures[0].valid & pictures[1].valid
-    assert both.sum() > 0.99 * pictures[0].valid.sum()
-    off = np.abs(pictures[0].rgb.astype(int) - pictures[1].rgb.astype(int))[both]
+            images.append(renderer.render(pose))
+    both = images[0].valid & images[1].valid
+    assert both.sum() > 0.99 * images[0].valid.sum()
+    off = np.abs(images[0].rgb.astype(int) - images[1].rgb.astype(int))[both]
     # 0.4 px of geometry at the steepest gradient of the room
     assert off.max() <= 4
 

@@ -1,4 +1,4 @@
-"""Pictures and hits of a camera whose rays do not meet in one point, by formulas."""
+"""Images and hits of a camera whose rays do not meet in one point, by formulas."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from tests.scenes import room, room_color, room_hit, scene_of
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays.depth_limits import DepthLimits
-from omnisim.rendering.rays.picture import RayPicture
+from omnisim.rendering.rays.image import RayImage
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
@@ -47,5 +47,5 @@ def test_each_ray_starts_at_its_own_origin():
     np.testing.assert_allclose(points, expected, atol=1e-6)
     lengths_m = np.linalg.norm(expected - origins, axis=1)
     np.testing.assert_allclose(hits.ranges_m[rays.valid], lengths_m, rtol=1e-6)
-    picture = RayPicture(scene, camera, None, 1, limits).render(world_from_rig, still)
-    np.testing.assert_allclose(picture[rays.valid, :3], room_color(expected), atol=1e-5)
+    image = RayImage(scene, camera, None, 1, limits).render(world_from_rig, still)
+    np.testing.assert_allclose(image[rays.valid, :3], room_color(expected), atol=1e-5)

@@ -22,7 +22,7 @@ def glass(color, alpha):
 
 @pytest.mark.parametrize("offset_m", [0.0, 3e5])
 def test_light_comes_through_glass_in_its_order(offset_m):
-    """Whatever the order of the instances, a millimetre apart, and far from the world's origin."""
+    """Whatever the order of the instances, a millimeter apart, and far from the world's origin."""
     panes = {4.0: ((1.0, 0.0, 0.0), 0.25), 3.999: ((0.0, 1.0, 0.0), 0.5), 2.0: ((0.0, 0.0, 1), 1)}
     order = [2.0, 4.0, 3.999]
     scene = scene_of(
@@ -109,7 +109,7 @@ def test_lamps_light_what_they_reach():
 
 @pytest.mark.parametrize("tilt", [0.0, 0.8])
 def test_far_textures_are_averaged_over_the_footprint(tilt):
-    """A fine chessboard is grey from afar, and black and white from near by."""
+    """A fine chessboard is gray from afar, and black and white from near by."""
     board = (np.indices((512, 512)).sum(axis=0) % 2 * 255).astype(np.uint8)
     pixels = np.dstack((board, board, board, np.full_like(board, 255)))
     coordinates = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)

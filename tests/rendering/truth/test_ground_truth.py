@@ -117,7 +117,7 @@ def test_hits_are_between_the_near_and_the_far_plane():
     np.testing.assert_allclose(ranges_m[inside], expected[inside], rtol=1e-4)
 
 
-def test_a_plain_of_kilometres_reaches_through_the_near_plane_to_its_end():
+def test_a_plain_of_kilometers_reaches_through_the_near_plane_to_its_end():
     """Two triangles, most of whose corners are behind any one face."""
     half_m = 2000.0
     corners = half_m * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
@@ -199,7 +199,7 @@ def test_sorted_blended_triangles_are_hit_where_they_are():
     for of_glass, of_solid in zip(found[:2], found[2:], strict=True):
         assert (of_solid["instance"] == 2).sum() > 500
         for name in also:
-            # neighbours of glass are not searched: pixels beside its edges may show what is behind
+            # neighbors of glass are not searched: pixels beside its edges may show what is behind
             same = (of_glass[name] == of_solid[name]).reshape(*of_solid["range"].shape, -1).all(-1)
             assert same.mean() > 0.999
 
@@ -258,7 +258,7 @@ def test_flow_is_the_reprojection_of_the_exact_hits(lens):
     flow = frame.channels["flow"]
     known = valid & there.valid
     np.testing.assert_array_equal(np.isfinite(flow).all(axis=-1), known)
-    # a pole of the picture turns the rays' error of 1e-6 into that much more
+    # a pole of the image turns the rays' error of 1e-6 into that much more
     off_px = np.linalg.norm(flow - expected, axis=-1)[known]
     assert np.percentile(off_px, 99) < 1e-3
     assert off_px.max() < 0.05
@@ -329,7 +329,7 @@ def test_infinitely_far_points_flow_by_rotation_alone():
     np.testing.assert_allclose(flow[..., 0], 15.0 / 360.0 * lens.width_px, atol=1e-3)
 
 
-def test_a_channel_does_not_depend_on_others_or_on_the_picture():
+def test_a_channel_does_not_depend_on_others_or_on_the_image():
     scene = surroundings()
     sensor = OmniCamera(polygons=64).resized(60)
     also = tuple(CHANNELS)
@@ -385,7 +385,7 @@ def test_hits_are_those_of_embree(source, lens):
 
 @lenses
 def test_triangles_that_show_in_no_texel_have_an_albedo(lens):
-    """Tiny triangles of one colour before nothing: none of it is the black of nothing."""
+    """Tiny triangles of one color before nothing: none of it is the black of nothing."""
     scene = scene_of(
         [sheet("sheet", 0, side=60, bumps_m=0.02, seed=seed) for seed in range(6)],
         [Material(base_color=(0.25, 1.0, 0.25, 1.0), double_sided=True)],

@@ -51,7 +51,7 @@ def test_wheels_are_bodies_on_hinges_without_limits(tmp_path):
     assert table["body_offset_m"] == [0.05, 0.0, -0.2]
     tyre = next(one for one in vehicle.body.instances if one.name.startswith("left/"))
     assert tyre.world_from_node[:3, 3] == pytest.approx((0.0, 0.2, 0.1))
-    assert table["physics"] == {"mass_kg": 10.0, "centre_height_m": 0.16}
+    assert table["physics"] == {"mass_kg": 10.0, "center_height_m": 0.16}
 
 
 def test_tyres_can_be_meshes(tmp_path):

@@ -117,7 +117,7 @@ def test_masses_are_those_that_mujoco_reads(tmp_path):
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     assert table["physics"]["mass_kg"] == pytest.approx(model.body_subtreemass[0])
-    assert table["physics"]["centre_height_m"] == pytest.approx(data.subtree_com[0][2], abs=1e-6)
+    assert table["physics"]["center_height_m"] == pytest.approx(data.subtree_com[0][2], abs=1e-6)
 
 
 def test_sensors_of_gazebos_elements_are_on_their_links(tmp_path):

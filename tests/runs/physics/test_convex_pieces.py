@@ -18,7 +18,7 @@ def _pieces(scene, *free_points_m):
 
 def _inside(pieces, points_m):
     """Mask of the points within any piece, by SciPy's triangulation of its vertices."""
-    hulls = [Delaunay(one.shape.vertices_m + one.shape.centre_m) for one in pieces]
+    hulls = [Delaunay(one.shape.vertices_m + one.shape.center_m) for one in pieces]
     return np.any([hull.find_simplex(points_m) >= 0 for hull in hulls], axis=0)
 
 
@@ -41,7 +41,7 @@ def test_convex_solids_are_one_piece_of_their_volume(mesh, kind):
     mesh.apply_transform(trimesh.transformations.euler_matrix(0.3, 0.5, 0.8))
     (piece,) = _pieces(solid(mesh))
     assert piece.shape.kind == kind
-    corners = piece.shape.vertices_m + piece.shape.centre_m
+    corners = piece.shape.vertices_m + piece.shape.center_m
     assert trimesh.convex.convex_hull(corners).volume == pytest.approx(mesh.volume, rel=1e-6)
     if kind == "box":
         assert np.prod(2.0 * piece.shape.half_m) == pytest.approx(mesh.volume, rel=1e-6)
@@ -84,7 +84,7 @@ def test_floors_with_two_sides_are_slabs_below_their_surface(flipped):
     floor = Scene.from_arrays("floor", corners, triangles[:, ::-1] if flipped else triangles)
     (piece,) = _pieces(floor)
     assert piece.shape.kind == "box"
-    low = piece.shape.centre_m[2] - np.abs(piece.shape.axes @ np.diag(piece.shape.half_m))[2].sum()
+    low = piece.shape.center_m[2] - np.abs(piece.shape.axes @ np.diag(piece.shape.half_m))[2].sum()
     assert low == pytest.approx(0.3 - SLAB_M)
 
 

@@ -104,7 +104,7 @@ def test_a_robot_that_tips_over_is_refused():
         dataclasses.replace(
             wanted,
             vehicle=dataclasses.replace(wanted.vehicle, kinematics=limits),
-            physics=dataclasses.replace(wanted.physics, centre_height_m=2.0),
+            physics=dataclasses.replace(wanted.physics, center_height_m=2.0),
         ).plan()
 
 
@@ -249,7 +249,7 @@ def test_robots_meet_each_other_in_one_world():
         assert abs(contact.position_m[0]) == pytest.approx(0.3, abs=0.02)  # half of a length
     gap_m = west.truth.positions_m[-1, 0] - east.truth.positions_m[-1, 0]
     assert gap_m == pytest.approx(0.6, abs=0.02)
-    # each is where it was simulated in the other's pictures
+    # each is where it was simulated in the other's images
     worlds = {name: plan.world for name, plan in drive_together(plans).items()}
     for time_s in (0.0, 2.505, 4.0):
         states = [world.state_at(time_s).world_from_object for world in worlds.values()]

@@ -68,7 +68,7 @@ def test_a_block_on_an_inclined_plane_sticks_or_slides_by_coulomb(slope_deg):
         assert found == pytest.approx(acceleration, rel=5e-3)
 
 
-def test_a_robot_at_rest_stays_and_presses_into_the_ground_by_less_than_a_millimetre():
+def test_a_robot_at_rest_stays_and_presses_into_the_ground_by_less_than_a_millimeter():
     world = _world([ground()], pose=np.eye(4))
     rows = _run(world, 2.0)[:, 0]
     assert np.abs(rows[-100:, :2]).max() < 1e-4

@@ -25,7 +25,7 @@ ROBOT = {
         "max_turn_acceleration_dps2": 90.0,
     },
     "footprint": {"length_m": 0.6, "width_m": 0.5, "height_m": 0.3},
-    "physics": {"mass_kg": 10.0, "centre_height_m": 0.1},
+    "physics": {"mass_kg": 10.0, "center_height_m": 0.1},
 }
 
 

@@ -17,7 +17,7 @@ from tests.scenes import room, scene_of
 QUAD = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 1 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
 
 
-def _picture(path, level):
+def _image(path, level):
     path.parent.mkdir(exist_ok=True)
     Image.fromarray(np.full((4, 4, 3), level, np.uint8)).save(path)
 
@@ -25,7 +25,7 @@ def _picture(path, level):
 def _obj(folder):
     (folder / "a.obj").write_text(QUAD)
     (folder / "a.mtl").write_text("newmtl a\nKd 1 1 1\nmap_Kd maps/a.png\n")
-    _picture(folder / "maps" / "a.png", 100)
+    _image(folder / "maps" / "a.png", 100)
     return folder / "a.obj"
 
 
@@ -105,7 +105,7 @@ def test_every_file_of_a_scene_counts_and_its_place_does_not(make, tmp_path, mon
     for file in sorted(one for one in here.rglob("*") if one.is_file()):
         before = file.read_bytes()
         if file.suffix == ".png":
-            _picture(file, 10)
+            _image(file, 10)
         else:  # what readers take no notice of
             header_changed = b"other" + before[5:]
             padding = {".bin": b"\0\0\0\0"}.get(file.suffix, b"\n")

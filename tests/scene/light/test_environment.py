@@ -16,7 +16,7 @@ def _sphere(count=40_000):
 
 
 def _smooth(directions):
-    """Colours of order 2 at most, for which nine harmonics are exact."""
+    """Colors of order 2 at most, for which nine harmonics are exact."""
     x, y, z = np.moveaxis(directions, -1, 0)
     return np.stack((1.0 + 0.5 * x + 0.3 * x * y, 1.0 - 0.4 * z + 0.2 * z * z, 0.8 + y), axis=-1)
 

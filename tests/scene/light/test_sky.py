@@ -224,8 +224,8 @@ def test_a_map_is_turned_and_scaled(tmp_path, suffix):
     assert lighting.lights == ()
     level = lighting.environment.ambient(UP)[0] @ (0.2126, 0.7152, 0.0722)
     assert level == pytest.approx(0.8, rel=1e-3)
-    red, grey = lighting.environment.seen(np.array([[0.0, 1, 0], [1, 0, 0]]))
-    assert red[0] > 50.0 * grey[0]
+    red, gray = lighting.environment.seen(np.array([[0.0, 1, 0], [1, 0, 0]]))
+    assert red[0] > 50.0 * gray[0]
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_a_map_is_turned_and_scaled(tmp_path, suffix):
     ],
 )
 def test_a_bad_sky_is_one_line(tmp_path, sky, expected):
-    (tmp_path / "bad.exr").write_bytes(b"no picture")
+    (tmp_path / "bad.exr").write_bytes(b"no image")
     _write(tmp_path / "square.exr", np.ones((8, 8, 3)))
     _write(tmp_path / "dark.exr", np.full((8, 16, 3), -1.0))
     with pytest.raises(SceneError, match=expected) as caught:

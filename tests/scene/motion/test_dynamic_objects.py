@@ -31,7 +31,7 @@ def load(folder, text, head='file = "floor.glb"\n'):
         ("", (0, 0, 0)),
         ("path = { times_s = [0, 2], positions_m = [[0, 0, 1], [4, 2, 1]] }\n", (2, 1, 1)),
         ('trajectory = { file = "a.tum" }\n', (2, 0, 0)),
-        ("orbit = { centre_m = [0, 0, 1], radius_m = 2, period_s = 4 }\n", (0, 2, 1)),
+        ("orbit = { center_m = [0, 0, 1], radius_m = 2, period_s = 4 }\n", (0, 2, 1)),
         ("shuttle = { from_m = [0, 0, 0], to_m = [3, 0, 0], period_s = 2 }\n", (3, 0, 0)),
     ],
 )
@@ -69,10 +69,10 @@ def test_a_scene_extends_another(folder):
          "expected position_m and yaw_deg without a motion, got shuttle"),
         (BALL + "rolling_radius_m = 1\n", "rolling_radius_m: expected a motion"),
         (
-            BALL + "mass_kg = 1\norbit = { centre_m = [0, 0, 1], radius_m = 2, period_s = 4 }\n",
+            BALL + "mass_kg = 1\norbit = { center_m = [0, 0, 1], radius_m = 2, period_s = 4 }\n",
             "mass_kg: expected no motion, got orbit",
         ),
-        (BALL + "orbit = { centre_m = [0,0,0], radius_m = 1, period_s = 0 }\n",
+        (BALL + "orbit = { center_m = [0,0,0], radius_m = 1, period_s = 0 }\n",
          "period_s: expected a number other than 0"),
         (BALL + 'trajectory = { file = "b.tum" }\n', "object 'ball': .*b.tum: cannot be read"),
         (BALL + "path = { times_s = [0, 1], positions_m = [[0, 0, 0]] }\n",

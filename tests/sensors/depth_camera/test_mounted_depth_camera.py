@@ -49,7 +49,7 @@ def test_noise_grows_with_the_square_of_depth(camera, z_m):
 
 
 def test_the_kinects_noise_is_that_of_khoshelham_and_elberink():
-    # their Eq. 9 has centimetres: 1.425e-5 z²; 7 cm between depths at 5 m
+    # their Eq. 9 has centimeters: 1.425e-5 z²; 7 cm between depths at 5 m
     kinect = DepthCamera.kinect_v1()
     for z_m in (1.0, 3.0, 5.0):
         assert 100.0 * kinect.sigma_m(z_m) == pytest.approx(1.425e-5 * (100.0 * z_m) ** 2, rel=0.01)

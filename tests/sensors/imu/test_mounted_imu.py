@@ -125,7 +125,7 @@ def test_strapdown_integration_gives_back_the_poses():
     np.testing.assert_allclose((4.0 * found[1] - found[0]) / 3.0, true, atol=1e-7)
 
 
-def test_the_motion_goes_through_the_poses_that_pictures_are_taken_at():
+def test_the_motion_goes_through_the_poses_that_images_are_taken_at():
     trajectory = wavy()
     motion = SplineMotion(trajectory)
     poses = motion.at(trajectory.times_s).world_from_base
@@ -161,7 +161,7 @@ def test_allan_deviation_is_the_data_sheets(device, axes):
         # slope −1/2 and slope +1/2 of the deviation, IEEE Std 952
         expected = density**2 / tau_s + walk**2 * tau_s / 3.0
         found, differences = allan_variance(values[:, axes], round(tau_s * rate_hz))
-        # neighbouring differences of white noise correlate by −1/2, which makes 3/n of 2/n
+        # neighboring differences of white noise correlate by −1/2, which makes 3/n of 2/n
         assert found == pytest.approx(expected, rel=4.0 * math.sqrt(3.0 / differences)), tau_s
 
 

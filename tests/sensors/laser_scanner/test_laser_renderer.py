@@ -213,7 +213,7 @@ def test_invalid_arguments_are_refused():
         renderer.scan(np.eye(4))
 
 
-# Where to stand in scenes to compare in, from and to, in metres.
+# Where to stand in scenes to compare in, from and to, in meters.
 COMPARED = {
     WAREHOUSE: ((-6.0, -9.0, 0.2), (6.0, 9.0, 2.0)),
     "courtyard": ((-9.0, -9.0, 0.2), (9.0, 9.0, 2.0)),

@@ -94,7 +94,7 @@ def test_noise_has_the_specified_mean_and_deviation():
     assert abs(errors.std() / sigma - 1.0) < 5.0 / np.sqrt(2.0 * count)
     kurtosis = np.mean((errors - errors.mean()) ** 4) / errors.var() ** 2
     assert abs(kurtosis - 3.0) < 5.0 * np.sqrt(24.0 / count)
-    # neighbours in beam and in time know nothing of each other
+    # neighbors in beam and in time know nothing of each other
     free = (errors - errors.mean()) / errors.std()
     assert abs(np.mean(free[:, 1:] * free[:, :-1])) < 5.0 / np.sqrt(count)
     assert abs(np.mean(free[1:] * free[:-1])) < 5.0 / np.sqrt(count)

@@ -77,8 +77,8 @@ def test_one_camera_can_be_chosen_and_several_named(robot):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_pictures_are_taken_at_the_shifted_time(robot, tmp_path):
-    """The early camera's picture at the first step is a camera's without shift 0.25 s later."""
+def test_images_are_taken_at_the_shifted_time(robot, tmp_path):
+    """The early camera's image at the first step is a camera's without shift 0.25 s later."""
     text, times_s = (tmp_path / "chain.yaml").read_text(), np.array([0.0, 1.0])
     pixels = []
     for shift_s, starts_m in ((SHIFT_S, 0.0), (0.0, 0.1)):  # 0.4 m/s

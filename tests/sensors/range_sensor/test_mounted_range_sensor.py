@@ -93,7 +93,7 @@ def test_noise_is_a_share_of_the_range():
     with open_sensor(boxes((2.0, 0.0, 0.0)), sensor) as renderer:
         ranges = [renderer.measure(np.eye(4), number).range_m for number in range(200)]
         assert renderer.measure(np.eye(4), 7).range_m == ranges[7]
-    # 0.1 m, within four standard errors; in centimetres, as USARSim writes them
+    # 0.1 m, within four standard errors; in centimeters, as USARSim writes them
     assert np.std(ranges) == pytest.approx(0.1, rel=4.0 / math.sqrt(400))
     assert np.mean(ranges) == pytest.approx(2.0, abs=4.0 * 0.1 / math.sqrt(200))
     np.testing.assert_allclose(ranges, np.round(ranges, 2), atol=1e-12)

@@ -67,7 +67,7 @@ def test_the_real_setting_starts_without_any_doubt():
     assert {"defocus", "shutter", "exposure", "noise", "bayer", "dirt"} <= camera.parts.keys()
 
 
-def test_colours_are_learned_on_another_way():
+def test_colors_are_learned_on_another_way():
     lap = np.array([(2.3, 1.5), (-2.3, 1.5), (-2.3, -1.5), (2.3, -1.5)])
     way = np.array(TRAINING_WAYPOINTS)
     assert np.linalg.norm(way[:, None] - lap, axis=2).min() > 0.5

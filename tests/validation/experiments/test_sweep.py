@@ -1,4 +1,4 @@
-"""Degradations of recorded pictures: each does what it is called, and more of it at each level."""
+"""Degradations of recorded images: each does what it is called, and more of it at each level."""
 
 import math
 
@@ -7,44 +7,44 @@ import pytest
 
 from omnisim.perception.localization.observations import Observation
 from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.validation.experiments.seeds import in_field_of_view
 from omnisim.validation.experiments.sweep import CAUSES, degraded
 
 SIZE = 96
-GEOMETRY = PictureGeometry(SIZE, SIZE, (0.5 * (SIZE - 1), 0.5 * (SIZE - 1)))
+GEOMETRY = ImageGeometry(SIZE, SIZE, (0.5 * (SIZE - 1), 0.5 * (SIZE - 1)))
 BY_NAME = {cause.name: cause for cause in CAUSES}
 
 
-def _picture():
-    """Coloured sectors and rings in a round mask."""
+def _image():
+    """Colored sectors and rings in a round mask."""
     v, u = np.mgrid[:SIZE, :SIZE] - 0.5 * (SIZE - 1)
     radius, angle = np.hypot(u, v), np.arctan2(v, u)
     shown = radius < 0.5 * SIZE
     sector = ((angle + math.pi) / (2 * math.pi) * 12).astype(int) % 3
     colors = np.array([(240, 210, 20), (20, 170, 230), (110, 120, 115)], np.uint8)
-    picture = colors[(sector + (radius // 12).astype(int)) % 3]
-    return np.where(shown[..., None], picture, 0).astype(np.uint8), shown
+    image = colors[(sector + (radius // 12).astype(int)) % 3]
+    return np.where(shown[..., None], image, 0).astype(np.uint8), shown
 
 
 @pytest.mark.parametrize("name", list(BY_NAME))
 def test_each_level_changes_more_than_the_one_before(name):
-    picture, shown = _picture()
+    image, shown = _image()
     cause = BY_NAME[name]
     changes = []
     for level in cause.levels:
-        changed = degraded(picture, shown, GEOMETRY, cause, level, 12)
-        assert changed.shape == picture.shape
+        changed = degraded(image, shown, GEOMETRY, cause, level, 12)
+        assert changed.shape == image.shape
         assert np.all(changed[~shown] == 0)
-        changes.append(np.abs(changed[shown].astype(float) - picture[shown]).mean())
+        changes.append(np.abs(changed[shown].astype(float) - image[shown]).mean())
     assert 0.0 < changes[0] < changes[1] < changes[2]
 
 
 def test_defocus_is_the_cameras():
-    picture, shown = _picture()
-    light = np.concatenate((picture / 255.0, shown[..., None]), axis=-1).astype(np.float32)
+    image, shown = _image()
+    light = np.concatenate((image / 255.0, shown[..., None]), axis=-1).astype(np.float32)
     quick = BY_NAME["defocus"].apply(light, GEOMETRY, 2.0, 0)
-    wanted = Defocus(centre_defocus_px=2.0, rim_defocus_px=2.0).apply(light, GEOMETRY)
+    wanted = Defocus(center_defocus_px=2.0, rim_defocus_px=2.0).apply(light, GEOMETRY)
     inside = shown & (np.hypot(*(np.mgrid[:SIZE, :SIZE] - 0.5 * (SIZE - 1))) < 0.5 * SIZE - 4)
     # float32 through a Fourier transform
     np.testing.assert_allclose(quick[inside], wanted[inside], atol=2e-5)

@@ -41,7 +41,7 @@ def test_single_rays(name):
 def test_room_of_gradients(name):
     """Reflected light is lost, and darkens nothing."""
     system = validation_systems()[name].scaled(0.2)
-    traced = PhysicalOptics(system, POSE).picture(scene_of([room()]), 64)
+    traced = PhysicalOptics(system, POSE).image(scene_of([room()]), 64)
     steps = (np.arange(4) + 0.5) / 4.0 - 0.5
     inside, total = np.ones(traced.shape[:2], dtype=bool), 0.0
     for right in steps:
@@ -67,7 +67,7 @@ def test_other_cameras_and_windows_are_refused():
     system = validation_systems()["sphere"]
     aside = dataclasses.replace(system.surfaces[0], rim_center_m=(0.001, 0.0))
     with pytest.raises(OpticsError, match="sphere: expected a rim about the axis"):
-        PhysicalOptics(dataclasses.replace(system, surfaces=(aside,)), POSE).picture(
+        PhysicalOptics(dataclasses.replace(system, surfaces=(aside,)), POSE).image(
             scene_of([room()]), 1
         )
 

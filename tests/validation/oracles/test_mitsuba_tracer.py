@@ -1,6 +1,6 @@
 """Mitsuba's rays, reflected by a mesh of metal, against ours, which know no mesh.
 
-Small scenes first, whose every colour is known; then our own renderer.
+Small scenes first, whose every color is known; then our own renderer.
 """
 
 import dataclasses
@@ -156,7 +156,7 @@ def test_unsupported_materials_are_refused():
     coordinates = np.zeros((8, 2), dtype=np.float32)
     mesh = dataclasses.replace(room(), texture_coordinates=coordinates)
     textured = Material("rug", texture=texture, double_sided=True)
-    with pytest.raises(SceneError, match="'rug': Mitsuba has no texture times vertex colours"):
+    with pytest.raises(SceneError, match="'rug': Mitsuba has no texture times vertex colors"):
         mitsuba_tracer.trace_mirror(scene_of([mesh], [textured]), _camera(), LOOKING_UP, 1)
     mesh = dataclasses.replace(mesh, colors=None)
     with pytest.raises(SceneError, match="'rug': Mitsuba wraps u and v"):
@@ -176,7 +176,7 @@ def test_seeds_and_variant():
 
 
 def _reflected(camera, pixels, distance_m):
-    """Points of Mitsuba's rays at `distance_m`, optical frame, metres."""
+    """Points of Mitsuba's rays at `distance_m`, optical frame, meters."""
     mi.set_variant(mitsuba_scene.VARIANT)
     units_per_m = mitsuba_tracer.RIM_UNITS / camera.mirror.rim_radius_m
     sensor = mi.load_dict(mitsuba_tracer.pinhole(camera, np.eye(3), units_per_m, 1))
@@ -205,11 +205,11 @@ def test_rays_as_traced():
     lengths_px = np.linalg.norm(errors_px, axis=-1)
     assert lengths_px.mean() < 0.0008
     assert lengths_px.max() < 0.002
-    assert np.abs(errors_px.mean(axis=0)).max() < 0.0002  # nor is the picture displaced
+    assert np.abs(errors_px.mean(axis=0)).max() < 0.0002  # nor is the image displaced
 
 
 def _facet_errors_px(camera, rings, sectors):
-    """Displacements of rays by facets with interpolated normals, over the picture, float64."""
+    """Displacements of rays by facets with interpolated normals, over the image, float64."""
     mirror = camera.mirror
     vertices, triangles = mitsuba_tracer.mirror_mesh(mirror, rings, sectors)
     assert np.abs(mirror.equation_residual(vertices)).max() < 1e-12
@@ -226,9 +226,9 @@ def _facet_errors_px(camera, rings, sectors):
     seen = points - (0.0, 0.0, mirror.c_m)
     reflected = seen - 2.0 * np.sum(seen * normal, axis=1, keepdims=True) * normal
     optical = reflected @ MIRROR_FROM_OPTICAL
-    in_picture = camera.focal_length_px * (seen @ MIRROR_FROM_OPTICAL)[:, :2] / -seen[:, 2:]
-    in_picture += camera.principal_point_px
-    return np.linalg.norm(camera.pixel_from_ray(optical).positions_px - in_picture, axis=1)
+    in_image = camera.focal_length_px * (seen @ MIRROR_FROM_OPTICAL)[:, :2] / -seen[:, 2:]
+    in_image += camera.principal_point_px
+    return np.linalg.norm(camera.pixel_from_ray(optical).positions_px - in_image, axis=1)
 
 
 def test_facets_are_fine_enough():
@@ -257,7 +257,7 @@ def test_other_mirrors():
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 def test_courtyard():
-    """Our picture, averaged to have each pixel's area, is the one that the real mirror shows."""
+    """Our image, averaged to have each pixel's area, is the one that the real mirror shows."""
     scene = opaque_only(load_scene("courtyard", sky="none"))
     fine = OmniCamera(polygons=None).resized(8 * SIZE_PX)
     base = fine.base_pose(scene.start.position_m, yaw_deg=20.0)

@@ -50,7 +50,7 @@ def test_a_mirrored_instance_keeps_its_front_outside():
     assert np.allclose(_heights(scene, -0.5), [0.5])
 
 
-def test_corners_keep_their_colours_and_coordinates_when_turned():
+def test_corners_keep_their_colors_and_coordinates_when_turned():
     mesh = dataclasses.replace(
         _floor(),
         colors=np.concatenate((np.eye(3), np.ones((3, 1))), axis=1).astype(np.float32),

@@ -13,18 +13,18 @@ from omnisim.validation.plots.contact_sheet import (
 )
 
 
-def test_pictures_stand_pixel_for_pixel_below_their_titles(tmp_path):
+def test_images_stand_pixel_for_pixel_below_their_titles(tmp_path):
     generator = np.random.default_rng(0)
-    picture = generator.integers(0, 256, (40, 60, 3), dtype=np.uint8)
-    grey = generator.integers(0, 256, (30, 20), dtype=np.uint8)
-    tiles = [("noise", picture), ("grey", grey), ("large", magnified(grey, 2))]
+    image = generator.integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    gray = generator.integers(0, 256, (30, 20), dtype=np.uint8)
+    tiles = [("noise", image), ("gray", gray), ("large", magnified(gray, 2))]
     sheet = contact_sheet(tiles, 2)
     cell = np.array([60 + TITLE_PX + GAP_PX, 60 + GAP_PX])
     assert sheet.shape == (2 * cell[0] + GAP_PX, 2 * cell[1] + GAP_PX, 3)
     top = GAP_PX + TITLE_PX
-    np.testing.assert_array_equal(sheet[top : top + 40, GAP_PX : GAP_PX + 60], picture)
+    np.testing.assert_array_equal(sheet[top : top + 40, GAP_PX : GAP_PX + 60], image)
     left = GAP_PX + cell[1] + 20  # in the middle of its cell
-    np.testing.assert_array_equal(sheet[top : top + 30, left : left + 20, 1], grey)
+    np.testing.assert_array_equal(sheet[top : top + 30, left : left + 20, 1], gray)
     title = sheet[GAP_PX:top, GAP_PX : GAP_PX + 60]
     assert title.min() < 100 < title.mean()  # dark letters on white
     save_contact_sheet(tmp_path / "sheet.png", tiles, 2)
@@ -32,7 +32,7 @@ def test_pictures_stand_pixel_for_pixel_below_their_titles(tmp_path):
 
 
 def test_long_titles_stay_in_their_cells():
-    tiles = [("a title that is much longer than its picture is wide", np.zeros((9, 80), np.uint8))]
+    tiles = [("a title that is much longer than its image is wide", np.zeros((9, 80), np.uint8))]
     sheet = contact_sheet([*tiles, ("", tiles[0][1])], 2)
     dark = np.flatnonzero((sheet[GAP_PX : GAP_PX + TITLE_PX] < 128).any(axis=(0, 2)))
     assert dark.size

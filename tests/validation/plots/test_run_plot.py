@@ -15,8 +15,8 @@ from omnisim.validation.plots.run_plot import RunDrawing, run_figure, steps_to_s
 def _figure(places_m, steps, scene=None, title="a run"):
     places = np.array(places_m, dtype=np.float64)
     truth = Trajectory.on_ground(np.arange(len(places)), places, np.zeros(len(places)))
-    pictures = {step: np.zeros((8, 8, 3), np.uint8) for step in steps}
-    return run_figure(title, scene, [RunDrawing(truth, places, pictures)])
+    images = {step: np.zeros((8, 8, 3), np.uint8) for step in steps}
+    return run_figure(title, scene, [RunDrawing(truth, places, images)])
 
 
 def test_steps_at_one_place_share_a_label():
@@ -45,7 +45,7 @@ def test_a_scene_where_everything_moves_is_drawn_as_it_begins():
     assert list(map(len, still)) == list(map(len, begun))
 
 
-def test_one_picture_does_not_fill_the_page():
+def test_one_image_does_not_fill_the_page():
     figure = _figure([(0.0, 0.0)], steps_to_show(1))
     assert len(figure.axes) == 2
     figure.draw_without_rendering()

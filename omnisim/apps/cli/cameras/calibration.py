@@ -90,7 +90,7 @@ def _source(request: ConvertRequest) -> tuple[Path, list[float]]:
         if request.source is None:
             raise CalibrationError("FILE: missing: expected a calibration file, or --optics FILE")
         if more_m and request.at_distance is None:
-            raise CalibrationError(f"METRES: expected --at-distance before them, got {more_m[0]:g}")
+            raise CalibrationError(f"METERS: expected --at-distance before them, got {more_m[0]:g}")
         return Path(request.source), more_m
     if request.source is not None:
         try:
@@ -174,7 +174,7 @@ def show(request: ShowRequest) -> None:
 def read_calibration(
     path: Path, camera_name: str | None, format: str | None, mirrored: bool | None
 ) -> Calibration:
-    """Read a calibration from a calibration file, a sensor file or a picture; print its notes.
+    """Read a calibration from a calibration file, a sensor file or an image; print its notes.
 
     Raises:
         OmnisimError: naming the file and the key.
@@ -213,18 +213,18 @@ def select_camera(calibration: Calibration, name: str | None) -> Calibration:
 
 
 def _own_camera(path: Path) -> CentralCamera | None:
-    """Camera of a sensor file or of a picture, by the file's suffix; None: of neither."""
+    """Camera of a sensor file or of an image, by the file's suffix; None: of neither."""
     suffix = path.suffix.lower()
     if suffix == ".toml":
         return OmniCamera.from_file(path).model
-    return _picture_camera(path) if suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES else None
+    return _image_camera(path) if suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES else None
 
 
-def _picture_camera(path: Path) -> CentralCamera:
+def _image_camera(path: Path) -> CentralCamera:
     _, metadata = read_image(path)
     parameters = None if metadata is None else metadata.get("camera")
     if not isinstance(parameters, dict):
-        raise CalibrationError(f"{path}: expected a picture of omnisim's, got one without a camera")
+        raise CalibrationError(f"{path}: expected an image of omnisim's, got one without a camera")
     try:
         return camera_of_parameters(parameters)
     except OmnisimError as reason:
@@ -257,13 +257,13 @@ def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     if calibrated.file_model not in (None, model):
         rows.append(("in the file", f"{calibrated.file_model}"))
     width, height = parameters.pop("width_px"), parameters.pop("height_px")
-    rows.append(("picture", f"{width} × {height} px"))
+    rows.append(("image", f"{width} × {height} px"))
     rows += [_parameter_row(key, value) for key, value in parameters.items()]
     seen = field_of_view(camera)
     axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
     across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
     rows.append(("field of view", f"{across:.1f}° × {upright:.1f}°"))
-    rows.append(("largest θ", f"{math.degrees(seen.theta_max_rad):.2f}° in the picture{axis}"))
+    rows.append(("largest θ", f"{math.degrees(seen.theta_max_rad):.2f}° in the image{axis}"))
     rows.append(("the model ends", _model_limit(camera, seen.theta_limit_rad)))
     rows.append(("valid pixels", f"{100.0 * seen.covered:.1f} %"))
     return rows

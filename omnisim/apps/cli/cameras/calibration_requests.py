@@ -11,9 +11,7 @@ from omnisim.apps.cli.completion import CALIBRATION_FORMATS, one_of
 
 SourceArgument = Annotated[
     Path,
-    typer.Argument(
-        metavar="FILE", help="Calibration file, sensor file, or a picture of omnisim's."
-    ),
+    typer.Argument(metavar="FILE", help="Calibration file, sensor file, or an image of omnisim's."),
 ]
 FormatOption = Annotated[
     str | None,
@@ -68,7 +66,7 @@ class ConvertRequest:
         list[float] | None,
         typer.Option(
             "--at-distance",
-            metavar="METRES",
+            metavar="METERS",
             help="Optics: tell residuals for points at these distances: --at-distance 0.3 1 5.",
             show_default="0.3, 1 and 5",
         ),
@@ -77,7 +75,7 @@ class ConvertRequest:
         float | None,
         typer.Option(
             "--right-at",
-            metavar="METRES",
+            metavar="METERS",
             help="Optics: fit points at this distance from the viewpoint.",
             show_default="infinity",
         ),
@@ -86,13 +84,13 @@ class ConvertRequest:
         str | None,
         typer.Argument(
             metavar="FILE",
-            help="Calibration file, sensor file, or a picture of omnisim's.",
+            help="Calibration file, sensor file, or an image of omnisim's.",
             show_default=False,
         ),
     ] = None
     more_distances: Annotated[
         list[float] | None,
-        typer.Argument(metavar="METRES", help="More distances.", show_default=False),
+        typer.Argument(metavar="METERS", help="More distances.", show_default=False),
     ] = None
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnisim.apps.cli.console import out
+from omnisim.apps.cli.images.image_requests import MirrorRequest
 from omnisim.apps.cli.inputs import read_sensor
-from omnisim.apps.cli.pictures.picture_requests import MirrorRequest
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.mirror_mesh_error import MeshError, mesh_error
@@ -45,7 +45,7 @@ def run(request: MirrorRequest) -> None:
         f"rim radius {1000.0 * model.mirror.rim_radius_m:.4g} mm",
         markup=False,
     )
-    _print_error(f"in a picture of it {2.0 * model.rim_radius_px:.4g} px wide", error)
+    _print_error(f"in an image of it {2.0 * model.rim_radius_px:.4g} px wide", error)
 
 
 def _write_profile(request: MirrorRequest) -> None:
@@ -98,7 +98,7 @@ def _write_surface(request: MirrorRequest, optics: Path) -> None:
         markup=False,
     )
     if is_seen:
-        _print_error("in the system's picture", SystemMeshErrors(system).of(polygons))
+        _print_error("in the system's image", SystemMeshErrors(system).of(polygons))
 
 
 def _print_error(where: str, error: MeshError) -> None:

@@ -35,7 +35,7 @@ from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_t
 from omnisim.core.short_repr import counted
 
 _FATES = {
-    Fate.OUTSIDE: "outside the lens's own picture",
+    Fate.OUTSIDE: "outside the lens's own image",
     Fate.MISSED: "pass a surface",
     Fate.RIM: "outside a rim or in a hole",
     Fate.TOTAL_REFLECTION: "totally reflected",
@@ -61,7 +61,7 @@ def check(request: OpticsCheckRequest) -> None:
     if len(apart_px):
         drawn = "is drawn" if system.chromatic else "chromatic = true draws it"
         out.print(
-            f"lateral colour: R and B of far points are {apart_px.mean():.2g} px apart on average, "
+            f"lateral color: R and B of far points are {apart_px.mean():.2g} px apart on average, "
             f"{apart_px.max():.2g} px at most; {drawn}",
             markup=False,
         )

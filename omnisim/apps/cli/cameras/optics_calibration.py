@@ -35,7 +35,7 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
     found = calibrate_system(table, keys, boards, str(request.system))
     corners = sum(len(board.points_m) for board in boards)
     summary = (
-        f"{pluralize(len(boards), 'picture')}, {pluralize(corners, 'corner')}: RMS "
+        f"{pluralize(len(boards), 'image')}, {pluralize(corners, 'corner')}: RMS "
         f"{_rms(found.before_px):.3g} px before, {_rms(found.errors_px):.3g} px after, at most "
         f"{np.linalg.norm(found.errors_px, axis=1).max():.3g} px"
     )
@@ -50,7 +50,7 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
 
 
 def _rms(errors_px: Floats) -> float:
-    """Root mean square of errors (n, 2) along an axis of the picture."""
+    """Root mean square of errors (n, 2) along an axis of the image."""
     return float(np.sqrt(np.mean(errors_px * errors_px)))
 
 

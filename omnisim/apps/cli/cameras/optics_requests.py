@@ -23,14 +23,14 @@ class OpticsCheckRequest:
         list[float] | None,
         typer.Option(
             "--at-distance",
-            metavar="METRES",
+            metavar="METERS",
             help="Distances of points from the viewpoint: --at-distance 0.3 1 5.",
             show_default="0.3, 1 and 5",
         ),
     ] = None
     more_distances: Annotated[
         list[float] | None,
-        typer.Argument(metavar="METRES", help="More distances.", show_default=False),
+        typer.Argument(metavar="METERS", help="More distances.", show_default=False),
     ] = None
 
 
@@ -58,7 +58,7 @@ class OpticsRaysRequest:
         typer.Option(
             "--color",
             metavar="R|G|B",
-            help="Wavelength of a colour.",
+            help="Wavelength of a color.",
             show_default="that of the file",
         ),
     ] = None
@@ -79,7 +79,7 @@ class OpticsDesignRequest:
     ]
     distance_m: Annotated[
         float,
-        typer.Option("--distance", metavar="METRES", help="From the pinhole to the mirror's tip."),
+        typer.Option("--distance", metavar="METERS", help="From the pinhole to the mirror's tip."),
     ]
     half_angle_deg: Annotated[
         float,
@@ -99,14 +99,14 @@ class OpticsDesignRequest:
         float | None,
         typer.Option(
             "--equi-ground",
-            metavar="METRES",
+            metavar="METERS",
             help="Constant resolution on the ground, up to this distance at the rim.",
         ),
     ] = None
     height_m: Annotated[
         float | None,
         typer.Option(
-            "--height", metavar="METRES", help="Pinhole above the ground, for --equi-ground."
+            "--height", metavar="METERS", help="Pinhole above the ground, for --equi-ground."
         ),
     ] = None
     size_px: Annotated[
@@ -147,7 +147,7 @@ class OpticsCalibrateRequest:
         Path,
         typer.Argument(
             metavar="CORNERS",
-            help="Corners of a flat board: .csv, picture,x_m,y_m,u_px,v_px.",
+            help="Corners of a flat board: .csv, image,x_m,y_m,u_px,v_px.",
             show_default=False,
         ),
     ]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from omnisim.apps.cli.console import out
-from omnisim.apps.cli.pictures.picture_requests import SensorRequest
+from omnisim.apps.cli.images.image_requests import SensorRequest
 from omnisim.cameras import HyperbolicCamera, NonCentralCamera
 from omnisim.cameras.camera import ParameterValue
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -75,7 +75,7 @@ def _mirror_lines(sensor: OmniCamera, camera: HyperbolicCamera) -> list[str]:
         f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
         f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
         f"  mesh     {mesh_text(sensor)}",
-        f"  picture  {camera.width_px} × {camera.height_px} px, "
+        f"  image  {camera.width_px} × {camera.height_px} px, "
         f"focal length {camera.focal_length_px:.6g} px, "
         f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",
     ]

@@ -34,7 +34,7 @@ def info(request: DatasetInfoRequest) -> None:
     statistics = manifest.statistics
     rows = {
         "title": manifest.title,
-        "licence": manifest.licence or "unknown",
+        "license": manifest.license or "unknown",
         "samples": f"{statistics.samples} in {pluralize(len(manifest.shards), 'shard')}",
         "size": f"{manifest.size_bytes / 1e6:.1f} MB",
         "channels": ", ".join(manifest.channels) or "none",

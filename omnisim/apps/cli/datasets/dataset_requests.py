@@ -28,7 +28,7 @@ class GenerateRequest:
             "--output",
             metavar="DIR",
             help="Folder of the data set; shards that are there stay. With --preview and --map: a "
-            "picture.",
+            "image.",
         ),
     ] = None
     shards: Annotated[

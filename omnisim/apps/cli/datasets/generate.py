@@ -17,7 +17,7 @@ from rich.progress import (
 from omnisim.apps.cli.completion import ENGINES
 from omnisim.apps.cli.console import err, out, pluralize, print_note, track
 from omnisim.apps.cli.datasets.dataset_requests import GenerateRequest
-from omnisim.apps.cli.pictures.recording import RateColumn
+from omnisim.apps.cli.images.recording import RateColumn
 from omnisim.core.errors import OmnisimError, OutputError, PlanError, did_you_mean
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -88,7 +88,7 @@ def _check(request: GenerateRequest) -> None:
             free = prepared.free_space(number)
             out.print(f"{scene.name}: {free.area_m2:.1f} m² of free floor", markup=False)
     out.print(
-        f"{request.plan}: {pluralize(plan.pictures, 'sample')} in "
+        f"{request.plan}: {pluralize(plan.images, 'sample')} in "
         f"{pluralize(plan.shards, 'shard')}; plan {prepared.fingerprint}",
         markup=False,
     )
@@ -100,7 +100,7 @@ def _preview(request: GenerateRequest, count: int) -> None:
     check_target(request.output)
     prepared = PreparedPlan.read(request.plan)
     prepared.check_setups()
-    count = min(count, prepared.plan.pictures)
+    count = min(count, prepared.plan.images)
     renderer = SampleRenderer(prepared, request.device)
     samples: dict[int, SampleTiles] = {}
     try:
@@ -175,7 +175,7 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
         steps = make_shards_on_ray(generation.job, generation.missing, request.address)
     else:
         steps = generation.run()
-    each = generation.prepared.plan.pictures_per_shard
+    each = generation.prepared.plan.images_per_shard
     total = each * len(generation.missing)
     done: dict[int, int] = {}
     try:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from omnisim.apps.cli.console import print_note
-from omnisim.apps.cli.pictures.recording import as_requested, drive_of, record
+from omnisim.apps.cli.images.recording import as_requested, drive_of, record
 from omnisim.apps.cli.runs.run_requests import DriveRequest
 from omnisim.core.errors import RunError
 from omnisim.core.extras import require_extra

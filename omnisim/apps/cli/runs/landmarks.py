@@ -16,7 +16,7 @@ from omnisim.perception.landmarks.color_training import Training
 from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.runs.run_labels import train_on_run
-from omnisim.runs.single_picture import SinglePicture, read_single_picture
+from omnisim.runs.single_image import SingleImage, read_single_image
 
 MAX_COST = 1e9  # past any that makes sense, and far from where a float ends
 SHOWN = 6  # panoramas in the figure
@@ -24,7 +24,7 @@ LISTED = 8  # steps in a note
 
 
 def train(request: TrainRequest) -> None:
-    """Learn colours from a run, write the model and print its rates."""
+    """Learn colors from a run, write the model and print its rates."""
     for option, cost in (("--missed", request.missed), ("--false-alarm", request.false_alarm)):
         if not 1.0 / MAX_COST <= cost <= MAX_COST:
             raise LocalizationError(
@@ -41,14 +41,14 @@ def train(request: TrainRequest) -> None:
     for notice in run.notices:
         print_note(notice)
     color_model_file.save_model(request.output, trained.model, run.landmarks)
-    colors, pictures = len(trained.model.colors), pluralize(trained.pictures, "picture")
-    out.print(f"{request.output}: {colors} colours from {pictures}", markup=False)
+    colors, images = len(trained.model.colors), pluralize(trained.images, "image")
+    out.print(f"{request.output}: {colors} colors from {images}", markup=False)
     for line in _color_lines(trained):
         out.print(line, markup=False)
 
 
 def _color_lines(trained: Training) -> list[str]:
-    """Pixels, threshold and rates of each colour."""
+    """Pixels, threshold and rates of each color."""
     model, lines = trained.model, []
     for name, theta, curve, counts in zip(
         model.colors, model.thresholds, trained.curves, model.counts[1:], strict=True
@@ -75,7 +75,7 @@ def detect(request: DetectRequest) -> None:
         check_plot_target(request.show)
     model, landmarks = color_model_file.load_model(request.model)
     is_run = request.source.is_dir()
-    source = _open_run(request) if is_run else _open_picture(request)
+    source = _open_run(request) if is_run else _open_image(request)
     try:
         detector = LandmarkDetector(model, landmarks, source.mount)
     except LocalizationError as reason:
@@ -84,7 +84,7 @@ def detect(request: DetectRequest) -> None:
     detections: list[tuple[int, Detection]] = []
     rows, empty = [], []
     for step in track(range(source.steps), "detecting", source.steps):
-        panorama = detector.panorama(source.picture(step))
+        panorama = detector.panorama(source.image(step))
         found = detector.find(panorama)
         detections += [(step, detection) for detection in found]
         if not found:
@@ -101,7 +101,7 @@ def detect(request: DetectRequest) -> None:
         write_plot(request.show, detections_figure(rows))
     out.print(
         f"{request.output or request.show or request.source}: "
-        f"{pluralize(len(detections), 'landmark')} in {pluralize(source.steps, 'picture')}",
+        f"{pluralize(len(detections), 'landmark')} in {pluralize(source.steps, 'image')}",
         markup=False,
     )
     if not is_run:
@@ -110,25 +110,25 @@ def detect(request: DetectRequest) -> None:
     for notice in source.notices:
         print_note(notice)
     if detector.ignored:
-        print_note(f"{', '.join(detector.ignored)}: not detected: the model lacks their colours")
+        print_note(f"{', '.join(detector.ignored)}: not detected: the model lacks their colors")
     if empty and is_run:
         steps = ", ".join(map(str, empty[:LISTED])) + (", ..." if len(empty) > LISTED else "")
-        print_note(f"no landmark in {pluralize(len(empty), 'picture')}: {steps}")
+        print_note(f"no landmark in {pluralize(len(empty), 'image')}: {steps}")
 
 
 def _open_run(request: DetectRequest) -> RunData:
     for option, value in (("--height", request.height_m), ("--sensor", request.sensor)):
         if value is not None:
-            raise OpticsError(f"{option}: expected a picture, got the run {request.source}")
+            raise OpticsError(f"{option}: expected an image, got the run {request.source}")
     return read_run(request.source, request.scene, request.camera_name)
 
 
-def _open_picture(request: DetectRequest) -> SinglePicture:
+def _open_image(request: DetectRequest) -> SingleImage:
     for option, value in (("--scene", request.scene), ("--camera-name", request.camera_name)):
         if value is not None:
-            raise OpticsError(f"{option}: expected a run, got the picture {request.source}")
+            raise OpticsError(f"{option}: expected a run, got the image {request.source}")
     sensor = None if request.sensor is None else read_sensor(request.sensor)
-    return read_single_picture(request.source, request.height_m, sensor)
+    return read_single_image(request.source, request.height_m, sensor)
 
 
 def _measurement(detection: Detection) -> str:

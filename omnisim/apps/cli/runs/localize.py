@@ -31,7 +31,7 @@ def run(request: LocalizeRequest) -> None:
     colors = _read_colors(request.model)
     notices = data.notices
     if colors is None:
-        notices.append("colours were learned from this run's own labels, which no robot has")
+        notices.append("colors were learned from this run's own labels, which no robot has")
         colors = train_on_run(data, Costs()).model
     try:
         detector = LandmarkDetector(colors, data.landmarks, data.mount)
@@ -41,15 +41,13 @@ def run(request: LocalizeRequest) -> None:
     at = set(np.linspace(0, data.steps - 1, min(SHOWN, data.steps)).round().astype(int).tolist())
     detections, shown = [], []
     for step in track(range(data.steps), "detecting", data.steps):
-        panorama = detector.panorama(data.picture(step))
+        panorama = detector.panorama(data.image(step))
         detections.append(detector.find(panorama))
         if step in at:
             title = f"step {step}: {pluralize(len(detections[-1]), 'landmark')}"
             shown.append((title, panorama, detections[-1]))
     if detector.ignored:
-        notices.append(
-            f"{', '.join(detector.ignored)}: not detected: the model lacks their colours"
-        )
+        notices.append(f"{', '.join(detector.ignored)}: not detected: the model lacks their colors")
     observations = [
         [observation_from_detection(each, chosen.measurement) for each in found]
         for found in detections

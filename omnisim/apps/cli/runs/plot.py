@@ -41,18 +41,18 @@ def run(request: PlotRequest) -> None:
 
 
 def _drawing(run: RunFolder, name: str) -> RunDrawing:
-    """Paths of a run, and the pictures of its first camera."""
+    """Paths of a run, and the images of its first camera."""
     truth = read_trajectory(run.path / GROUND_TRUTH)
     run.check_steps(GROUND_TRUTH, len(truth))
     reckoned = _dead_reckoned(run)
     if notice := run.unfinished():
         print_note(notice)
-    pictures = {}
+    images = {}
     if run.manifest.cameras:
         camera, done = run.camera(), run.steps_done()
         shown = [step for step in steps_to_show(len(truth)) if step < done]
-        pictures = {step: _image(run, camera, step) for step in shown}
-    return RunDrawing(truth, reckoned, pictures, name)
+        images = {step: _image(run, camera, step) for step in shown}
+    return RunDrawing(truth, reckoned, images, name)
 
 
 def _image(run: RunFolder, camera: str, step: int) -> NDArray[np.uint8]:

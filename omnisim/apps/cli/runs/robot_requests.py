@@ -52,8 +52,8 @@ class ImportRequest:
         bool,
         typer.Option(
             "--unreal-units",
-            help="Read the file in Unreal units: 250 to a metre, z up, 65536 to a turn.",
-            show_default="metres, z down, radians",
+            help="Read the file in Unreal units: 250 to a meter, z up, 65536 to a turn.",
+            show_default="meters, z down, radians",
         ),
     ] = False
     origin_height_m: Annotated[

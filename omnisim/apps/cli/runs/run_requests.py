@@ -178,7 +178,7 @@ class LocalizeRequest:
         typer.Option(
             "--model",
             metavar="FILE",
-            help="Colour model of `omnisim landmarks train`: .npz.",
+            help="Color model of `omnisim landmarks train`: .npz.",
             show_default="learned from the run's own labels",
         ),
     ] = None
@@ -268,7 +268,7 @@ class ExportRequest:
     compressed: Annotated[
         bool,
         typer.Option(
-            "--compressed", help="Pictures as PNG, where a format has pixels or PNG: ros2-*."
+            "--compressed", help="Images as PNG, where a format has pixels or PNG: ros2-*."
         ),
     ] = False
     with_points: Annotated[
@@ -284,7 +284,7 @@ class TrainRequest:
     run: RunArgument
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FILE", help="Colour model: .npz."),
+        typer.Option("-o", "--output", metavar="FILE", help="Color model: .npz."),
     ]
     missed: Annotated[
         float,
@@ -307,12 +307,12 @@ class DetectRequest:
     """Parameters of `omnisim landmarks detect`."""
 
     source: Annotated[
-        Path, typer.Argument(metavar="PICTURE|RUN", help="A picture of omnisim's, or a run.")
+        Path, typer.Argument(metavar="IMAGE|RUN", help="An image of omnisim's, or a run.")
     ]
     model: Annotated[
         Path,
         typer.Option(
-            "--model", metavar="FILE", help="Colour model of `omnisim landmarks train`: .npz."
+            "--model", metavar="FILE", help="Color model of `omnisim landmarks train`: .npz."
         ),
     ]
     output: Annotated[
@@ -332,8 +332,8 @@ class DetectRequest:
         typer.Option(
             "--height",
             metavar="M",
-            help="Height of a picture's viewpoint over the ground.",
-            show_default="the picture's z",
+            help="Height of an image's viewpoint over the ground.",
+            show_default="the image's z",
         ),
     ] = None
     scene: RunSceneOption = None
@@ -343,6 +343,6 @@ class DetectRequest:
         typer.Option(
             "--sensor",
             metavar="FILE",
-            help="Sensor file of a picture without metadata: .toml.",
+            help="Sensor file of an image without metadata: .toml.",
         ),
     ] = None

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from omnisim.apps.cli.console import out, pluralize
-from omnisim.apps.cli.pictures.picture_requests import SceneRequest
+from omnisim.apps.cli.images.image_requests import SceneRequest
 from omnisim.core.errors import printable
 from omnisim.core.extras import require_extra
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
@@ -127,7 +127,7 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
     rows = [_row(one) for one in shown]
     table = Table(box=None, pad_edge=False)
     table.add_column("instance", no_wrap=True)  # the only one that a narrow console cuts
-    for index, title in enumerate(("class", "triangles", "size (m)", "centre (m)", "textures"), 1):
+    for index, title in enumerate(("class", "triangles", "size (m)", "center (m)", "textures"), 1):
         width = max([len(title), *(len(row[index]) for row in rows)])
         table.add_column(title, no_wrap=True, min_width=width, justify="right")
     for row in rows:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.pictures.picture_requests import SceneConvertRequest
+from omnisim.apps.cli.images.image_requests import SceneConvertRequest
 from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
 from omnisim.scene import read_scene
 from omnisim.scene.files.source import resolve_source

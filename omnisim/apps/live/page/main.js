@@ -12,7 +12,7 @@ import { View, titleOf } from "./views.js";
 const FIRST = ["panorama", "map", "range"]; // views of a first visit
 const SMALL_FIRST = []; // on a phone
 const SHORTCUTS = ["panorama", "perspective", "birdseye", "map", "range"];
-const TURN_DEG = 180; // of a drag across a picture
+const TURN_DEG = 180; // of a drag across an image
 const views = new Map();
 const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, probedPoints: "", playing: 0 };
 const rates = [];
@@ -29,7 +29,7 @@ const stream = new Stream({
   frame: showFrame,
   map: (message) => {
     state.mapMessage = message;
-    state.map?.setPicture(message);
+    state.map?.setImage(message);
   },
   probe: showProbe,
   saved: (message) => download(message.name, message.parts[0].blob),
@@ -184,12 +184,12 @@ function sendViews() {
 }
 
 function addView(name) {
-  const view = new View(name, name === "map" ? mapHooks : pictureHooks);
+  const view = new View(name, name === "map" ? mapHooks : imageHooks);
   views.set(name, view);
   if (name !== "map") return;
   state.map = new FloorMap(view);
   state.map.update({ outline_m: state.about.outline_m, driven_m: state.about.driven_m });
-  if (state.mapMessage) state.map.setPicture(state.mapMessage);
+  if (state.mapMessage) state.map.setImage(state.mapMessage);
   if (state.frame.viewpoint) state.map.update({ place: state.frame.viewpoint, seen_m: state.frame.seen_m });
 }
 
@@ -211,7 +211,7 @@ function toggle(name) {
   showViews();
 }
 
-/** What the points of a picture depend on: place, time and camera, but not the other views. */
+/** What the points of an image depend on: place, time and camera, but not the other views. */
 function pointsOf({ viewpoint, time_s: time, step }) {
   return JSON.stringify([viewpoint, time, step, state.camera.text]);
 }
@@ -231,7 +231,7 @@ function probe(view, u, v) {
   send("probe", { view: view.name in state.about.channels ? "camera" : view.name, u, v, follow: views.has("perspective") && state.drives });
 }
 
-const pictureHooks = {
+const imageHooks = {
   probe,
   click: probe, // of a finger, which does not hover
   close: toggle,
@@ -309,9 +309,9 @@ function listen() {
   byId("wheel").onclick = () => send("wheel");
   for (const name of ["undo", "redo", "reset"]) byId(name).onclick = () => send(name);
   byId("save-toml").onclick = () => send("save", { what: "toml" });
-  byId("save-picture").onclick = () => {
+  byId("save-image").onclick = () => {
     toast("Rendering all channels …");
-    send("save", { what: "picture" });
+    send("save", { what: "image" });
   };
   byId("copy-command").onclick = copyCommand;
   byId("rate").onclick = () => {
@@ -341,7 +341,7 @@ function listen() {
 
 async function copyCommand() {
   const text = state.frame.command;
-  if (!text) return toast("Wait until the picture rests.");
+  if (!text) return toast("Wait until the image rests.");
   try {
     await navigator.clipboard.writeText(text);
     toast("Copied: paste it into a terminal.");

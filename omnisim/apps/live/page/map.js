@@ -1,11 +1,11 @@
-// Map from above: the scene's picture, and on it the robot, its path, what the camera sees.
+// Map from above: the scene's image, and on it the robot, its path, what the camera sees.
 
 const TRAIL = 2000; // points kept
 const TRAIL_STEP_M = 0.03;
 const WIDTH = 720;
 
 export class FloorMap {
-  #picture = null;
+  #image = null;
   #low = [0, 0];
   #high = [1, 1];
   #center = [0, 0];
@@ -19,9 +19,9 @@ export class FloorMap {
     view.canvas.height = Math.round(WIDTH * 0.75);
   }
 
-  async setPicture(message) {
-    const isFirst = this.#picture === null;
-    this.#picture = await createImageBitmap(message.parts[0].blob);
+  async setImage(message) {
+    const isFirst = this.#image === null;
+    this.#image = await createImageBitmap(message.parts[0].blob);
     [this.#low, this.#high] = [message.low_m, message.high_m];
     if (isFirst) this.fit();
     this.draw();
@@ -60,7 +60,7 @@ export class FloorMap {
     this.draw();
   }
 
-  /** Point (x, y) in metres of a place, as shares of the sides. */
+  /** Point (x, y) in meters of a place, as shares of the sides. */
   world(u, v) {
     const { width, height } = this.view.canvas;
     return [
@@ -95,11 +95,11 @@ export class FloorMap {
     const context = this.view.canvas.getContext("2d");
     const { width, height } = this.view.canvas;
     context.clearRect(0, 0, width, height);
-    if (this.#picture) {
+    if (this.#image) {
       const [left, top] = this.#pixel([this.#low[0], this.#high[1]]);
       const [right, bottom] = this.#pixel([this.#high[0], this.#low[1]]);
       context.imageSmoothingQuality = "high";
-      context.drawImage(this.#picture, left, top, right - left, bottom - top);
+      context.drawImage(this.#image, left, top, right - left, bottom - top);
     }
     const { place, seen_m: seen, driven_m: driven, goal, point } = this.#state;
     if (seen?.length) {

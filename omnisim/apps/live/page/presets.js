@@ -6,7 +6,7 @@ const STRIP = [
   "hyperbolic", "perspective", "cylindrical", "equidistant", "stereographic", "equisolid", "orthographic",
   "kannala_brandt", "eucm", "double_sphere", "unified", "equirectangular", "f_theta", "f_theta_inverse",
   "parabolic", "ocamcalib", "radial_table", "gazebo", "planar", "elliptic",
-]; // pictures of lenses.jpg from top to bottom
+]; // images of lenses.jpg from top to bottom
 const ICON_PX = 40;
 
 /** @param choose takes the kind and the name of a preset. */

@@ -1,4 +1,4 @@
-// Tiles of pictures: each draws what arrives, marks a point, and tells what the mouse does.
+// Tiles of images: each draws what arrives, marks a point, and tells what the mouse does.
 
 import { make, short } from "./dom.js";
 

@@ -9,7 +9,7 @@
 | kb4 | … k1 k2 k3 k4 | kannala_brandt |
 
 `T_imu_cam` takes the camera to the IMU; where it is unknown the first camera stands for the IMU,
-which a key of omnisim's states. Pixels count from the first one's centre, as ours.
+which a key of omnisim's states. Pixels count from the first one's center, as ours.
 
 Source: basalt-headers, calibration and camera models; Usenko et al. 2018.
 """

@@ -6,8 +6,8 @@
 | rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | rational_polynomial, or as plumb_bob |
 | equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4 | kannala_brandt |
 
-Pixels count from the first one's centre, as ours. There is no model for rays at or past 90° from
-the axis: `P` and every rectified picture are a plane's.
+Pixels count from the first one's center, as ours. There is no model for rays at or past 90° from
+the axis: `P` and every rectified image are a plane's.
 
 Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
 """
@@ -60,7 +60,7 @@ class CameraInfo(Format[CameraInfoLens]):
         source: str,
         keys: tuple[str, str],
     ) -> CentralCamera:
-        """Lens of a picture's size, distortion model, K and D, whose keys are in messages.
+        """Lens of an image's size, distortion model, K and D, whose keys are in messages.
 
         Raises:
             CalibrationError: another model, or numbers that do not fit it.

@@ -6,7 +6,7 @@
 | PINHOLE | k1 k2 p1 p2; fx fy cx cy | perspective, unified with ξ = 0 |
 | KANNALA_BRANDT | k2 k3 k4 k5 mu mv u0 v0 | kannala_brandt, k1 … k4 |
 
-Pixels count from the first one's centre, as ours. There are no poses.
+Pixels count from the first one's center, as ours. There are no poses.
 
 Source: camodocal's camera_models; KITTI-360's documentation, "2D fisheye images".
 """

@@ -11,7 +11,7 @@
 | EUCM | eucm |
 | EQUIRECTANGULAR | equirectangular |
 
-COLMAP's first pixel has its centre at (0.5, 0.5), ours at (0, 0). There are no poses: they are in
+COLMAP's first pixel has its center at (0.5, 0.5), ours at (0, 0). There are no poses: they are in
 images.txt. COLMAP's own projection of fisheyes ends at 90°.
 
 Source: COLMAP's documentation, "Camera Models" and "Output Format".
@@ -66,7 +66,7 @@ MODELS = {
     "EQUIRECTANGULAR": "w h",
 }
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
-CENTRE_PX = 0.5  # of the first pixel
+CENTER_PX = 0.5  # of the first pixel
 ColmapLens = (
     UnifiedCamera
     | RationalPolynomialCamera
@@ -135,12 +135,12 @@ class Colmap(Format[ColmapLens]):
 def _lens(model: str, size: tuple[int, int], values: list[float], place: str) -> CentralCamera:
     if model == "EQUIRECTANGULAR":
         if tuple(values) != size:
-            raise unexpected(f"{place}: {model}", f"the picture's {size[0]} {size[1]}", values)
+            raise unexpected(f"{place}: {model}", f"the image's {size[0]} {size[1]}", values)
         return EquirectangularCamera(*size)
     if MODELS[model].startswith("f "):
         values = [values[0], *values]
     fx, fy, cx, cy, *shape = values
-    intrinsics = Intrinsics(*size, (fx, fy), (cx - CENTRE_PX, cy - CENTRE_PX))
+    intrinsics = Intrinsics(*size, (fx, fy), (cx - CENTER_PX, cy - CENTER_PX))
     four = (*shape, 0.0, 0.0, 0.0, 0.0)[:4]
     with error_context(place):
         if model == "EUCM":
@@ -164,7 +164,7 @@ def parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:
     if isinstance(lens, EquirectangularCamera):
         return "EQUIRECTANGULAR", (lens.width_px, lens.height_px)
     u, v = lens.principal_point_px
-    start = (*lens.focal_lengths_px, u + CENTRE_PX, v + CENTRE_PX)
+    start = (*lens.focal_lengths_px, u + CENTER_PX, v + CENTER_PX)
     if isinstance(lens, EucmCamera):
         return "EUCM", (*start, lens.alpha, lens.beta)
     if isinstance(lens, KannalaBrandtCamera):

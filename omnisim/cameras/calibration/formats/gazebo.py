@@ -9,9 +9,9 @@
 | orthographic | f sin θ | orthographic |
 | custom | by `<custom_function>` | gazebo |
 
-Radii are counted in half widths of the picture. With `scale_to_hfov` f follows from
+Radii are counted in half widths of the image. With `scale_to_hfov` f follows from
 `horizontal_fov`: its half reaches the left and right edges; without, f is the custom function's.
-`cutoff_angle` is θ_max. The axis is in the picture's middle; `<intrinsics>`, which pinhole cameras
+`cutoff_angle` is θ_max. The axis is in the image's middle; `<intrinsics>`, which pinhole cameras
 may have, count pixels from the first one's corner.
 
 Source: SDFormat's specification, camera/lens; Gazebo's wide-angle camera.
@@ -55,7 +55,7 @@ TYPES: Mapping[str, type[GazeboFisheye]] = {
 }
 FUNCTIONS = {"sin": math.sin, "tan": math.tan, "id": float}
 DEFAULT_CUTOFF_RAD = 1.5707
-CORNER_PX = 0.5  # from the first pixel's corner to its centre
+CORNER_PX = 0.5  # from the first pixel's corner to its center
 GazeboLens = PerspectiveCamera | GazeboCamera
 
 
@@ -69,7 +69,7 @@ class Gazebo(Format[GazeboLens]):
     fits = ((GazeboCamera, ANY),)
     signature = re.compile(r"\A\s*(?=<).*<(lens|horizontal_fov)\b", re.S)
     metadata_place = MetadataPlace.XML
-    centred = True
+    centerd = True
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
         """All cameras with a field of view."""
@@ -116,14 +116,14 @@ class Gazebo(Format[GazeboLens]):
 """
 
     def unsupported(self, lens: GazeboLens) -> str | None:
-        """Refuses a wide lens whose axis is beside the picture's middle."""
+        """Refuses a wide lens whose axis is beside the image's middle."""
         if isinstance(lens, PerspectiveCamera):
             return None
         u, v = lens.principal_point_px
         off_u, off_v = u - 0.5 * (lens.width_px - 1), v - 0.5 * (lens.height_px - 1)
         off = math.hypot(off_u, off_v)
         if off > 1e-9:
-            return f"its axis is in the picture's middle, this one's {off:.3g} px beside it"
+            return f"its axis is in the image's middle, this one's {off:.3g} px beside it"
         return None
 
 
@@ -153,7 +153,7 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
     for key in ("k1", "k2", "k3", "p1", "p2"):
         coefficient = _number(camera, f"distortion/{key}", 0.0, place)
         if coefficient:
-            expected = "0, as it distorts the picture after the lens"
+            expected = "0, as it distorts the image after the lens"
             raise unexpected(f"{place}: distortion/{key}", expected, coefficient)
     lens = camera.find("lens")
     kind = (lens.findtext("type") or "").strip() if lens is not None else "gnomonical"
@@ -180,12 +180,12 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
 def _focal_from_fov(
     fov: float, c1: float, c2: float, c3: float, function: str, place: str
 ) -> float:
-    """f in half widths, with which half the field of view reaches the picture's edge."""
+    """f in half widths, with which half the field of view reaches the image's edge."""
     if c2 == 0.0:
         raise unexpected(f"{place}: c2", "more than 0", c2)
     radius = c1 * FUNCTIONS[function](0.5 * fov / c2 + c3)
     if not 1e-9 < radius < 1e9:
-        expected = "an angle at which the lens reaches the picture's edge"
+        expected = "an angle at which the lens reaches the image's edge"
         raise unexpected(f"{place}: horizontal_fov", expected, fov)
     return 1.0 / radius
 

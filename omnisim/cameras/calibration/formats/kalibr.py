@@ -9,7 +9,7 @@
 | ds | xi alpha fu fv pu pv | none | double_sphere |
 | eucm | alpha beta fu fv pu pv | none | eucm |
 
-Pixels count from the first one's centre, as ours. `T_cn_cnm1` takes the camera before to this one,
+Pixels count from the first one's center, as ours. `T_cn_cnm1` takes the camera before to this one,
 `T_cam_imu` the IMU to it; a camera's stamp plus `timeshift_cam_imu` is the IMU's time. Kalibr reads
 floats only, so that all numbers are written with a point.
 

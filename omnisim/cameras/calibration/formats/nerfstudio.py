@@ -6,7 +6,7 @@
 | OPENCV_FISHEYE, FISHEYE | fl_x fl_y cx cy k1 k2 k3 k4 | kannala_brandt |
 | EQUIRECTANGULAR | | equirectangular |
 
-Its rays go through (u + 0.5, v + 0.5): the first pixel's centre is at (0.5, 0.5), ours at (0, 0).
+Its rays go through (u + 0.5, v + 0.5): the first pixel's center is at (0.5, 0.5), ours at (0, 0).
 `transform_matrix` takes the camera to the world, in OpenGL's axes (y up, z back): half a turn about
 x from ours. A frame's pose is named world_from_<its file_path>.
 
@@ -48,7 +48,7 @@ from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
-CENTRE_PX = 0.5  # of the first pixel
+CENTER_PX = 0.5  # of the first pixel
 OPENGL_FROM_OPENCV = np.array([1.0, -1.0, -1.0, 1.0])
 PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
 FISHEYES = ("OPENCV_FISHEYE", "FISHEYE")
@@ -114,7 +114,7 @@ class Nerfstudio(Format[NerfstudioLens]):
         for index, (place, values, poses) in enumerate(groups.values()):
             name = f"camera{index}" if len(groups) > 1 else "camera"
             lens = _lens(parse(values, _Intrinsics, place), place)
-            if len(groups) > 1 and len(poses) == 1:  # a camera a picture: of the same name
+            if len(groups) > 1 and len(poses) == 1:  # a camera an image: of the same name
                 name = poses[0].source
             cameras.append(ParsedCamera(name, lens, tuple(poses)))
         return cameras
@@ -149,8 +149,8 @@ def _lens(part: _Intrinsics, place: str) -> CentralCamera:
     other = focal if part.fl_y is None else part.fl_y
     u = 0.5 * part.w if part.cx is None else part.cx
     v = 0.5 * part.h if part.cy is None else part.cy
-    centre = u - CENTRE_PX, v - CENTRE_PX
-    intrinsics = Intrinsics(part.w, part.h, (focal, other), centre)
+    center = u - CENTER_PX, v - CENTER_PX
+    intrinsics = Intrinsics(part.w, part.h, (focal, other), center)
     with error_context(place):
         if model in FISHEYES:
             if part.p1 or part.p2:
@@ -175,7 +175,7 @@ def intrinsics(lens: NerfstudioLens) -> dict[str, Any]:
             **size,
         }
     (fx, fy), (u, v) = lens.focal_lengths_px, lens.principal_point_px
-    start = {"fl_x": fx, "fl_y": fy, "cx": u + CENTRE_PX, "cy": v + CENTRE_PX, **size}
+    start = {"fl_x": fx, "fl_y": fy, "cx": u + CENTER_PX, "cy": v + CENTER_PX, **size}
     if isinstance(lens, KannalaBrandtCamera):
         named = zip(("k1", "k2", "k3", "k4"), lens.coefficients, strict=True)
         return {"camera_model": "OPENCV_FISHEYE", **start, **dict(named)}

@@ -2,7 +2,7 @@
 
     N a0 a1 … a_{N−1}        the polynomial F(ρ)
     M p0 p1 … p_{M−1}        its inverse: ρ as a polynomial of atan(z/ρ), for cam2world's callers
-    row column               of the centre, from 0 unless a comment says MATLAB or "starting from 1"
+    row column               of the center, from 0 unless a comment says MATLAB or "starting from 1"
     c d e                    the affine map
     height width
 
@@ -28,7 +28,7 @@ from omnisim.cameras.calibration.fields import parse_number, parse_size, unexpec
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 
-BLOCKS = ("polynomial", "inverse polynomial", "centre", "affine parameters", "image size")
+BLOCKS = ("polynomial", "inverse polynomial", "center", "affine parameters", "image size")
 COUNTS = (0, 0, 2, 3, 2)  # of numbers; 0: the first number is the count of the others
 INVERSE_WITHIN_PX = 0.01  # as the toolbox's findinvpoly
 MAX_INVERSE_COEFFICIENTS = 25
@@ -71,9 +71,9 @@ class Ocamcalib(Format[OcamcalibCamera]):
         polynomial, _, (row, column), affine, _ = blocks
         height, width = (parse_size(word, place) for word in lines[-1][1])
         first = 1.0 if _FROM_ONE.search(text) else 0.0
-        centre = column - first, row - first
+        center = column - first, row - first
         with error_context(source):
-            lens = OcamcalibCamera(width, height, centre, tuple(polynomial), tuple(affine))
+            lens = OcamcalibCamera(width, height, center, tuple(polynomial), tuple(affine))
         return [ParsedCamera("camera", lens)]
 
     def encode(self, cameras: Sequence[ParsedCamera[OcamcalibCamera]]) -> str:
@@ -126,7 +126,7 @@ def _numbers(values: Sequence[float]) -> str:
 def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
     """Fewest coefficients of ρ by atan(F(ρ)/ρ) that come within a hundredth of a pixel.
 
-    Over the angles that the picture shows; the toolbox's world2cam needs them.
+    Over the angles that the image shows; the toolbox's world2cam needs them.
     """
     u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
     rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))

@@ -8,7 +8,7 @@
 | | K, D = k1 k2 p1 p2 k3 k4 k5 k6 (s1 s2 s3 s4 (τx τy)) | rational_polynomial |
 
 The matrices are `camera_matrix` and `distortion_coefficients`, or `K` and `D`; the size is
-`image_width` and `image_height`, or `image_size`. Pixels count from the first one's centre, as
+`image_width` and `image_height`, or `image_size`. Pixels count from the first one's center, as
 ours. Four coefficients without xi may be a fisheye's or a pinhole's: `fisheye_model` states which,
 as OpenCV's own calibration program writes it, or the named format.
 
@@ -71,7 +71,7 @@ IS_FISHEYE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*1\b", re.M)
 IS_PINHOLE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*0\b", re.M)
 
 
-class _Picture(ForeignTable):
+class _Image(ForeignTable):
     image_width: Size
     image_height: Size
 
@@ -116,9 +116,9 @@ class _Opencv(Format[LensT]):
             size = size.get("data") if isinstance(size, dict) else size
             if isinstance(size, list) and len(size) == 2:
                 data["image_width"], data["image_height"] = size
-        picture = parse(data, _Picture, source)
+        image = parse(data, _Image, source)
         key, matrix = _matrix(data, MATRIX_KEYS, source)
-        size_px = picture.image_width, picture.image_height
+        size_px = image.image_width, image.image_height
         intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {key}")
         if "skew" not in self.unified_terms:
             check_no_skew(skew_px, f"{source}: {key}")

@@ -3,7 +3,7 @@
     ρ = k1 θ + k2 θ² + k3 θ³ + k4 θ⁴ in pixels
     u = ρ X/χ + cx_offset + width/2 − 0.5,  v = a ρ Y/χ + cy_offset + height/2 − 0.5
 
-a is `aspect_ratio`, 1 in all of the data set. Pixels count from the first one's centre, as ours.
+a is `aspect_ratio`, 1 in all of the data set. Pixels count from the first one's center, as ours.
 `extrinsic` takes the camera to the vehicle (x forward, y left, z up); its quaternion is x, y, z, w.
 
 Source: WoodScape's repository, calibration and its example of a projection.
@@ -131,8 +131,8 @@ def _lens(part: _Intrinsic, place: str) -> CentralCamera:
     if part.poly_order != 4:
         raise unexpected(f"{place}: poly_order", "4", part.poly_order)
     check_choice(part.model, ("radial_poly",), f"{place}: model")
-    centre = part.cx_offset + 0.5 * part.width - 0.5, part.cy_offset + 0.5 * part.height - 0.5
+    center = part.cx_offset + 0.5 * part.width - 0.5, part.cy_offset + 0.5 * part.height - 0.5
     coefficients = part.k1, part.k2, part.k3, part.k4
     return FThetaCamera(
-        part.width, part.height, centre, coefficients, aspect_ratio=part.aspect_ratio
+        part.width, part.height, center, coefficients, aspect_ratio=part.aspect_ratio
     )

@@ -1,1 +1,1 @@
-"""Calibration of optical systems from pictures of boards."""
+"""Calibration of optical systems from images of boards."""

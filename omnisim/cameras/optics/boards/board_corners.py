@@ -1,7 +1,7 @@
-"""Corners of flat calibration boards in pictures, and their files.
+"""Corners of flat calibration boards in images, and their files.
 
-A CSV file with the columns picture, x_m, y_m, u_px, v_px: the number of the picture, the corner on
-the board, and where the picture has it.
+A CSV file with the columns image, x_m, y_m, u_px, v_px: the number of the image, the corner on
+the board, and where the image has it.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from omnisim.core.errors import OpticsError, TrajectoryError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories.formats.text_table import read_text_table
 
-COLUMNS = ("picture", "x_m", "y_m", "u_px", "v_px")
+COLUMNS = ("image", "x_m", "y_m", "u_px", "v_px")
 MIN_CORNERS = 6  # of a board, for its pose
 
 
 @dataclass(frozen=True, eq=False)
 class BoardCorners:
-    """Corners of the board in one picture.
+    """Corners of the board in one image.
 
     Attributes:
         points_m: (n, 2) on the board, which is flat.
-        pixels_px: (n, 2) in the picture.
+        pixels_px: (n, 2) in the image.
 
     Raises:
         OpticsError: too few, or of other shapes.
@@ -51,7 +51,7 @@ class BoardCorners:
 
 
 def read_corners(path: Path) -> list[BoardCorners]:
-    """Read the corners of a file, picture by picture.
+    """Read the corners of a file, image by image.
 
     Raises:
         OpticsError: naming file, line, what was found and expected.
@@ -67,12 +67,12 @@ def read_corners(path: Path) -> list[BoardCorners]:
         raise OpticsError(str(reason)) from None
     columns = numbers[:, [names.index(name) for name in COLUMNS]]
     boards = []
-    for picture in np.unique(columns[:, 0]):
-        rows = columns[columns[:, 0] == picture]
+    for image in np.unique(columns[:, 0]):
+        rows = columns[columns[:, 0] == image]
         try:
             boards.append(BoardCorners(rows[:, 1:3], rows[:, 3:5]))
         except OpticsError as reason:
-            raise OpticsError(f"{path}: picture {picture:g}: {reason}") from None
+            raise OpticsError(f"{path}: image {image:g}: {reason}") from None
     return boards
 
 

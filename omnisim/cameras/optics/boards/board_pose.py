@@ -15,7 +15,7 @@ def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) 
     """Pose (4, 4) of a board in the sensor's optical frame, as if all rays met in one point.
 
     Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
-    with unit directions in place of the picture's coordinates.
+    with unit directions in place of the image's coordinates.
 
     Raises:
         OpticsError: too few corners where the system sees anything.

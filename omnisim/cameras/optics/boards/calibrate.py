@@ -1,4 +1,4 @@
-"""Calibration of an optical system's own parameters from the corners of a board in pictures.
+"""Calibration of an optical system's own parameters from the corners of a board in images.
 
 Least squares of the reprojection errors, with the exact inverse and exact derivatives: a pixel
 moves with its point (`pixel_jacobians`), and against the motion of its own ray at that point.
@@ -80,7 +80,7 @@ def calibrate_system(
     Args:
         table: of the optics file, near the truth.
         free: keys of the parameters, see `FreeParameters`; none: the poses alone.
-        boards: corners in the pictures.
+        boards: corners in the images.
         source: names the file in messages.
 
     Raises:

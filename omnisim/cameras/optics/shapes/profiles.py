@@ -247,7 +247,7 @@ def _over_radius(radii: Floats, profile: Derivatives) -> Floats:
 
 @dataclass(frozen=True)
 class Polynomial(Parameters, Profile, name="shape"):
-    """A profile z = Σ aᵢ rⁱ, in metres."""
+    """A profile z = Σ aᵢ rⁱ, in meters."""
 
     shape_name = "polynomial"
     needs_rim = True
@@ -261,7 +261,7 @@ class Polynomial(Parameters, Profile, name="shape"):
 
 @dataclass(frozen=True)
 class Asphere(Parameters, Profile, name="shape"):
-    """An even asphere: a conic and Σ αᵢ r²ⁱ from r⁴ on, in metres."""
+    """An even asphere: a conic and Σ αᵢ r²ⁱ from r⁴ on, in meters."""
 
     shape_name = "asphere"
     needs_rim = True
@@ -275,7 +275,7 @@ class Asphere(Parameters, Profile, name="shape"):
     def _check(self) -> None:
         super()._check()
         if abs(self.radius_m) < 1e-9:
-            raise self._error("radius_m", "a number of metres other than 0")
+            raise self._error("radius_m", "a number of meters other than 0")
 
     @property
     def domain_m(self) -> float:
@@ -322,7 +322,7 @@ class TabulatedProfile(Profile):
             words = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
             raise OpticsError(f"{words}, got {len(heights_m)}")
         if not (np.abs((radii_m, heights_m)) <= LARGEST_M).all():  # false for NaN, too
-            raise OpticsError("expected finite numbers in metres")
+            raise OpticsError("expected finite numbers in meters")
         if radii_m[0] != 0.0 or not (np.diff(radii_m) > 0.0).all():
             raise OpticsError("r_m: expected numbers that grow from 0")
 

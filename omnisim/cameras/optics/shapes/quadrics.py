@@ -111,7 +111,7 @@ class Conic(Parameters, Quadric, name="shape"):
     def _check(self) -> None:
         super()._check()
         if abs(self.radius_m) < 1e-9:
-            raise self._error("radius_m", "a number of metres other than 0")
+            raise self._error("radius_m", "a number of meters other than 0")
 
     @cached_property
     def coefficients(self) -> tuple[float, float, float]:
@@ -129,7 +129,7 @@ class Hyperbolic(Parameters, Quadric, name="shape"):
     c: Positive = PAPER_C
     """From the effective viewpoint to the pinhole, in units of the profile."""
     meters_per_unit: Positive = PAPER_METERS_PER_UNIT
-    """Metres in a unit of the profile."""
+    """Meters in a unit of the profile."""
 
     @property
     def vertex_m(self) -> float:

@@ -1,4 +1,4 @@
-"""TUM: `t x y z qx qy qz qw` in seconds and metres, between blanks.
+"""TUM: `t x y z qx qy qz qw` in seconds and meters, between blanks.
 
 Source: TUM RGB-D benchmark, file formats.
 """

@@ -1,11 +1,11 @@
-"""COLMAP's reconstruction: cameras, pictures with poses, and points of the ranges.
+"""COLMAP's reconstruction: cameras, images with poses, and points of the ranges.
 
-    images/<camera>/000000.png              pictures
+    images/<camera>/000000.png              images
     masks/<camera>.png                      for `ImageReader.camera_mask_path`
     sparse/0/cameras, images, points3D      .txt or .bin
     sparse/0/rigs, frames                   all cameras on one rig, whose first is its reference
 
-The world is omnisim's: metres, z up. A point's track has the pictures whose ranges agree with it;
+The world is omnisim's: meters, z up. A point's track has the images whose ranges agree with it;
 its pixels are exact projections. COLMAP projects nothing at or past 90° from a lens's axis: masks
 and tracks leave that out.
 
@@ -22,17 +22,17 @@ from typing import BinaryIO, ClassVar, NamedTuple, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.calibration.formats.colmap import CENTRE_PX, ColmapLens, parameters
+from omnisim.cameras.calibration.formats.colmap import CENTER_PX, ColmapLens, parameters
 from omnisim.cameras.calibration.formats.colmap import Colmap as ColmapCalibration
 from omnisim.core.poses import inverse
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.formats.colmap_rig import rigid, write_rig_binary, write_rig_text
-from omnisim.datasets.export.lens_camera import LensCamera
-from omnisim.datasets.export.picture_folders import (
+from omnisim.datasets.export.image_folders import (
+    image_name,
     note_missing_ranges,
-    picture_name,
-    write_pictures,
+    write_images,
 )
+from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.export.scene_points import (
     Observations,
@@ -50,16 +50,16 @@ MODEL_IDS = {
     "EUCM": 16,
     "EQUIRECTANGULAR": 17,
 }
-Track = list[tuple[int, int]]  # pictures that see a point, and the point's number in each
+Track = list[tuple[int, int]]  # images that see a point, and the point's number in each
 
 
-class Picture(NamedTuple):
-    """Picture of the reconstruction.
+class Image(NamedTuple):
+    """Image of the reconstruction.
 
     Attributes:
-        id: of the picture, from 1.
+        id: of the image, from 1.
         camera_id: from 1.
-        name: path below the folder of pictures.
+        name: path below the folder of images.
         lens_from_world: (4, 4).
         seen: points.
     """
@@ -81,7 +81,7 @@ class _Colmap(ExportFormat):
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
-        """Write the reconstruction, then the pictures."""
+        """Write the reconstruction, then the images."""
         cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
         lenses = [camera.encode(ColmapCalibration(), print_note) for camera in cameras]
         note_missing_ranges(cameras, "points", print_note)
@@ -89,14 +89,14 @@ class _Colmap(ExportFormat):
         model = folder / "sparse" / "0"
         model.mkdir(parents=True)
         write = _write_text if self.suffix == ".txt" else _write_binary
-        write(model, lenses, _pictures(recording, cameras, points), points)
+        write(model, lenses, _images(recording, cameras, points), points)
         rig_from_world = inverse(recording.truth.world_from_base @ cameras[0].base_from_lens)
         lens_from_rig = [
             inverse(camera.base_from_lens) @ cameras[0].base_from_lens for camera in cameras
         ]
         write_rig = write_rig_text if self.suffix == ".txt" else write_rig_binary
         write_rig(model, lens_from_rig, rig_from_world)
-        yield from write_pictures(recording, cameras, folder, front_only=True)
+        yield from write_images(recording, cameras, folder, front_only=True)
 
 
 class Colmap(_Colmap):
@@ -113,22 +113,22 @@ class ColmapBinary(_Colmap):
     suffix = ".bin"
 
 
-def _pictures(
+def _images(
     recording: Recording, cameras: list[LensCamera], points: ScenePoints
-) -> Iterator[Picture]:
-    """Pictures step by step, with what they see."""
+) -> Iterator[Image]:
+    """Images step by step, with what they see."""
     found = observations(recording, cameras, points, front_only=True)
     number = 0
     for step in range(recording.steps):
         for camera_id, camera in enumerate(cameras, start=1):
             number += 1
             lens_from_world = inverse(recording.truth.world_from_base[step] @ camera.base_from_lens)
-            name = picture_name(camera, step)
-            yield Picture(number, camera_id, name, lens_from_world, next(found))
+            name = image_name(camera, step)
+            yield Image(number, camera_id, name, lens_from_world, next(found))
 
 
 def _write_text(
-    folder: Path, lenses: list[ColmapLens], pictures: Iterator[Picture], points: ScenePoints
+    folder: Path, lenses: list[ColmapLens], images: Iterator[Image], points: ScenePoints
 ) -> None:
     with (folder / "cameras.txt").open("w", encoding="utf-8") as file:
         file.write("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n")
@@ -141,26 +141,26 @@ def _write_text(
         file.write(
             "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as X Y POINT3D_ID\n"
         )
-        for picture in pictures:
-            _extend(tracks, picture)
-            _write_picture(file, picture)
+        for image in images:
+            _extend(tracks, image)
+            _write_image(file, image)
     with (folder / "points3D.txt").open("w", encoding="utf-8") as file:
         file.write("# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n")
         for number, position, color, track in _seen_points(points, tracks):
             numbers = " ".join(map(repr, position))
-            seen = " ".join(f"{picture} {index}" for picture, index in track)
+            seen = " ".join(f"{image} {index}" for image, index in track)
             file.write(f"{number} {numbers} {' '.join(map(str, color))} 0 {seen}\n")
 
 
-def _write_picture(file: TextIO, picture: Picture) -> None:
-    numbers = " ".join(map(repr, rigid(picture.lens_from_world)))
-    file.write(f"{picture.id} {numbers} {picture.camera_id} {picture.name}\n")
-    rows = zip((picture.seen.pixels + CENTRE_PX).tolist(), picture.seen.points, strict=True)
+def _write_image(file: TextIO, image: Image) -> None:
+    numbers = " ".join(map(repr, rigid(image.lens_from_world)))
+    file.write(f"{image.id} {numbers} {image.camera_id} {image.name}\n")
+    rows = zip((image.seen.pixels + CENTER_PX).tolist(), image.seen.points, strict=True)
     file.write(" ".join(f"{u:.6f} {v:.6f} {point + 1}" for (u, v), point in rows) + "\n")
 
 
 def _write_binary(
-    folder: Path, lenses: list[ColmapLens], pictures: Iterator[Picture], points: ScenePoints
+    folder: Path, lenses: list[ColmapLens], images: Iterator[Image], points: ScenePoints
 ) -> None:
     with (folder / "cameras.bin").open("wb") as file:
         file.write(struct.pack("<Q", len(lenses)))
@@ -173,9 +173,9 @@ def _write_binary(
     with (folder / "images.bin").open("wb") as file:
         file.write(struct.pack("<Q", 0))
         count = 0
-        for count, picture in enumerate(pictures, start=1):  # noqa: B007
-            _extend(tracks, picture)
-            _pack_picture(file, picture)
+        for count, image in enumerate(images, start=1):  # noqa: B007
+            _extend(tracks, image)
+            _pack_image(file, image)
         file.seek(0)
         file.write(struct.pack("<Q", count))
     with (folder / "points3D.bin").open("wb") as file:
@@ -185,26 +185,26 @@ def _write_binary(
             file.write(np.array(track, dtype="<u4").tobytes())
 
 
-def _pack_picture(file: BinaryIO, picture: Picture) -> None:
-    pose = rigid(picture.lens_from_world)
-    file.write(struct.pack("<I7dI", picture.id, *pose, picture.camera_id))
-    file.write(picture.name.encode("utf-8") + b"\0")
-    records = np.empty(len(picture.seen.points), dtype=[("uv", "<f8", 2), ("point", "<u8")])
-    records["uv"] = picture.seen.pixels + CENTRE_PX
-    records["point"] = picture.seen.points + 1
+def _pack_image(file: BinaryIO, image: Image) -> None:
+    pose = rigid(image.lens_from_world)
+    file.write(struct.pack("<I7dI", image.id, *pose, image.camera_id))
+    file.write(image.name.encode("utf-8") + b"\0")
+    records = np.empty(len(image.seen.points), dtype=[("uv", "<f8", 2), ("point", "<u8")])
+    records["uv"] = image.seen.pixels + CENTER_PX
+    records["point"] = image.seen.points + 1
     file.write(struct.pack("<Q", len(records)) + records.tobytes())
 
 
 def _seen_points(
     points: ScenePoints, tracks: list[Track]
 ) -> Iterator[tuple[int, list[float], list[int], Track]]:
-    """Number, position, colour and track of the points that a picture sees."""
+    """Number, position, color and track of the points that an image sees."""
     rows = zip(points.positions_m.tolist(), points.colors.tolist(), tracks, strict=True)
     for number, (position, color, track) in enumerate(rows, start=1):
         if track:
             yield number, position, color, track
 
 
-def _extend(tracks: list[Track], picture: Picture) -> None:
-    for index, point in enumerate(picture.seen.points.tolist()):
-        tracks[point].append((picture.id, index))
+def _extend(tracks: list[Track], image: Image) -> None:
+    for index, point in enumerate(image.seen.points.tolist()):
+        tracks[point].append((image.id, index))

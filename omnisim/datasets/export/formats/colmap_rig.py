@@ -1,7 +1,7 @@
 """Rig of a COLMAP reconstruction: `rigs` and `frames`, as text and in binary files.
 
 All cameras are on one rig, whose frame is the first camera's. A frame is a step of the run, whose
-pictures have the numbers that `images` gives them: step by step, camera by camera.
+images have the numbers that `images` gives them: step by step, camera by camera.
 
 Source: COLMAP's documentation, "Rigs" and "Output Format"; its reconstruction_io.cc.
 """
@@ -45,7 +45,7 @@ def write_rig_text(
         for step, pose in enumerate(rig_from_world):
             numbers = " ".join(map(repr, rigid(pose)))
             data = " ".join(
-                f"CAMERA {camera} {picture}" for camera, picture in _pictures(step, lens_from_rig)
+                f"CAMERA {camera} {image}" for camera, image in _images(step, lens_from_rig)
             )
             file.write(f"{step + 1} {RIG_ID} {numbers} {len(lens_from_rig)} {data}\n")
 
@@ -63,10 +63,10 @@ def write_rig_binary(
         file.write(struct.pack("<Q", len(rig_from_world)))
         for step, pose in enumerate(rig_from_world):
             file.write(struct.pack("<II7dI", step + 1, RIG_ID, *rigid(pose), len(lens_from_rig)))
-            for camera, picture in _pictures(step, lens_from_rig):
-                file.write(struct.pack("<iIQ", CAMERA_SENSOR, camera, picture))
+            for camera, image in _images(step, lens_from_rig):
+                file.write(struct.pack("<iIQ", CAMERA_SENSOR, camera, image))
 
 
-def _pictures(step: int, cameras: list[NDArray[np.float64]]) -> list[tuple[int, int]]:
-    """Numbers of the cameras and their pictures of a step."""
+def _images(step: int, cameras: list[NDArray[np.float64]]) -> list[tuple[int, int]]:
+    """Numbers of the cameras and their images of a step."""
     return [(camera, step * len(cameras) + camera) for camera in range(1, len(cameras) + 1)]

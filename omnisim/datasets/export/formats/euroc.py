@@ -34,7 +34,7 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import ImuReadings, Recording
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
-PICTURES = "#timestamp [ns],filename"
+IMAGES = "#timestamp [ns],filename"
 READINGS = "#timestamp [ns]," + ",".join(
     f"{letter}_RS_S_{axis} [{unit}]"
     for letter, unit in (("w", "rad s^-1"), ("a", "m s^-2"))
@@ -85,7 +85,7 @@ class Euroc(ExportFormat):
         for step in range(recording.steps):
             for camera, own, stamps_ns in clocks:
                 for index in recording.indices_at(camera.name, step):
-                    camera.copy_picture(index, own / f"{stamps_ns[index]}.png")
+                    camera.copy_image(index, own / f"{stamps_ns[index]}.png")
             yield step + 1
 
 
@@ -96,9 +96,9 @@ def _begin_camera(
     stamps_ns: list[int],
     print_note: PrintNote,
 ) -> None:
-    """Write the list of pictures and the calibration."""
+    """Write the list of images and the calibration."""
     (folder / "data").mkdir(parents=True)
-    write_lines(folder / "data.csv", iter([PICTURES, *(f"{ns},{ns}.png" for ns in stamps_ns)]))
+    write_lines(folder / "data.csv", iter([IMAGES, *(f"{ns},{ns}.png" for ns in stamps_ns)]))
     kalibr = Kalibr()
     lens = camera.encode(kalibr, print_note)
     text = kalibr.encode([ParsedCamera("cam0", lens)])

@@ -33,7 +33,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.sensors.lidar.mounted_lidar import MountedLidar
 
 SEQUENCE = "00"
-PICTURES = ("image_2", "image_3")
+IMAGES = ("image_2", "image_3")
 PARALLEL = 1e-6  # radians between axes of rectified cameras
 
 
@@ -61,8 +61,8 @@ class Kitti(ExportFormat):
         base_from_lidar = recording.base_from_lidar(lidars[0]) if lidars else None
         base_from_camera = _camera_0(cameras, base_from_lidar)
         sequence = folder / "sequences" / SEQUENCE
-        pictures = dict(zip(PICTURES, cameras, strict=False))
-        for name in (*pictures, *(["velodyne"] if lidars else [])):
+        images = dict(zip(IMAGES, cameras, strict=False))
+        for name in (*images, *(["velodyne"] if lidars else [])):
             (sequence / name).mkdir(parents=True)
         calibration = _calibration(recording, cameras, base_from_camera, base_from_lidar)
         write_lines(sequence / "calib.txt", iter(calibration))
@@ -75,8 +75,8 @@ class Kitti(ExportFormat):
         lines = (_numbers(pose[:3]) for pose in poses)
         write_lines(folder / "poses" / f"{SEQUENCE}.txt", lines)
         for step in range(recording.steps):
-            for name, camera in pictures.items():
-                camera.copy_picture(step, sequence / name / f"{step:06d}.png")
+            for name, camera in images.items():
+                camera.copy_image(step, sequence / name / f"{step:06d}.png")
             if base_from_lidar is not None:
                 cloud = recording.cloud(lidars[0], step)
                 points = np.zeros((len(cloud.points), 4), dtype="<f4")  # no reflectance
@@ -88,11 +88,11 @@ class Kitti(ExportFormat):
 def _pinholes(recording: Recording, print_note: PrintNote) -> list[LensCamera]:
     """The first two pinholes; what is left out is noted."""
     pinholes = [one for one in recording.cameras if isinstance(one.mount.camera, PerspectiveCamera)]
-    taken = [LensCamera.of(camera, print_note) for camera in pinholes[: len(PICTURES)]]
+    taken = [LensCamera.of(camera, print_note) for camera in pinholes[: len(IMAGES)]]
     names = [camera.name for camera in taken]
     left_out = [camera.name for camera in recording.cameras if camera.name not in names]
     if taken or recording.sensors(MountedLidar):
-        for camera, name in zip(taken, PICTURES, strict=False):
+        for camera, name in zip(taken, IMAGES, strict=False):
             print_note(f"{camera.name} is {name}")
         if left_out:
             print_note(f"kitti holds two pinholes: {', '.join(left_out)} left out")

@@ -34,7 +34,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
-from omnisim.datasets.export.formats.kitti360_labels import LabelPictures
+from omnisim.datasets.export.formats.kitti360_labels import LabelImages
 from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
@@ -69,19 +69,19 @@ class Kitti360(ExportFormat):
         _write_calibrations(folder / "calibration", cameras, recording, lidars, print_note)
         _write_poses(folder / "data_poses" / DRIVE, cameras, recording)
         dates = [date_text(stamp) for stamp in stamps_ns]
-        pictures = {camera: folder / "data_2d_raw" / DRIVE / name / _data(name)
+        images = {camera: folder / "data_2d_raw" / DRIVE / name / _data(name)
                     for name, camera in cameras.items()}  # fmt: skip
         clouds = folder / "data_3d_raw" / DRIVE / "velodyne_points" / "data"
-        for data in [*pictures.values(), *([clouds] if lidars else [])]:
+        for data in [*images.values(), *([clouds] if lidars else [])]:
             data.mkdir(parents=True)
             write_lines(data.parent / "timestamps.txt", iter(dates))
         semantics = folder / "data_2d_semantics" / "train" / DRIVE
-        labels = LabelPictures.of(semantics, cameras, print_note) if cameras else None
+        labels = LabelImages.of(semantics, cameras, print_note) if cameras else None
         for step in range(recording.steps):
             if labels is not None:
                 labels.write(step)
-            for camera, data in pictures.items():
-                camera.copy_picture(step, data / f"{step:010d}.png")
+            for camera, data in images.items():
+                camera.copy_image(step, data / f"{step:010d}.png")
             if lidars:
                 cloud = recording.cloud(lidars[0], step).points
                 points = np.zeros((len(cloud), 4), dtype="<f4")  # no reflectance

@@ -1,4 +1,4 @@
-"""Pictures of classes and instances, as KITTI-360 has them.
+"""Images of classes and instances, as KITTI-360 has them.
 
 Source: kitti360scripts: annotation.py; a global number is 1000 times the class, and the instance.
 """
@@ -28,13 +28,13 @@ LARGEST = {SEMANTIC: 2**8 - 1, INSTANCE: 2**16 - 1}
 
 
 @dataclass(frozen=True, eq=False)
-class LabelPictures:
+class LabelImages:
     """Writer of the labels of all cameras.
 
     Attributes:
         folder: of the drive.
         cameras: by their names in KITTI-360.
-        numbers: of the pictures, by kind and by the run's own numbers.
+        numbers: of the images, by kind and by the run's own numbers.
     """
 
     folder: Path
@@ -50,7 +50,7 @@ class LabelPictures:
         folder: Path,
         cameras: Mapping[str, LensCamera],
         print_note: PrintNote,
-    ) -> LabelPictures | None:
+    ) -> LabelImages | None:
         """Prepare the folders; None where the run has no labels.
 
         Raises:
@@ -66,7 +66,7 @@ class LabelPictures:
         numbers = {}
         for kind in kinds:
             if every[kind].max(initial=0) > LARGEST[kind]:
-                print_note(f"no pictures of {kind}: {len(every[kind]) - 1} do not fit into them")
+                print_note(f"no images of {kind}: {len(every[kind]) - 1} do not fit into them")
             else:
                 numbers[kind] = every[kind]
         for name in cameras if numbers else ():
@@ -78,7 +78,7 @@ class LabelPictures:
         return cls(folder, cameras, numbers)
 
     def write(self, step: int) -> None:
-        """Write the pictures of a step.
+        """Write the images of a step.
 
         Raises:
             RunError: a channel has numbers that the table of labels has not.
@@ -89,7 +89,7 @@ class LabelPictures:
                 values = camera.recorded.channel(step, kind)
                 if values.max(initial=0) >= len(numbers):
                     raise RunError(
-                        f"{camera.recorded.picture_file(step)}: channel {kind!r}: expected "
+                        f"{camera.recorded.image_file(step)}: channel {kind!r}: expected "
                         f"numbers of {LABELS}, got {values.max()}"
                     )
                 dtype = np.uint8 if kind == SEMANTIC else np.uint16

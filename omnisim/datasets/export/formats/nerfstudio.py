@@ -1,12 +1,12 @@
-"""Nerfstudio's data set: `transforms.json`, pictures, masks, depths of pinholes, points.
+"""Nerfstudio's data set: `transforms.json`, images, masks, depths of pinholes, points.
 
     transforms.json                 intrinsics and poses, OpenGL axes: x right, y up, z back
-    images/<camera>/000000.png      pictures
+    images/<camera>/000000.png      images
     masks/<camera>.png              255: shows the scene; only of cameras that do not everywhere
-    depths/<camera>/000000.png      along the axis in millimetres, 16 bits, 0: none; of pinholes
+    depths/<camera>/000000.png      along the axis in millimeters, 16 bits, 0: none; of pinholes
     points.ply                      points of the ranges, to begin with
 
-The world is omnisim's: metres, z up. Source: nerfstudio's documentation, "Data conventions".
+The world is omnisim's: meters, z up. Source: nerfstudio's documentation, "Data conventions".
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio as Nerfstu
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.image_files import write_numbers
-from omnisim.datasets.export.depth_pictures import FarDepths
+from omnisim.datasets.export.depth_images import FarDepths
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
-from omnisim.datasets.export.lens_camera import LensCamera
-from omnisim.datasets.export.picture_folders import (
+from omnisim.datasets.export.image_folders import (
+    IMAGES,
     MASKS,
-    PICTURES,
+    image_name,
     mask_name,
     note_missing_ranges,
-    picture_name,
-    write_pictures,
+    write_images,
 )
+from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.ply_points import write_ply
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.export.scene_points import sample_points
@@ -78,9 +78,9 @@ class Nerfstudio(ExportFormat):
                   for camera in cameras if _has_depths(camera)}  # fmt: skip
         for camera in depths:
             (folder / DEPTHS / camera.name).mkdir(parents=True)
-        for done in write_pictures(recording, cameras, folder):
+        for done in write_images(recording, cameras, folder):
             for camera, far in depths.items():
-                path = folder / DEPTHS / picture_name(camera, done - 1)
+                path = folder / DEPTHS / image_name(camera, done - 1)
                 write_numbers(path, far.encode(camera.depths_m(done - 1)))
             yield done
         for far in depths.values():
@@ -95,8 +95,8 @@ def _frames(recording: Recording, camera: LensCamera) -> Iterator[dict[str, Any]
     """Frames of a camera, without intrinsics."""
     has_mask = camera.mask() is not None
     for step, world_from_base in enumerate(recording.truth.world_from_base):
-        name = picture_name(camera, step)
-        frame: dict[str, Any] = {"file_path": f"{PICTURES}/{name}"}
+        name = image_name(camera, step)
+        frame: dict[str, Any] = {"file_path": f"{IMAGES}/{name}"}
         if has_mask:
             frame["mask_path"] = f"{MASKS}/{mask_name(camera)}"
         if _has_depths(camera):

@@ -1,4 +1,4 @@
-"""TartanAir V2: pictures of one camera, depths, classes, flow, poses in NED.
+"""TartanAir V2: images of one camera, depths, classes, flow, poses in NED.
 
     P000/image_lcam_front/000000_lcam_front.png
     P000/depth_lcam_front/000000_lcam_front_depth.png   float32 in the four bytes of a pixel
@@ -13,7 +13,7 @@ in NED (x north, y east, z down), of a camera whose axes are x forward, y right,
 the world's x.
 
 Flow is 32768 + 64 u and v, in the order in which OpenCV reads them. Its mask is 0 where the point
-is seen in the next picture, 1 where it is hidden, 100 where it is outside, or no point, and 200
+is seen in the next image, 1 where it is hidden, 100 where it is outside, or no point, and 200
 where the flow is 512 px or longer.
 
 Source: tartanair.org, "Modalities"; tartanairpy: reader.py, customizer.py, flow16to32.
@@ -57,7 +57,7 @@ class Tartanair(ExportFormat):
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
-        """Write the trajectory, picture by picture."""
+        """Write the trajectory, image by image."""
         camera = LensCamera.of(recording.cameras[0], print_note)
         name = tartanair_name(camera)
         root = folder / "P000"
@@ -72,7 +72,7 @@ class Tartanair(ExportFormat):
         if "seg" in kinds:
             shutil.copyfile(recording.run.path / LABELS, root / LABELS)
         for step in range(recording.steps):
-            camera.copy_picture(step, root / f"image_{name}" / f"{step:06d}_{name}.png")
+            camera.copy_image(step, root / f"image_{name}" / f"{step:06d}_{name}.png")
             for kind in kinds:
                 path = root / f"{kind}_{name}" / f"{step:06d}_{name}_{kind}.png"
                 write_numbers(path, _depths(camera, step) if kind == "depth" else

@@ -1,7 +1,7 @@
-"""TUM RGB-D: pictures of one camera, depths of a pinhole, poses of the camera.
+"""TUM RGB-D: images of one camera, depths of a pinhole, poses of the camera.
 
-    rgb.txt, rgb/<s>.png            stamps and pictures
-    depth.txt, depth/<s>.png        coordinates along the axis, 5000 a metre in 16 bits, 0: none
+    rgb.txt, rgb/<s>.png            stamps and images
+    depth.txt, depth/<s>.png        coordinates along the axis, 5000 a meter in 16 bits, 0: none
     groundtruth.txt                 poses of the camera's optical frame, at the fastest rate
     calibration.json                omnisim's calibration: the format has none
 
@@ -19,7 +19,7 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.formats import tum
-from omnisim.datasets.export.depth_pictures import FarDepths
+from omnisim.datasets.export.depth_images import FarDepths
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
@@ -40,16 +40,16 @@ class Tum(ExportFormat):
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
-        """Write the data set, picture by picture."""
+        """Write the data set, image by image."""
         depth_cameras = recording.sensors(MountedDepthCamera)
         recorded = (*recording.cameras, *map(recording.depth_camera, depth_cameras))[0]
         camera = LensCamera.of(recorded, print_note)
-        has_pictures = bool(recording.cameras)
-        has_ranges = has_pictures and camera.recorded.has("range")
-        has_depths = not has_pictures or (has_ranges and camera.is_pinhole)
+        has_images = bool(recording.cameras)
+        has_ranges = has_images and camera.recorded.has("range")
+        has_depths = not has_images or (has_ranges and camera.is_pinhole)
         if has_ranges and not has_depths:
             print_note(f"{camera.name}: no depths: TUM's are a pinhole's, along its axis")
-        if not has_pictures and len(depth_cameras) > 1:
+        if not has_images and len(depth_cameras) > 1:
             print_note(f"depth is {camera.name}: {', '.join(depth_cameras[1:])} left out")
         stamps = [
             seconds_text(stamp)
@@ -61,16 +61,16 @@ class Tum(ExportFormat):
         own = map(seconds_text, settings.stamps_ns(times_s, recording.run.path))
         write_lines(folder / "groundtruth.txt", restamped(lines, own, " "))
         camera.save_calibration(folder / "calibration.json")
-        if has_pictures:
+        if has_images:
             _write_list(folder, "rgb", "color images", stamps)
         if has_depths:
             _write_list(folder, "depth", "depth maps", stamps)
         far = FarDepths(camera.name, STEPS_PER_M)
         for step, stamp in enumerate(stamps):
-            if has_pictures:
-                camera.copy_picture(step, folder / "rgb" / f"{stamp}.png")
+            if has_images:
+                camera.copy_image(step, folder / "rgb" / f"{stamp}.png")
             if has_depths:
-                depths_m = camera.depths_m(step) if has_pictures else recorded.depths_m(step)
+                depths_m = camera.depths_m(step) if has_images else recorded.depths_m(step)
                 write_numbers(folder / "depth" / f"{stamp}.png", far.encode(depths_m))
             yield step + 1
         far.note(print_note)

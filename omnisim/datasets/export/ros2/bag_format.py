@@ -5,11 +5,11 @@
 | `/<camera>/image_raw` | Image, rgb8 | `--compressed`: `/<camera>/image_raw/compressed`, PNG |
 | `/<camera>/camera_info` | CameraInfo | only where it is the camera to the last bit |
 | `/<camera>/calibration` | String, latched | omnisim's calibration, JSON: any model |
-| `/<camera>/range` | Image, 32FC1 | metres along the ray, inf: nothing |
+| `/<camera>/range` | Image, 32FC1 | meters along the ray, inf: nothing |
 | `/<camera>/semantic`, `/<camera>/instance` | Image, 16UC1, 32SC1 | numbers of `/labels` |
 | `/labels` | String, latched | table of classes and instances, JSON |
-| `/<camera>/points` | PointCloud2 | `--points`: its points, with colours |
-| `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimetres, 0: none (REP 118) |
+| `/<camera>/points` | PointCloud2 | `--points`: its points, with colors |
+| `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimeters, 0: none (REP 118) |
 | `/<scanner>/scan` | LaserScan | |
 | `/<lidar>/points` | PointCloud2 | with ring, time since the revolution's start, range, instance |
 | `/<imu>/data_raw` | Imu | at its own rate, without orientation |
@@ -41,7 +41,7 @@ from omnisim.datasets.export.ros2 import ros_messages as messages
 from omnisim.datasets.export.ros2.bag import Bag
 from omnisim.datasets.export.ros2.streams import (
     BASE,
-    LABELLED,
+    LABELED,
     CameraStream,
     DepthStream,
     ImuStream,
@@ -77,7 +77,7 @@ class Ros2Bag(ExportFormat):
     has_messages = True
     holds_motion = True
     has_clocks = True
-    channels = ("range", *LABELLED)
+    channels = ("range", *LABELED)
     sensors = tuple(kind for kind, _ in STREAMS)
     storage: ClassVar[str]
 

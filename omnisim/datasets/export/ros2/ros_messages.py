@@ -66,7 +66,7 @@ def header(stamp_ns: int, frame: str) -> Header:
 
 
 def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
-    """Image of a picture (height, width, 3) uint8, or of depths or labels (height, width)."""
+    """Image of an image (height, width, 3) uint8, or of depths or labels (height, width)."""
     height, width = pixels.shape[:2]
     kind = pixels.dtype.name, 1 if pixels.ndim == 2 else pixels.shape[2]
     data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)

@@ -27,7 +27,7 @@ from omnisim.sensors.calibration_file import CALIBRATION
 
 BASE = "base_link"
 CLOUD_COLORS = "rgb"
-LABELLED = ("semantic", "instance")  # channels whose numbers are those of the run's labels
+LABELED = ("semantic", "instance")  # channels whose numbers are those of the run's labels
 
 
 class StampedMessage(NamedTuple):
@@ -83,7 +83,7 @@ class Stream(ABC):
 
 
 class CameraStream(Stream):
-    """Pictures, ranges and points of a camera."""
+    """Images, ranges and points of a camera."""
 
     def __init__(self, recording: Recording, camera: RecordedCamera, settings: ExportSettings):
         super().__init__(recording, camera.name, settings)
@@ -101,19 +101,19 @@ class CameraStream(Stream):
         return self.camera.mount.base_from_optical
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Picture, calibration where ROS has one, ranges, and points if they are asked for."""
-        needs_picture = not self.settings.compressed or self.settings.with_points
-        picture = self.camera.picture(step) if needs_picture else None
+        """Image, calibration where ROS has one, ranges, and points if they are asked for."""
+        needs_image = not self.settings.compressed or self.settings.with_points
+        image = self.camera.image(step) if needs_image else None
         if self.settings.compressed:
-            png = self.camera.picture_file(step).read_bytes()
+            png = self.camera.image_file(step).read_bytes()
             compressed = messages.compressed_image(stamp_ns, self.frame, png)
             yield StampedMessage(f"/{self.topic}/image_raw/compressed", stamp_ns, compressed)
         else:
-            yield self._image("image_raw", stamp_ns, picture)
+            yield self._image("image_raw", stamp_ns, image)
         if self.lens is not None:
             info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
             yield StampedMessage(f"/{self.topic}/camera_info", stamp_ns, info)
-        for name in LABELLED:
+        for name in LABELED:
             if self.camera.has(name):
                 yield self._image(name, stamp_ns, self.camera.channel(step, name))
         if not self.camera.has("range"):
@@ -122,7 +122,7 @@ class CameraStream(Stream):
         yield self._image("range", stamp_ns, ranges_m)
         if self.settings.with_points:
             points_m, hit = self.camera.points_m(ranges_m)
-            cloud = colored_points(points_m, None if picture is None else picture[hit])
+            cloud = colored_points(points_m, None if image is None else image[hit])
             message = messages.point_cloud(stamp_ns, self.frame, cloud)
             yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
 
@@ -145,8 +145,8 @@ class DepthStream(Stream):
         return self.camera.mount.base_from_optical
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Depths in millimetres, the calibration, and points if they are asked for."""
-        depths = read_image(self.camera.picture_file(step))[0][..., 0].astype(np.uint16)
+        """Depths in millimeters, the calibration, and points if they are asked for."""
+        depths = read_image(self.camera.image_file(step))[0][..., 0].astype(np.uint16)
         image = messages.image(stamp_ns, self.frame, depths)
         yield StampedMessage(f"/{self.topic}/depth/image_rect", stamp_ns, image)
         if self.lens is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.baking.atlas.patches import NEIGHBOURS, Patches
+from omnisim.rendering.baking.atlas.patches import NEIGHBORS, Patches
 from omnisim.rendering.baking.sampling import Floats
 
 _MOST_STEPS = 24  # in texels; what lies deeper inside of something is not seen
@@ -14,7 +14,7 @@ _MOST_STEPS = 24  # in texels; what lies deeper inside of something is not seen
 def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Floats:
     """Pixels (height, width, 3): light (p, 3) of the patches in the atlas.
 
-    Texels without a light have that of their neighbours, and so have those around a chart in its
+    Texels without a light have that of their neighbors, and so have those around a chart in its
     rectangle: pixels between texels are then right.
     """
     width, height = patches.size_px
@@ -37,7 +37,7 @@ def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32])
     """Pixels with those that are not known as means of their chart's, step by step."""
     for _ in range(_MOST_STEPS):
         sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
-        for to, of in NEIGHBOURS:
+        for to, of in NEIGHBORS:
             some = known[of] & (charts[to] == charts[of])
             sums[to] += np.where(some[..., None], pixels[of], 0.0)
             counts[to] += some

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.baking.atlas.atlas import Atlas, corner_pixels
-from omnisim.rendering.baking.atlas.rasterisation import Samples, rasterise
+from omnisim.rendering.baking.atlas.rasterization import Samples, rasterize
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
 
@@ -19,7 +19,7 @@ _MOST_STEPS = 8  # from a texel without a patch to one
 _FIRST, _LAST, _ALL = slice(None, -1), slice(1, None), slice(None)
 _ALONG = {-1: (_LAST, _FIRST), 0: (_ALL, _ALL), 1: (_FIRST, _LAST)}
 # Parts of an atlas and those beside them, each way: (to, of).
-NEIGHBOURS = tuple(
+NEIGHBORS = tuple(
     ((_ALONG[down][0], _ALONG[right][0]), (_ALONG[down][1], _ALONG[right][1]))
     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
 )
@@ -106,7 +106,7 @@ def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) ->
     edges_m = corners_m[:, 1:] - corners_m[:, :1]
     triangle_m2 = 0.5 * np.linalg.norm(np.cross(edges_m[:, 0], edges_m[:, 1]), axis=1)
     spread = _spread_samples(triangle_m2, geometry.first_of_surface, ~has_rect, width * height)
-    samples = _joined(rasterise(corners_px, in_atlas, width), spread)
+    samples = _joined(rasterize(corners_px, in_atlas, width), spread)
     samples = samples.take(np.argsort(samples.texels, kind="stable"))
     places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
     surfaces = geometry.surface_of_triangle[samples.triangles[first]]
@@ -204,7 +204,7 @@ def _sample_areas_m2(
 def _appearance(
     rays: RayScene, samples: Samples
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Base colours and emission (n, 3) at samples."""
+    """Base colors and emission (n, 3) at samples."""
     count = len(samples.triangles)
     nowhere = np.zeros((count, 3))
     zeros = np.zeros(count)
@@ -232,7 +232,7 @@ def _spread_to_empty(of_texel: NDArray[np.int32], charts: NDArray[np.int32]) -> 
     nearest = np.where(fronts == NO_PATCH, -1, np.arange(fronts.size).reshape(height, width))
     for _ in range(_MOST_STEPS):
         empty = nearest < 0
-        for to, of in NEIGHBOURS:
+        for to, of in NEIGHBORS:
             some = empty[to] & (nearest[of] >= 0) & (charts[to] == charts[of])
             nearest[to] = np.where(some & (nearest[to] < 0), nearest[of], nearest[to])
     rows, columns = distance_transform_edt(nearest < 0, return_distances=False, return_indices=True)

@@ -1,6 +1,6 @@
 """Unwrapping of meshes by xatlas into charts, each in a rectangle of texels on a page.
 
-The edges of a rectangle's chart are at the centres of its outermost texels: what is looked up
+The edges of a rectangle's chart are at the centers of its outermost texels: what is looked up
 between texels stays within the rectangle, so that there is nothing between the rectangles.
 """
 
@@ -74,7 +74,7 @@ def _pack_charts(
     low, high = (np.full((count, 2), sign * np.inf) for sign in (1, -1))
     np.minimum.at(low, chart_of, places_px)
     np.maximum.at(high, chart_of, places_px)
-    steps = np.rint(high - low).astype(np.intp)  # between the centres of the outermost texels
+    steps = np.rint(high - low).astype(np.intp)  # between the centers of the outermost texels
     rects_px, size_px = pack(steps + 1)
     scales = steps / np.maximum(high - low, 1e-9)
     offsets = rects_px[:, :2] + 0.5

@@ -1,4 +1,4 @@
-"""Bayer mosaic, one colour for each pixel, and demosaicking, which interpolates the others.
+"""Bayer mosaic, one color for each pixel, and demosaicking, which interpolates the others.
 
 Source: Bayer, US patent 3 971 065; Malvar, He and Cutler, "High-quality linear interpolation for
 demosaicing of Bayer-patterned color images", ICASSP 2004.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 
 RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
@@ -38,18 +38,18 @@ _CORNERS = (
 
 @dataclass(frozen=True)
 class Bayer(SensorEffect, name="degradation.bayer"):
-    """Mosaic of single colours, and their interpolation.
+    """Mosaic of single colors, and their interpolation.
 
-    Neighbours outside of the picture or of its mask count for nothing: there, and where one of
-    Malvar's 5 × 5 pixels is missing, the valid ones of the nearest of that colour are averaged.
+    Neighbors outside of the image or of its mask count for nothing: there, and where one of
+    Malvar's 5 × 5 pixels is missing, the valid ones of the nearest of that color are averaged.
     """
 
     pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = "RGGB"
-    """Colours of the top left 2 × 2 pixels, row by row."""
+    """Colors of the top left 2 × 2 pixels, row by row."""
     demosaic: Literal["malvar", "bilinear", "none"] = "malvar"
-    """Interpolation of the other colours; "none": a grey mosaic."""
+    """Interpolation of the other colors; "none": a gray mosaic."""
 
-    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """Two passes on the GPU: the mosaic, in all three channels, and demosaicking."""
         mosaic = Step("bayer_mosaic", {"u_red_xy": RED_XY[self.pattern]})
         if self.demosaic == "none":
@@ -59,23 +59,23 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         return [mosaic, Step("bayer_demosaic", uniforms)]
 
     def apply(
-        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
-    ) -> LinearPicture:
+        self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearImage:
         """The reference in NumPy."""
-        colours = self.colours(geometry)
-        raw = np.take_along_axis(picture[..., :3], colours[..., None], axis=-1)[..., 0]
-        result = picture.copy()
+        colors = self.colors(geometry)
+        raw = np.take_along_axis(image[..., :3], colors[..., None], axis=-1)[..., 0]
+        result = image.copy()
         result[..., :3] = raw[..., None]
         if self.demosaic == "none":
             return result
-        valid = picture[..., 3] > 0.5
-        for colour in range(3):
-            result[..., colour] = self._demosaicked(raw, colours, colour, valid)
+        valid = image[..., 3] > 0.5
+        for color in range(3):
+            result[..., color] = self._demosaicked(raw, colors, color, valid)
         result[~valid, :3] = raw[~valid, None]
         return result
 
-    def colours(self, geometry: PictureGeometry) -> NDArray[np.intp]:
-        """Colour index (height, width) of each pixel: 0 red, 1 green, 2 blue."""
+    def colors(self, geometry: ImageGeometry) -> NDArray[np.intp]:
+        """Color index (height, width) of each pixel: 0 red, 1 green, 2 blue."""
         column, row = RED_XY[self.pattern]
         right = (np.arange(geometry.width_px)[None, :] + column) % 2
         down = (np.arange(geometry.height_px)[:, None] + row) % 2
@@ -84,19 +84,19 @@ class Bayer(SensorEffect, name="degradation.bayer"):
     def _demosaicked(
         self,
         raw: NDArray[np.float32],
-        colours: NDArray[np.intp],
-        colour: int,
+        colors: NDArray[np.intp],
+        color: int,
         valid: NDArray[np.bool_],
     ) -> NDArray[np.float32]:
-        known = colours == colour
+        known = colors == color
         near = valid & known
         total, count = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
-        # the nearest of a colour: beside the pixel, or if there are none, at its corners
+        # the nearest of a color: beside the pixel, or if there are none, at its corners
         for offsets in (((0, -1), (-1, 0), (1, 0), (0, 1)), ((-1, -1), (1, -1), (-1, 1), (1, 1))):
             layer_total, layer = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
             for right, down in offsets:
-                layer_total += _neighbour(np.where(near, raw, np.float32(0.0)), right, down)
-                layer += _neighbour(near.astype(np.float32), right, down)
+                layer_total += _neighbor(np.where(near, raw, np.float32(0.0)), right, down)
+                layer += _neighbor(near.astype(np.float32), right, down)
             total, count = (
                 np.where(count > 0, total, layer_total),
                 np.where(count > 0, count, layer),
@@ -105,23 +105,23 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         if self.demosaic == "malvar":
             whole = np.ones(raw.shape, dtype=bool)
             for right, down in _support():
-                whole &= _neighbour(valid.astype(np.float32), right, down) > 0.5
-            filtered = self._malvar(raw, colours, colour)
+                whole &= _neighbor(valid.astype(np.float32), right, down) > 0.5
+            filtered = self._malvar(raw, colors, color)
             guess = np.where(whole, filtered, guess)
         return np.where(known, raw, guess)
 
     def _malvar(
-        self, raw: NDArray[np.float32], colours: NDArray[np.intp], colour: int
+        self, raw: NDArray[np.float32], colors: NDArray[np.intp], color: int
     ) -> NDArray[np.float32]:
         row_filter = np.array(_ROW)
         cross = _filtered(raw, np.array(_CROSS))
-        if colour == 1:
+        if color == 1:
             return cross
         corners = _filtered(raw, np.array(_CORNERS))
         in_row, in_column = _filtered(raw, row_filter), _filtered(raw, row_filter.T)
-        colour_row = np.any(colours == colour, axis=1)[:, None]
-        green = np.where(colour_row, in_row, in_column)
-        return np.where(colours == 1, green, corners)
+        color_row = np.any(colors == color, axis=1)[:, None]
+        green = np.where(color_row, in_row, in_column)
+        return np.where(colors == 1, green, corners)
 
 
 def _support() -> list[tuple[int, int]]:
@@ -136,11 +136,11 @@ def _filtered(raw: NDArray[np.float32], eighths: NDArray[np.float64]) -> NDArray
         for right in range(-2, 3):
             weight = np.float32(eighths[down + 2, right + 2] / 8.0)
             if weight != 0.0:
-                total += weight * _neighbour(raw, right, down)
+                total += weight * _neighbor(raw, right, down)
     return total
 
 
-def _neighbour(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
+def _neighbor(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
     """Values at an offset of each pixel; 0 outside."""
     padded = np.pad(values, 2)
     height, width = values.shape

@@ -1,4 +1,4 @@
-"""Lateral chromatic aberration: a scale of its own for each colour.
+"""Lateral chromatic aberration: a scale of its own for each color.
 
 0.002 are 0.4 px at a radius of 180 px: an assumption.
 
@@ -17,7 +17,7 @@ from pydantic import Field
 from omnisim.core.bilinear import corner_and_weights, interpolate
 from omnisim.core.files.parameters import Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
 Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
@@ -25,32 +25,32 @@ Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
 
 @dataclass(frozen=True)
 class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"):
-    """Red and blue pictures, scaled about the optical axis by bilinear interpolation.
+    """Red and blue images, scaled about the optical axis by bilinear interpolation.
 
-    Where no neighbour of a sampled position is valid, at the border of the picture, the pixel
-    keeps its own colour; where only some are, those count.
+    Where no neighbor of a sampled position is valid, at the border of the image, the pixel
+    keeps its own color; where only some are, those count.
     """
 
     red_scale: Scale = 1.0
-    """Size of the red picture, the green one's being 1; typically 1 ± 0.0005 to 0.002."""
+    """Size of the red image, the green one's being 1; typically 1 ± 0.0005 to 0.002."""
     blue_scale: Scale = 1.0
-    """The same of the blue picture."""
+    """The same of the blue image."""
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One pass on the GPU."""
         inverse = (1.0 / self.red_scale, 1.0, 1.0 / self.blue_scale)
-        uniforms = {"u_centre_px": geometry.centre_px, "u_inverse_scales": inverse}
+        uniforms = {"u_center_px": geometry.center_px, "u_inverse_scales": inverse}
         return [Step("chromatic_aberration", uniforms)]
 
-    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+    def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """The reference in NumPy."""
-        result = picture.copy()
+        result = image.copy()
         for channel, scale in ((0, self.red_scale), (2, self.blue_scale)):
             positions = geometry.offsets_px() * np.float32(1.0 / scale)
-            positions += np.array(geometry.centre_px, dtype=np.float32)
-            sampled = _sample_valid(picture[..., channel], picture[..., 3], positions)
+            positions += np.array(geometry.center_px, dtype=np.float32)
+            sampled = _sample_valid(image[..., channel], image[..., 3], positions)
             result[..., channel] = np.where(
-                np.isnan(sampled) | (picture[..., 3] < 0.5), picture[..., channel], sampled
+                np.isnan(sampled) | (image[..., 3] < 0.5), image[..., channel], sampled
             )
         return result
 
@@ -58,7 +58,7 @@ class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"
 def _sample_valid(
     values: NDArray[np.float32], valid: NDArray[np.float32], positions_px: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Values (height, width) between valid neighbours of positions; NaN where there is none."""
+    """Values (height, width) between valid neighbors of positions; NaN where there is none."""
     weight = np.pad((valid > 0.5).astype(np.float32), 1)  # nothing is valid beyond the border
     corner, weights, _ = corner_and_weights(positions_px + np.float32(1.0), weight.shape)
     total = interpolate(weight * np.pad(values, 1), corner, weights)

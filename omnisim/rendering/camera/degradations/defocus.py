@@ -19,7 +19,7 @@ from pydantic import Field
 
 from omnisim.core.files.parameters import Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
 LARGEST_PX = 32.0  # 4225 samples a pixel
@@ -33,24 +33,24 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
     """Mean of the valid pixels in the disc around each pixel.
 
     A pixel on the disc's edge counts by the part of it that is inside; pixels outside of the
-    picture or of its mask do not count, so that no black bleeds in.
+    image or of its mask do not count, so that no black bleeds in.
     """
 
-    centre_defocus_px: Radius = 0.0
+    center_defocus_px: Radius = 0.0
     """Radius in pixels of the disc on the optical axis; typically 0 (focused there) to 2."""
     rim_defocus_px: Radius = 1.0
-    """Radius in pixels of the disc at half of the picture's shorter side; typically 0.5 to 3."""
+    """Radius in pixels of the disc at half of the image's shorter side; typically 0.5 to 3."""
 
-    def radii_px(self, geometry: PictureGeometry) -> NDArray[np.float32]:
+    def radii_px(self, geometry: ImageGeometry) -> NDArray[np.float32]:
         """Radius (height, width) of each pixel's disc."""
-        first, last = np.float32(self.centre_defocus_px), np.float32(self.rim_defocus_px)
+        first, last = np.float32(self.center_defocus_px), np.float32(self.rim_defocus_px)
         radii = first + (last - first) * geometry.squared_radii()
         return radii.clip(np.float32(SMALLEST_PX), np.float32(LARGEST_PX))
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One pass on the GPU."""
         uniforms = {
-            "u_centre_defocus_px": self.centre_defocus_px,
+            "u_center_defocus_px": self.center_defocus_px,
             "u_rim_defocus_px": self.rim_defocus_px,
             "u_limits_px": (SMALLEST_PX, LARGEST_PX),
             "u_strips": STRIPS,
@@ -58,14 +58,14 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         }
         return [Step("defocus", uniforms)]
 
-    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+    def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """The reference in NumPy."""
         radii = self.radii_px(geometry)
         reach = int(np.ceil(radii.max() + 0.5))
         height, width = radii.shape
         padded = np.zeros((height + 2 * reach, width + 2 * reach, 4), dtype=np.float64)
-        valid = picture[..., 3] > 0.5
-        padded[reach : reach + height, reach : reach + width, :3] = picture[..., :3]
+        valid = image[..., 3] > 0.5
+        padded[reach : reach + height, reach : reach + width, :3] = image[..., :3]
         padded[reach : reach + height, reach : reach + width, 3] = valid
         total = np.zeros((height, width, 4))
         for down in range(-reach, reach + 1):
@@ -75,7 +75,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
                 total += (weight * near[..., 3])[..., None] * np.concatenate(
                     (near[..., :3], np.ones((height, width, 1))), axis=-1
                 )
-        result = picture.copy()
+        result = image.copy()
         result[valid, :3] = total[valid, :3] / total[valid, 3:]
         return result
 

@@ -15,9 +15,9 @@ from omnisim.rendering.camera.degradations.dirt import Dirt
 from omnisim.rendering.camera.degradations.effect import Effect, OpticalEffect, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.exposure import Exposure
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.jpeg import Jpeg
 from omnisim.rendering.camera.degradations.noise import Noise
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
 from omnisim.rendering.camera.degradations.reflectance import Reflectance
 from omnisim.rendering.camera.degradations.shutter import Shutter
 from omnisim.rendering.camera.degradations.vignetting import Vignetting
@@ -76,7 +76,7 @@ class Degradation:
 
     @property
     def is_metered(self) -> bool:
-        """True where the exposure depends on the picture."""
+        """True where the exposure depends on the image."""
         return self.exposure is not None and self.exposure.auto
 
     def tables(self) -> dict[str, dict[str, Any]]:
@@ -84,7 +84,7 @@ class Degradation:
         return {name: part.values() for name, part in self.parts.items()}
 
     def scaled(self, scale: float) -> Degradation:
-        """The degradation of a picture `scale` times as large."""
+        """The degradation of an image `scale` times as large."""
         parts: dict[str, Any] = {name: part.scaled(scale) for name, part in self.parts.items()}
         return Degradation(**parts)
 
@@ -95,24 +95,24 @@ class Degradation:
 
     @property
     def electronics(self) -> list[SensorEffect]:
-        """Effects after the shutter, up to the linear picture.
+        """Effects after the shutter, up to the linear image.
 
-        The sensor's response to colours is a factor of its exposure, even where that has no table.
+        The sensor's response to colors is a factor of its exposure, even where that has no table.
         """
         whole = self
         if self.white_balance and not self.exposure:
             whole = dataclasses.replace(self, exposure=Exposure())
         return [part for part in whole.parts.values() if isinstance(part, SensorEffect)]
 
-    def optics_steps(self, geometry: PictureGeometry) -> list[Step]:
+    def optics_steps(self, geometry: ImageGeometry) -> list[Step]:
         """Passes on the GPU before the shutter."""
         return [step for effect in self.optics for step in effect.steps(geometry)]
 
-    def sensor_steps(self, geometry: PictureGeometry, noise_key: int) -> list[Step]:
-        """Passes on the GPU after the shutter, up to the linear picture.
+    def sensor_steps(self, geometry: ImageGeometry, noise_key: int) -> list[Step]:
+        """Passes on the GPU after the shutter, up to the linear image.
 
         Args:
-            geometry: of the picture.
+            geometry: of the image.
             noise_key: of the camera's random numbers.
         """
         shot = Shot(exposure_s=self.exposure_s, noise_key=noise_key)

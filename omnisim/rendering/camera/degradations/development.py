@@ -10,76 +10,76 @@ from numpy.typing import NDArray
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 
 
-def mean_luminance(picture: LinearPicture) -> float:
+def mean_luminance(image: LinearImage) -> float:
     """Mean luminance (Rec. 709) of the valid pixels; 0 if there are none."""
-    valid = picture[..., 3] > 0.5
+    valid = image[..., 3] > 0.5
     if not np.any(valid):
         return 0.0
     weights = np.array([0.2126, 0.7152, 0.0722])
-    return float(np.mean(picture[valid, :3].astype(np.float64) @ weights))
+    return float(np.mean(image[valid, :3].astype(np.float64) @ weights))
 
 
 def exposed(
-    sub_frames: Iterable[tuple[LinearPicture, NDArray[np.float32] | None]],
+    sub_frames: Iterable[tuple[LinearImage, NDArray[np.float32] | None]],
     degradation: Degradation,
-    geometry: PictureGeometry,
-) -> LinearPicture:
+    geometry: ImageGeometry,
+) -> LinearImage:
     """Light (height, width, 4) that the sensor collects.
 
     Args:
-        sub_frames: ideal pictures, at least one, each with the share (height,) of its rows'
+        sub_frames: ideal images, at least one, each with the share (height,) of its rows'
             exposure; None: it is the whole frame.
         degradation: of the camera.
-        geometry: of the picture.
+        geometry: of the image.
 
     Raises:
         ValueError: no sub-frame.
     """
-    total: LinearPicture | None = None
-    for picture, row_weights in sub_frames:
+    total: LinearImage | None = None
+    for image, row_weights in sub_frames:
         for effect in degradation.optics:
-            picture = effect.apply(picture, geometry)
+            image = effect.apply(image, geometry)
         if row_weights is not None:
-            picture = picture.copy()
-            picture[..., :3] *= row_weights[:, None, None]
+            image = image.copy()
+            image[..., :3] *= row_weights[:, None, None]
             if total is not None:
-                picture[..., :3] += total[..., :3]
-        total = picture
+                image[..., :3] += total[..., :3]
+        total = image
     if total is None:
         raise ValueError("expected a sub-frame, got none")
     return total
 
 
 def developed(
-    picture: LinearPicture,
+    image: LinearImage,
     degradation: Degradation,
-    geometry: PictureGeometry,
+    geometry: ImageGeometry,
     factors: tuple[float, float, float],
     noise_key: int,
     frame_number: int,
-) -> LinearPicture:
-    """Linear picture (height, width, 4) that the sensor makes of the light it has collected.
+) -> LinearImage:
+    """Linear image (height, width, 4) that the sensor makes of the light it has collected.
 
     Args:
-        picture: the light.
+        image: the light.
         degradation: of the camera.
-        geometry: of the picture.
+        geometry: of the image.
         factors: of the exposure of red, green and blue light.
         noise_key: of the camera's random numbers.
-        frame_number: of the picture.
+        frame_number: of the image.
     """
     shot = Shot(factors, degradation.exposure_s, noise_key, frame_number)
     for effect in degradation.electronics:
-        picture = effect.apply(picture, geometry, shot)
-    return picture
+        image = effect.apply(image, geometry, shot)
+    return image
 
 
-def eight_bits(picture: LinearPicture, encoding: Encoding | None) -> NDArray[np.uint8]:
-    """Values (height, width, 4) of the file, from a linear picture; None: an ideal camera's."""
-    encoded = (encoding or Encoding()).apply(picture)
+def eight_bits(image: LinearImage, encoding: Encoding | None) -> NDArray[np.uint8]:
+    """Values (height, width, 4) of the file, from a linear image; None: an ideal camera's."""
+    encoded = (encoding or Encoding()).apply(image)
     rgba: NDArray[np.uint8] = np.rint(255.0 * encoded).astype(np.uint8)
-    rgba[picture[..., 3] < 0.5] = 0
+    rgba[image[..., 3] < 0.5] = 0
     return rgba

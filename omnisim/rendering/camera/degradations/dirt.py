@@ -1,4 +1,4 @@
-"""Dust and scratches on the mirror or lens, fixed in the picture.
+"""Dust and scratches on the mirror or lens, fixed in the image.
 
 No source has numbers for the dirt on a robot's mirror: these are assumptions, chosen by looking.
 
@@ -18,7 +18,7 @@ from pydantic import Field
 
 from omnisim.core.files.parameters import Fraction, NotNegative, Number
 from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect, Seed
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.step import Step
 
@@ -33,7 +33,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
     """Specks and scratches, drawn by their seed."""
 
     dust_count: Count = 60
-    """Specks in the picture's square; typically 0 to 300."""
+    """Specks in the image's square; typically 0 to 300."""
     dust_radius_px: Pixels = 2.0
     """Median radius of the specks in pixels; typically 1 to 4."""
     dust_opacity: Fraction = 0.5
@@ -53,7 +53,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
     seed: Seed = 0
     """Seed of the specks and scratches."""
 
-    def map(self, geometry: PictureGeometry) -> NDArray[np.float32]:
+    def map(self, geometry: ImageGeometry) -> NDArray[np.float32]:
         """Dirt (height, width, 2): fraction of the light absorbed, and light added."""
         dust, scratches = np.ones((2, geometry.height_px, geometry.width_px))
         self._dust(dust, geometry)
@@ -61,15 +61,15 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         glow = self.dust_glow * (1.0 - dust) + self.scratch_glow * (1.0 - scratches)
         return np.stack((1.0 - dust * scratches, glow), axis=-1).astype(np.float32)
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One pass on the GPU."""
         return [Step("dirt", textures={"u_dirt": self.map(geometry)})]
 
-    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+    def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """The reference in NumPy."""
-        dirt = np.where(picture[..., 3:] > 0.5, self.map(geometry), np.float32(0.0))
-        result = picture.copy()
-        result[..., :3] = picture[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]
+        dirt = np.where(image[..., 3:] > 0.5, self.map(geometry), np.float32(0.0))
+        result = image.copy()
+        result[..., :3] = image[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]
         return result
 
     def _random(self, stream: str, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -82,13 +82,13 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         return plain, normal(pairs[:, :4], pairs[:, 4:]).astype(np.float64)
 
     def _positions(
-        self, fractions: NDArray[np.float64], geometry: PictureGeometry
+        self, fractions: NDArray[np.float64], geometry: ImageGeometry
     ) -> NDArray[np.float64]:
-        """Positions (..., 2) in the square of the picture's shorter side around the axis."""
-        middle = np.array(geometry.centre_px)
+        """Positions (..., 2) in the square of the image's shorter side around the axis."""
+        middle = np.array(geometry.center_px)
         return middle + (2.0 * fractions - 1.0) * geometry.radius_unit_px
 
-    def _dust(self, clear: NDArray[np.float64], geometry: PictureGeometry) -> None:
+    def _dust(self, clear: NDArray[np.float64], geometry: ImageGeometry) -> None:
         plain, spread = self._random("dust", self.dust_count)
         positions = self._positions(plain[:, :2], geometry)
         radii = self.dust_radius_px * np.exp(RADIUS_SPREAD * spread[:, 0])
@@ -109,7 +109,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             inside = np.clip(0.5 + (edge - np.hypot(right, down)) / (2.0 * soft), 0.0, 1.0)
             window *= 1.0 - opacity * inside * inside * (3.0 - 2.0 * inside)
 
-    def _scratches(self, clear: NDArray[np.float64], geometry: PictureGeometry) -> None:
+    def _scratches(self, clear: NDArray[np.float64], geometry: ImageGeometry) -> None:
         plain, spread = self._random("scratches", self.scratch_count)
         positions = self._positions(plain[:, :2], geometry)
         reach = 3.0 * self.scratch_width_px + 1.0
@@ -144,15 +144,15 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
 
 
 def _window(
-    values: NDArray[np.float64], centre_px: NDArray[np.float64], reach_px: float
+    values: NDArray[np.float64], center_px: NDArray[np.float64], reach_px: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """View of values (height, width) around a position, and offsets right and down from it."""
     height, width = values.shape
-    first = np.floor(centre_px - reach_px).astype(int)
-    last = np.ceil(centre_px + reach_px).astype(int) + 1
+    first = np.floor(center_px - reach_px).astype(int)
+    last = np.ceil(center_px + reach_px).astype(int) + 1
     left, right = np.clip((first[0], last[0]), 0, width).tolist()
     top, bottom = np.clip((first[1], last[1]), 0, height).tolist()
-    u = np.arange(left, right) - centre_px[0]
-    v = np.arange(top, bottom) - centre_px[1]
+    u = np.arange(left, right) - center_px[0]
+    v = np.arange(top, bottom) - center_px[1]
     across, down = np.meshgrid(u, v)
     return values[top:bottom, left:right], across, down

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field
 
 from omnisim.core.files.parameters import NotNegative, Number, Parameters
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
 MAX_EV = 30.0
@@ -29,7 +29,7 @@ class Effect(Parameters):
         return {key: value for key, value in values.items() if value is not None}
 
     def scaled(self, scale: float) -> Self:
-        """The effect on a picture `scale` times as large: lengths in pixels grow."""
+        """The effect on an image `scale` times as large: lengths in pixels grow."""
         lengths: dict[str, Any] = {
             field.name: scale * getattr(self, field.name)
             for field in dataclasses.fields(self)
@@ -40,13 +40,13 @@ class Effect(Parameters):
 
 @dataclass(frozen=True)
 class Shot:
-    """Conditions of one picture.
+    """Conditions of one image.
 
     Attributes:
         exposure_factors: of red, green and blue light.
         exposure_s: time in which a row collects light; 0: an instant.
         noise_key: of the camera's random numbers.
-        frame_number: of the picture, for its noise.
+        frame_number: of the image, for its noise.
     """
 
     exposure_factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -62,23 +62,23 @@ class OpticalEffect(Effect, ABC):
     """An effect of mirror or lens on linear light, before the shutter."""
 
     @abstractmethod
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[Step]:
         """Passes on the GPU."""
 
     @abstractmethod
-    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+    def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """The reference in NumPy."""
 
 
 class SensorEffect(Effect, ABC):
-    """An effect of sensor and processor on a linear picture, after the shutter."""
+    """An effect of sensor and processor on a linear image, after the shutter."""
 
     @abstractmethod
-    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """Passes on the GPU; exposure factors and frame number are uniforms of each frame."""
 
     @abstractmethod
     def apply(
-        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
-    ) -> LinearPicture:
+        self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearImage:
         """The reference in NumPy."""

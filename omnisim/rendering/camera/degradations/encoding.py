@@ -1,4 +1,4 @@
-"""Tone curve, gamma and quantisation: linear light to the values of the file.
+"""Tone curve, gamma and quantization: linear light to the values of the file.
 
 Source: IEC 61966-2-1, for sRGB; Khronos Group, "PBR Neutral Tone Mapper Specification", 2024.
 """
@@ -15,7 +15,7 @@ from pydantic import Field
 from omnisim.core.files.parameters import IntOrFloat, described
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.degradations.effect import Effect
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture
+from omnisim.rendering.camera.degradations.image_geometry import LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
 Gamma = Annotated[
@@ -29,16 +29,16 @@ _START, _DESATURATION, _TOE, _F90 = 0.76, 0.15, 0.08, 0.04
 
 
 def neutral(linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Colours (..., 3) by Khronos's PBR Neutral curve; the twin of shaders/common/neutral.glsl."""
+    """Colors (..., 3) by Khronos's PBR Neutral curve; the twin of shaders/common/neutral.glsl."""
     least = np.maximum(linear.min(axis=-1, keepdims=True), 0.0)
     offset = np.where(least < _TOE, least - 6.25 * least * least, _F90)
     colors = linear - offset
     peak = colors.max(axis=-1, keepdims=True)
     room = 1.0 - _START
     lowered = 1.0 - room * room / np.maximum(peak + room - _START, room)
-    grey = 1.0 - 1.0 / (_DESATURATION * np.maximum(peak - lowered, 0.0) + 1.0)
+    gray = 1.0 - 1.0 / (_DESATURATION * np.maximum(peak - lowered, 0.0) + 1.0)
     scaled = colors * lowered / np.maximum(peak, _START)
-    compressed: NDArray[np.float64] = scaled + grey * (lowered - scaled)
+    compressed: NDArray[np.float64] = scaled + gray * (lowered - scaled)
     return np.where(peak < _START, colors, compressed)
 
 
@@ -52,7 +52,7 @@ class Encoding(Effect, name="degradation.encoding"):
     """Bits a channel."""
     tone_curve: Literal["clip", "neutral"] = "clip"
     """Tone curve, before the transfer function. "clip": none, light above 1 is white; "neutral":
-    Khronos's PBR Neutral, which keeps base colours and rolls highlights off."""
+    Khronos's PBR Neutral, which keeps base colors and rolls highlights off."""
 
     def step(self) -> Step:
         """The pass on the GPU, into 8 bits."""
@@ -64,12 +64,12 @@ class Encoding(Effect, name="degradation.encoding"):
         }
         return Step("encoding", uniforms)
 
-    def apply(self, picture: LinearPicture) -> LinearPicture:
+    def apply(self, image: LinearImage) -> LinearImage:
         """The reference in NumPy, as numbers in [0, 1]."""
-        light = picture[..., :3].astype(np.float64)
+        light = image[..., :3].astype(np.float64)
         values = np.clip(neutral(light) if self.tone_curve == "neutral" else light, 0.0, 1.0)
         encoded = srgb_from_linear(values) if self.gamma == "srgb" else values ** (1 / self.gamma)
         largest = 2**self.bit_depth - 1
-        result = picture.copy()
+        result = image.copy()
         result[..., :3] = np.floor(encoded * largest + 0.5) / largest
         return result

@@ -2,9 +2,9 @@
 
 The light is multiplied by 2 to the power of the exposure, before the sensor counts its photons.
 Auto-exposure works as an iris does: motion blur keeps the shutter's time. It follows what the
-picture before asked for, as a filter of first order: the typical values are assumptions.
+image before asked for, as a filter of first order: the typical values are assumptions.
 
-Source: ISO 12232 and APEX, for stops; the 18 % of a grey card is photography's convention.
+Source: ISO 12232 and APEX, for stops; the 18 % of a gray card is photography's convention.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from dataclasses import dataclass
 
 from omnisim.core.files.parameters import NotNegative, Positive
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.reflectance import multiplied
 from omnisim.rendering.opengl.degradation.step import Step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure(SensorEffect, name="degradation.exposure"):
-    """A fixed exposure, or one that follows the mean luminance of the picture with a lag."""
+    """A fixed exposure, or one that follows the mean luminance of the image with a lag."""
 
     ev: Ev = 0.0
     """EV: powers of two of the light."""
     auto: bool = False
     """Auto-exposure."""
     target: Positive = 0.18
-    """Mean linear luminance that auto-exposure aims at; 0.18 is a grey card's."""
+    """Mean linear luminance that auto-exposure aims at; 0.18 is a gray card's."""
     time_constant_s: NotNegative = 0.2
     """Seconds until 63 % of a change of light are made up for; typically 0.1 to 0.5."""
     min_ev: Ev = -4.0
@@ -40,18 +40,18 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         if self.min_ev > self.max_ev:
             raise self._error("min_ev", f"at most max_ev = {self.max_ev:g}")
 
-    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """One pass on the GPU, whose factors are set for each frame."""
         return [Step("exposure")]
 
     def apply(
-        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
-    ) -> LinearPicture:
+        self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearImage:
         """The reference in NumPy."""
-        return multiplied(picture, shot.exposure_factors)
+        return multiplied(image, shot.exposure_factors)
 
     def metered_ev(self, mean_luminance: float) -> float:
-        """Exposure that suits a picture, from its Rec. 709 luminance before exposure."""
+        """Exposure that suits an image, from its Rec. 709 luminance before exposure."""
         if not self.auto:
             return self.ev
         if mean_luminance <= 0.0:
@@ -60,12 +60,12 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         return min(max(wanted, self.min_ev), self.max_ev)
 
     def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:
-        """Exposure of the next picture.
+        """Exposure of the next image.
 
         Args:
-            ev: of this picture.
-            metered_ev: that suits this picture.
-            later_s: from this picture to the next.
+            ev: of this image.
+            metered_ev: that suits this image.
+            later_s: from this image to the next.
         """
         if not self.auto:
             return self.ev

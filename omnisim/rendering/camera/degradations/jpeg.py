@@ -17,15 +17,15 @@ from omnisim.rendering.camera.degradations.effect import Effect
 
 @dataclass(frozen=True)
 class Jpeg(Effect, name="degradation.jpeg"):
-    """Encoding and decoding; outside of its mask the picture stays black."""
+    """Encoding and decoding; outside of its mask the image stays black."""
 
     quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90
     """As libjpeg counts; typically 75 to 95, 30 for a cheap stream."""
     subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
-    """Subsampling of the colour."""
+    """Subsampling of the color."""
 
     def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Picture (height, width, 4) after JPEG; alpha is kept."""
+        """Image (height, width, 4) after JPEG; alpha is kept."""
         from omnisim.core.files.image_files import through_jpeg  # with OpenImageIO, slow to import
 
         result = rgba.copy()

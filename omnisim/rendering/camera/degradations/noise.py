@@ -24,7 +24,7 @@ from pydantic import Field
 
 from omnisim.core.files.parameters import NotNegative, Positive
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.step import Step
 
@@ -79,7 +79,7 @@ class Noise(SensorEffect, name="degradation.noise"):
         """Electrons of a linear value of 1."""
         return min(self.full_well_e, self.gain * (self.largest_dn - self.black_level_dn))
 
-    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """One pass on the GPU."""
         uniforms = {
             "u_key": shot.noise_key,
@@ -97,8 +97,8 @@ class Noise(SensorEffect, name="degradation.noise"):
         return [Step("noise", uniforms)]
 
     def apply(
-        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
-    ) -> LinearPicture:
+        self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearImage:
         """The reference in NumPy."""
         column, row, channel = np.meshgrid(
             np.arange(geometry.width_px), np.arange(geometry.height_px), np.arange(3)
@@ -107,13 +107,13 @@ class Noise(SensorEffect, name="degradation.noise"):
         dark_e = np.float32(self.dark_current_e_per_s * shot.exposure_s)
         white_e, gain = np.float32(self.white_e), np.float32(self.gain)
         black = np.float32(self.black_level_dn)
-        mean_e = np.maximum(picture[..., :3], np.float32(0.0)) * white_e + dark_e
+        mean_e = np.maximum(image[..., :3], np.float32(0.0)) * white_e + dark_e
         electrons = np.minimum(poisson(mean_e, hashes[0], hashes[1]), np.float32(self.full_well_e))
         electrons += np.float32(self.read_noise_e) * normal(hashes[2], hashes[3])
         numbers = np.floor(electrons / gain + black + np.float32(0.5))
         numbers = np.clip(numbers, np.float32(0.0), np.float32(self.largest_dn))
-        result = picture.copy()
-        seen = picture[..., 3] > 0.5
+        result = image.copy()
+        seen = image[..., 3] > 0.5
         result[seen, :3] = ((numbers[seen] - black) * gain - dark_e) / white_e
         return result
 

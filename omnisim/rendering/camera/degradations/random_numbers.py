@@ -1,7 +1,7 @@
 """Random numbers as hashes of position and time, without a state.
 
 The same bits come out of `shaders/common/random.glsl`, on every machine and in any order, so that
-a picture can be rendered again, and a drive resumed. 32-bit integers only.
+an image can be rendered again, and a drive resumed. 32-bit integers only.
 
 Source: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020: pcg4d, which
 passes TestU01's batteries as they report it. Box and Muller, 1958, for normal numbers.

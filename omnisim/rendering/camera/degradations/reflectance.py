@@ -13,13 +13,13 @@ from pydantic import Field
 
 from omnisim.core.files.parameters import Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect, Rgb
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
 
 @dataclass(frozen=True)
 class Reflectance(OpticalEffect, name="degradation.reflectance"):
-    """Mirror reflectance: the light is multiplied by `reflectance` and by the colour's `tint`."""
+    """Mirror reflectance: the light is multiplied by `reflectance` and by the color's `tint`."""
 
     reflectance: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.9
     """Fraction of the light reflected; typically 0.9 bare aluminium, 0.95 or more silver."""
@@ -32,15 +32,15 @@ class Reflectance(OpticalEffect, name="degradation.reflectance"):
         red, green, blue = (self.reflectance * part for part in self.tint)
         return red, green, blue
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One pass on the GPU."""
-        return [Step("colour_factors", {"u_factors": self.factors})]
+        return [Step("color_factors", {"u_factors": self.factors})]
 
-    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+    def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """The reference in NumPy."""
-        return multiplied(picture, self.factors)
+        return multiplied(image, self.factors)
 
 
-def multiplied(picture: LinearPicture, factors: tuple[float, float, float]) -> LinearPicture:
-    """Picture with its colours multiplied: the reference of `colour_factors.frag`."""
-    return picture * np.array([*factors, 1.0], dtype=np.float32)
+def multiplied(image: LinearImage, factors: tuple[float, float, float]) -> LinearImage:
+    """Image with its colors multiplied: the reference of `color_factors.frag`."""
+    return image * np.array([*factors, 1.0], dtype=np.float32)

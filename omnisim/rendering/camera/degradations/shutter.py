@@ -1,9 +1,9 @@
-"""Motion blur and rolling shutter: exposure windows of the picture's rows.
+"""Motion blur and rolling shutter: exposure windows of the image's rows.
 
 "auto" keeps a moving edge in every row within 0.05 px of where it belongs, and takes a step of at
 most 0.5 px from sub-frame to sub-frame; but no more than 64 of them.
 
-The pose of a picture, and so its ground truth, is that of the middle of its frame: of the middle
+The pose of an image, and so its ground truth, is that of the middle of its frame: of the middle
 row's exposure. The frame lasts readout_s + exposure_s, first row first. The time is cut into equal
 sub-frames, each rendered at the pose in its middle; a row takes their mean, weighted by how long
 each overlaps its own window. Without exposure it takes the one in which its instant lies.
@@ -45,9 +45,9 @@ class Shutter(Effect, name="degradation.shutter"):
     readout_s: Annotated[NotNegative, Field(le=MAX_S)] = 0.0
     """Seconds from the first row's start to the last's; typically 0 (CCD) or 0.01 to 0.03."""
     frame_rate_hz: Positive | None = None
-    """Pictures a second, such as 15 or 30: no exposure is longer than 1/rate; left out: unknown."""
+    """Images a second, such as 15 or 30: no exposure is longer than 1/rate; left out: unknown."""
     sub_frames: SubFrames = "auto"
-    """Renders that make up a picture; "auto": as its motion needs."""
+    """Renders that make up an image; "auto": as its motion needs."""
 
     def _check(self) -> None:
         if self.frame_rate_hz is None:
@@ -58,7 +58,7 @@ class Shutter(Effect, name="degradation.shutter"):
             if value > period_s * (1.0 + 1e-9):
                 raise self._error(
                     key,
-                    f"at most {period_s:g} s, the time from picture to picture at "
+                    f"at most {period_s:g} s, the time from image to image at "
                     f"frame_rate_hz = {self.frame_rate_hz:g}",
                 )
 
@@ -68,7 +68,7 @@ class Shutter(Effect, name="degradation.shutter"):
         return self.readout_s + (self.exposure_s or 0.0)
 
     def sub_frame_count(self, motion_px: float) -> int:
-        """Number of renders that make up a picture in which edges move by `motion_px`."""
+        """Number of renders that make up an image in which edges move by `motion_px`."""
         if self.duration_s == 0.0 or motion_px == 0.0:
             return 1
         if self.sub_frames != "auto":

@@ -13,7 +13,7 @@ import numpy as np
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Signed
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
 
@@ -22,7 +22,7 @@ class Vignetting(OpticalEffect, name="degradation.vignetting"):
     """Factor of the light: 1 + c₂r² + c₄r⁴ + c₆r⁶, at least 0."""
 
     coefficients: tuple[Signed, Signed, Signed] = (-0.3, 0.0, 0.0)
-    """Coefficients of r², r⁴, r⁶; r = 1 at half of the picture's shorter side; typically −2t², 3t⁴,
+    """Coefficients of r², r⁴, r⁶; r = 1 at half of the image's shorter side; typically −2t², 3t⁴,
     −4t⁶: cos⁴ of the field angle, t its tangent at r = 1."""
 
     @classmethod
@@ -38,16 +38,16 @@ class Vignetting(OpticalEffect, name="degradation.vignetting"):
             )
         return cls((-2.0 * tangent**2, 3.0 * tangent**4, -4.0 * tangent**6))
 
-    def steps(self, geometry: PictureGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One pass on the GPU."""
         uniforms = {"u_coefficients": self.coefficients, **geometry.uniforms()}
         return [Step("vignetting", uniforms)]
 
-    def apply(self, picture: LinearPicture, geometry: PictureGeometry) -> LinearPicture:
+    def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """The reference in NumPy."""
         squared = geometry.squared_radii()
         c2, c4, c6 = (np.float32(value) for value in self.coefficients)
         factor = np.float32(1.0) + squared * (c2 + squared * (c4 + squared * c6))
-        result = picture.copy()
+        result = image.copy()
         result[..., :3] *= np.maximum(factor, np.float32(0.0))[..., None]
         return result

@@ -13,15 +13,15 @@ from pydantic import Field
 from omnisim.core.files.parameters import IntOrFloat, Positive, described
 from omnisim.core.files.table_faults import SMALLEST
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.picture_geometry import LinearPicture, PictureGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.reflectance import multiplied
 from omnisim.rendering.opengl.degradation.step import Step
 
 Factor = Annotated[Positive, Field(le=100.0)]
 Gain = Annotated[IntOrFloat, Field(ge=SMALLEST, le=100.0)]
 Gains = Annotated[
-    Literal["grey"] | tuple[Gain, Gain, Gain],
-    described("three numbers above 0, at most 100, or 'grey'"),
+    Literal["gray"] | tuple[Gain, Gain, Gain],
+    described("three numbers above 0, at most 100, or 'gray'"),
 ]
 
 
@@ -31,23 +31,23 @@ class WhiteBalance(SensorEffect, name="degradation.white_balance"):
 
     response: tuple[Factor, Factor, Factor] = (1.0, 1.0, 1.0)
     """Relative signals of R, G, B pixels in the scene's light; typically 0.6, 1, 0.7 (assumed)."""
-    gains: Gains = "grey"
-    """Factors of R, G, B after demosaicking; "grey": undo response."""
+    gains: Gains = "gray"
+    """Factors of R, G, B after demosaicking; "gray": undo response."""
 
     @property
     def factors(self) -> tuple[float, float, float]:
         """Gains of red, green and blue."""
-        if self.gains == "grey":
+        if self.gains == "gray":
             red, green, blue = self.response
             return 1.0 / red, 1.0 / green, 1.0 / blue
         return self.gains
 
-    def steps(self, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """One pass on the GPU, for the gains; the response is a part of the exposure."""
-        return [Step("colour_factors", {"u_factors": self.factors})]
+        return [Step("color_factors", {"u_factors": self.factors})]
 
     def apply(
-        self, picture: LinearPicture, geometry: PictureGeometry, shot: Shot = DEFAULT_SHOT
-    ) -> LinearPicture:
+        self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
+    ) -> LinearImage:
         """The reference in NumPy."""
-        return multiplied(picture, self.factors)
+        return multiplied(image, self.factors)

@@ -1,4 +1,4 @@
-"""Sampling density of a picture on a face of the cube: which part it sees, and how densely."""
+"""Sampling density of an image on a face of the cube: which part it sees, and how densely."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from omnisim.cameras import CentralCamera
 # edge or at a corner.
 GRID = 65
 GRID_STEP = 2.0 / (GRID - 1)
-# A pole of the picture stretches one direction without bound, the rim of an orthographic lens
-# squeezes one to nothing. Neither is followed further than this: a picture that is stretched
+# A pole of the image stretches one direction without bound, the rim of an orthographic lens
+# squeezes one to nothing. Neither is followed further than this: an image that is stretched
 # across more than four times as much as along is drawn for four, and no pixel is taken to be
 # wider than 32 of the smallest.
 MAX_ANISOTROPY = 4.0
@@ -24,13 +24,13 @@ _STEP = 1e-5  # of a tangent, for derivatives: far above rounding, far below a t
 
 
 class RegionDensity(NamedTuple):
-    """Sampling density of the picture in a region of a face.
+    """Sampling density of the image in a region of a face.
 
     Attributes:
         min_px_per_tan, max_px_per_tan: pixels to a tangent of 1.
         region: (2, 2) least and largest tangents, right and down, that are looked up here; regions
             of a face do not overlap.
-        seen_region: (2, 2) likewise, without the margins that the picture does not see.
+        seen_region: (2, 2) likewise, without the margins that the image does not see.
     """
 
     min_px_per_tan: float
@@ -40,11 +40,11 @@ class RegionDensity(NamedTuple):
 
 
 class SamplingDensity:
-    """Sampling density of the picture on a face, by samples all over it.
+    """Sampling density of the image on a face, by samples all over it.
 
     Args:
         tangents: (n, 2) of the samples, those of the grid first, row by row.
-        seen: (n,) the picture looks them up.
+        seen: (n,) the image looks them up.
         most, least: (n,) pixels to a tangent of 1, along and across; 0 and infinite: not known.
     """
 
@@ -59,13 +59,13 @@ class SamplingDensity:
         self._is_seen = bool(seen.any())
 
     def whole(self) -> list[RegionDensity]:
-        """Density of the whole face; empty where the picture sees nothing of it."""
+        """Density of the whole face; empty where the image sees nothing of it."""
         return self._densities([WHOLE_FACE]) if self._is_seen else []
 
     def subdivide(self, texels_per_pixel: float, tile_texels: float) -> list[RegionDensity]:
         """Densities of the regions into which to cut the face where that spares texels.
 
-        The density of a picture varies over a face: at 45° down a mirror shows the same angle in
+        The density of an image varies over a face: at 45° down a mirror shows the same angle in
         half as many pixels as above the horizon. Greedy: the cut that spares most is made first,
         and each half is cut again.
 
@@ -81,7 +81,7 @@ class SamplingDensity:
         return self._densities([-1.0 + GRID_STEP * np.array(cell, dtype=float) for cell in cells])
 
     def _densities(self, regions: list[NDArray[np.float64]]) -> list[RegionDensity]:
-        """Densities inside of tangents (2, 2) each, where the picture sees some of them."""
+        """Densities inside of tangents (2, 2) each, where the image sees some of them."""
         return [found for one in regions if (found := self._density(one)) is not None]
 
     def _density(self, region: NDArray[np.float64]) -> RegionDensity | None:
@@ -125,12 +125,12 @@ class SamplingDensity:
 def density_of_camera(
     camera: CentralCamera, face_from_optical: NDArray[np.float64], seen: NDArray[np.float64]
 ) -> SamplingDensity:
-    """Density of a camera's picture.
+    """Density of a camera's image.
 
     Args:
-        camera: whose picture.
+        camera: whose image.
         face_from_optical: (3, 3).
-        seen: tangents (n, 2) that the picture looks up.
+        seen: tangents (n, 2) that the image looks up.
     """
     grid = _grid()
     tangents = np.concatenate((grid, seen))
@@ -150,8 +150,8 @@ def density_of_camera(
     down, down_valid = pixels(0.0, _STEP)
     steps = np.stack((right - at, down - at), axis=-1)
     inner = valid & right_valid & down_valid
-    # A picture of everything is cut open somewhere, and at its poles all azimuths meet: there a
-    # step leaps. No face is so dense that one would move the picture by a pixel otherwise.
+    # An image of everything is cut open somewhere, and at its poles all azimuths meet: there a
+    # step leaps. No face is so dense that one would move the image by a pixel otherwise.
     smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
     inner = smooth if smooth.any() else inner
     largest, smallest = _singular_values(steps[inner] / _STEP)
@@ -164,7 +164,7 @@ def density_of_camera(
 def density_of_rays(
     tangents: NDArray[np.float64], px_per_tan: NDArray[np.float64]
 ) -> SamplingDensity:
-    """Density of a picture whose rays meet a face at tangents (n, 2), pixels to a tangent of 1."""
+    """Density of an image whose rays meet a face at tangents (n, 2), pixels to a tangent of 1."""
     density = np.zeros((GRID, GRID))
     column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
     for down in (0, 1):
@@ -192,7 +192,7 @@ def _grid() -> NDArray[np.float64]:
 
 
 def _dilate(values: NDArray[Any]) -> NDArray[Any]:
-    """Largest of each value and its eight neighbours."""
+    """Largest of each value and its eight neighbors."""
     for axis in (0, 1):
         padded = np.pad(values, [(1, 1) if axis == own else (0, 0) for own in (0, 1)])
         size = values.shape[axis]

@@ -25,7 +25,7 @@ DENSITY_MARGIN = 1.01
 MIN_FACE_PX = 16
 MAX_TILES = 64
 # Cost of one more tile: triangles at its edge are drawn once more. In texels, and as a share of
-# all texels, so that tiles stay few in a large picture.
+# all texels, so that tiles stay few in a large image.
 TILE_TEXELS = 8000.0
 TILE_SHARE = 0.005
 
@@ -110,13 +110,13 @@ def plan_tiles(
 ) -> TilePlan:
     """Plan the rectangle of each face of the cube that a camera sees.
 
-    Without a size each face gets as many texels as the densest part of the picture that sees it
-    needs, so that nothing is magnified, but for the poles of a picture (`sampling_density`).
+    Without a size each face gets as many texels as the densest part of the image that sees it
+    needs, so that nothing is magnified, but for the poles of an image (`sampling_density`).
 
     Args:
-        camera: whose picture.
+        camera: whose image.
         rig_from_optical: (3, 3).
-        texels_per_pixel: to a side of the picture's smallest pixels.
+        texels_per_pixel: to a side of the image's smallest pixels.
         face_size_px: texels across the 90° of every face.
         also_seen: directions (n, 3), optical frame, that are looked up although the camera model
             does not see them: a mesh's rim has corners.
@@ -127,7 +127,7 @@ def plan_tiles(
     Raises:
         GraphicsError: the camera sees nothing at all.
     """
-    seen = _picture_rays(camera)
+    seen = _image_rays(camera)
     if also_seen is not None:
         seen = np.concatenate((seen, also_seen))
     directions_rig = seen @ rig_from_optical.T
@@ -155,7 +155,7 @@ def plan_densities(
     """Plan the tiles of each face of the cube, in the order of `omnisim.core.cube.FACE_NAMES`.
 
     Args:
-        densities: of the picture on each face.
+        densities: of the image on each face.
         texels_per_pixel, face_size_px, subdivide, level_bias: see `plan_tiles`.
         max_level: mip levels beyond the first; None: as the densities need.
         gutter_px: around tiles, at least.
@@ -165,7 +165,7 @@ def plan_densities(
     """
     whole = [(face, one) for face, density in enumerate(densities) for one in density.whole()]
     if not whole:
-        raise GraphicsError("camera: no pixel of the picture sees anything of the scene")
+        raise GraphicsError("camera: no pixel of the image sees anything of the scene")
     plan = _plan(whole, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px)
     if subdivide and face_size_px is None:
         texels = sum(_texels(region, texels_per_pixel) for _, region in whole)
@@ -267,10 +267,10 @@ def _pack(tiles: list[Tile], level: int, level_bias: float) -> TilePlan:
     return TilePlan(tuple(packed), level, level_bias, used_px, top_px + row_px)
 
 
-def _picture_rays(camera: CentralCamera) -> NDArray[np.float64]:
-    """Directions (n, 3), optical frame, that the picture sees, its edges and corners included.
+def _image_rays(camera: CentralCamera) -> NDArray[np.float64]:
+    """Directions (n, 3), optical frame, that the image sees, its edges and corners included.
 
-    A small picture by a long lens falls between the samples of a face's grid.
+    A small image by a long lens falls between the samples of a face's grid.
     """
     u = np.linspace(-0.5, camera.width_px - 0.5, min(GRID, camera.width_px + 2))
     v = np.linspace(-0.5, camera.height_px - 0.5, min(GRID, camera.height_px + 2))

@@ -67,7 +67,7 @@ def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> NDArray[np.fl
 
 
 def _projection(tile: Tile, near_m: float, far_m: float) -> NDArray[np.float64]:
-    """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the picture.
+    """Matrix (4, 4) clip_from_face of a tile; y of the clip space runs down the image.
 
     Its depth runs from 1 at the near plane to 0 at the far one, which may be infinite.
     """

@@ -1,1 +1,1 @@
-"""Capture: from a camera's pixels to rays, to texels of the atlas, to the picture."""
+"""Capture: from a camera's pixels to rays, to texels of the atlas, to the image."""

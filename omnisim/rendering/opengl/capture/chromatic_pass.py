@@ -14,11 +14,11 @@ from omnisim.rendering.opengl.capture.parallax_pass import CastSamples, Parallax
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays
 from omnisim.scene.model import Fog
 
-_GREEN = 1  # whose rays say where the picture is valid
+_GREEN = 1  # whose rays say where the image is valid
 
 
 class ChromaticPass:
-    """Picture pass of a camera that refracts: one pass for each channel, of one atlas.
+    """Image pass of a camera that refracts: one pass for each channel, of one atlas.
 
     Args:
         context: of OpenGL.
@@ -28,7 +28,7 @@ class ChromaticPass:
         fog: see `ParallaxPass`.
 
     Attributes:
-        undecided_samples: of the last picture, those of all channels.
+        undecided_samples: of the last image, those of all channels.
 
     Raises:
         GraphicsError: no memory for it.

@@ -39,7 +39,7 @@ class DepthPyramid:
     ):
         size = plan.width_px, plan.height_px
         blocks = -(-plan.width_px // _BLOCK), -(-plan.height_px // _BLOCK)
-        with gpu_allocation(f"depth of {size[0]} × {size[1]} px", "make the picture smaller"):
+        with gpu_allocation(f"depth of {size[0]} × {size[1]} px", "make the image smaller"):
             self._depth = context.texture(size, 1, dtype="f4")
             self._blocks = context.texture(blocks, 2, dtype="f4")
             cells = _cell_tiles(plan)
@@ -125,7 +125,7 @@ def _largest(values: NDArray[np.float32], side: int) -> NDArray[np.float32]:
 
 
 def _dilated(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Largest of each block and its eight neighbours."""
+    """Largest of each block and its eight neighbors."""
     rows = np.pad(blocks, 1, mode="edge")
     rows = np.maximum(np.maximum(rows[:-2], rows[1:-1]), rows[2:])
     found: NDArray[np.float32] = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
@@ -133,7 +133,7 @@ def _dilated(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _dilated_groups(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Largest of each group of blocks and its neighbours, for each block."""
+    """Largest of each group of blocks and its neighbors, for each block."""
     groups = _dilated(_largest(blocks, _BLOCKS_PER_GROUP))
     columns = groups.repeat(_BLOCKS_PER_GROUP, axis=0)[: blocks.shape[0]]
     return columns.repeat(_BLOCKS_PER_GROUP, axis=1)[:, : blocks.shape[1]]

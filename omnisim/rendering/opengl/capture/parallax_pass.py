@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.image_pass import image_array
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
-from omnisim.rendering.opengl.capture.picture_pass import picture_array
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.fences import clear_target, use_target
 from omnisim.rendering.opengl.gl_functions import clear_integers
@@ -46,18 +46,18 @@ class RayTextures(NamedTuple):
 
 
 class ParallaxPass:
-    """Picture pass of a camera whose rays do not meet.
+    """Image pass of a camera whose rays do not meet.
 
     Args:
         context: of OpenGL.
         rays: of the samples, from the viewpoint, rig frame.
         plan: tiles of the atlas.
         pyramid: of its depth.
-        shown: pixels (height, width) of the picture to draw; None: all that have samples.
+        shown: pixels (height, width) of the image to draw; None: all that have samples.
         fog: that the atlas shows, from the viewpoint; None: there is none.
 
     Attributes:
-        undecided_samples: of the last picture.
+        undecided_samples: of the last image.
 
     Raises:
         GraphicsError: no memory for it.
@@ -77,7 +77,7 @@ class ParallaxPass:
         self._size = width, height = rays.smooth.shape[1], rays.smooth.shape[0]
         self._what = f"a capture of {width} × {height} px"
         self.undecided_samples = 0
-        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+        with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
             self._rays = ray_textures(context, rays)
             self._surfaces = context.texture(self._size, 4, dtype="f4")
             self._colors = context.texture(self._size, 4, dtype="f4")
@@ -99,13 +99,13 @@ class ParallaxPass:
         uniform(program, "u_width_px").value = width
         self._samples_array = context.vertex_array(program, [])
         self._samples_array.vertices = 3
-        self._picture_array = picture_array(
+        self._image_array = image_array(
             context, rays.shown if shown is None else rays.shown & shown, 1
         )
 
     def _covering(self, fragment: str) -> moderngl.VertexArray:
         """Vertex array that draws all pixels with samples."""
-        program = self._program("capture/picture.vert", fragment)
+        program = self._program("capture/image.vert", fragment)
         return valid_pixels_array(self._context, program, self._sample_rays.shown)
 
     def _program(self, vertex: str, fragment: str) -> moderngl.Program:
@@ -146,7 +146,7 @@ class ParallaxPass:
         Args:
             atlas: of the viewpoint.
             depth: (height, width) of its texels.
-            target: of the picture.
+            target: of the image.
             cast: gives undecided samples; None: they are as if what hides them were thin.
         """
         self._pyramid.update(depth)
@@ -167,7 +167,7 @@ class ParallaxPass:
         self._add_samples_left(cast)
         self._colors.use(_ATLAS)
         use_target(target)
-        self._picture_array.render()
+        self._image_array.render()
 
     def _add_samples_left(self, cast: CastSamples | None) -> None:
         """Add the samples that the pixels around did not tell, one by one."""
@@ -224,7 +224,7 @@ class ParallaxPass:
 
     def _allocate_samples(self, rows: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         size = _SAMPLE_ROW, rows
-        with gpu_allocation(self._what, "make the picture or camera.supersampling smaller"):
+        with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
             samples = self._context.texture(size, 1, dtype="u4")
             samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
             found = self._context.renderbuffer(size, 4, dtype="f4")

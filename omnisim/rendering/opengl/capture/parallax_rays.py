@@ -1,4 +1,4 @@
-"""Rays of a picture's samples that do not meet in one point."""
+"""Rays of an image's samples that do not meet in one point."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-MARGIN_PX = 2  # around the picture, as in capture/parallax.frag
+MARGIN_PX = 2  # around the image, as in capture/parallax.frag
 
 
 class SampleRays(NamedTuple):
@@ -22,7 +22,7 @@ class SampleRays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ParallaxRays:
-    """Rays of pixels' centres, between which those of samples are interpolated, or their own.
+    """Rays of pixels' centers, between which those of samples are interpolated, or their own.
 
     Attributes:
         supersampling: samples to a side of a pixel.
@@ -82,7 +82,7 @@ class ParallaxRays:
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) whose centre has a ray."""
+        """Pixels (height, width) whose center has a ray."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return np.asarray(self.directions[inner, inner].any(axis=-1))
 
@@ -98,8 +98,8 @@ class ParallaxRays:
             longest = max(longest, float(lengths_m.max(initial=0.0)))
         return longest
 
-    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Directions and origins (n, 3) of the pixels' centres that have a ray, row by row."""
+    def centers(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Directions and origins (n, 3) of the pixels' centers that have a ray, row by row."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return (
             self.directions[inner, inner][self.valid].astype(np.float64),

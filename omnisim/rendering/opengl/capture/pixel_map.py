@@ -1,4 +1,4 @@
-"""Map from a camera's pixels to rays, and with an atlas on to colours or UVs."""
+"""Map from a camera's pixels to rays, and with an atlas on to colors or UVs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PixelMap:
 
     Args:
         context: of OpenGL.
-        camera: the camera; for supersampling, that of the finer picture.
+        camera: the camera; for supersampling, that of the finer image.
         polygons: of its mirror's mesh, which a lens has not; None: exact, by the camera model's
             GLSL file.
 
@@ -73,7 +73,7 @@ class PixelMap:
 
         A fetch costs less than an iteration, and more than a formula.
         """
-        # as large as GPUs let buffers be: those with little memory keep none of a large picture's
+        # as large as GPUs let buffers be: those with little memory keep none of a large image's
         limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         if not self._iterates or 16 * self.size_px[0] * self.size_px[1] > limit:
             return None
@@ -97,7 +97,7 @@ class PixelMap:
     def vertex_array(self, emit: Emit, plan: TilePlan) -> moderngl.VertexArray:
         """Vertex array that draws for each pixel what its ray has in an atlas.
 
-        For colours, `lookup_rays` have to be bound to `RAYS_UNIT`.
+        For colors, `lookup_rays` have to be bound to `RAYS_UNIT`.
         """
         if emit is Emit.COLOR and self.lookup_rays is not None:
             array = self._full_screen_array("capture/lookup_rays.frag", emit)
@@ -147,7 +147,7 @@ class PixelMap:
             "capture/mirror_mesh.frag",
             includes={"EMIT": emit},
         )
-        program["u_picture_size_px"] = self.size_px
+        program["u_image_size_px"] = self.size_px
         program["u_focal_length_px"] = camera.focal_length_px
         program["u_principal_point_px"] = camera.principal_point_px
         mesh = tessellate(camera.mirror, polygons)

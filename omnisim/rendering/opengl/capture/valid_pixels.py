@@ -1,4 +1,4 @@
-"""Triangles that cover a picture's valid pixels: what lies outside of a mirror is not drawn."""
+"""Triangles that cover an image's valid pixels: what lies outside of a mirror is not drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STRIP_PX = 8  # height of a rectangle
 
 def covering_triangles(valid: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Corners (n, 2) in pixels (right, down) of triangles that cover all valid pixels, three a
-    triangle; the picture's first corner is (0, 0).
+    triangle; the image's first corner is (0, 0).
 
     Args:
         valid: (height, width).
@@ -34,10 +34,10 @@ def covering_triangles(valid: NDArray[np.bool_]) -> NDArray[np.float32]:
 def valid_pixels_array(
     context: moderngl.Context, program: moderngl.Program, valid: NDArray[np.bool_]
 ) -> moderngl.VertexArray:
-    """Vertex array that draws the valid pixels (height, width) by `capture/picture.vert`."""
+    """Vertex array that draws the valid pixels (height, width) by `capture/image.vert`."""
     corners = covering_triangles(valid)
     if not corners.size:
         corners = np.zeros((3, 2), dtype=np.float32)  # OpenGL has no empty buffer
     height, width = valid.shape
-    uniform(program, "u_picture_size_px").value = (width, height)
+    uniform(program, "u_image_size_px").value = (width, height)
     return context.vertex_array(program, [(context.buffer(corners), "2f4", "in_corner_px")])

@@ -170,12 +170,12 @@ def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
     return areas
 
 
-def _morton_codes(centres: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
+def _morton_codes(centers: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
     """Morton codes of points (3, n), `bits` bits of each axis."""
-    start = centres.min(axis=1, keepdims=True)
-    extent = max(float((centres - start).max()), 1e-9)
-    cells = ((centres - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
-    codes = np.zeros(centres.shape[1], dtype=np.uint64)
+    start = centers.min(axis=1, keepdims=True)
+    extent = max(float((centers - start).max()), 1e-9)
+    cells = ((centers - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
+    codes = np.zeros(centers.shape[1], dtype=np.uint64)
     for axis, cell in enumerate(cells):
         for shift, mask in _SPREAD_STEPS:
             cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)

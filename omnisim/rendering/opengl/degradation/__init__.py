@@ -1,1 +1,1 @@
-"""Degradations: full-screen passes over the linear picture."""
+"""Degradations: full-screen passes over the linear image."""

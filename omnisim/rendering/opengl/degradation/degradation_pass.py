@@ -1,4 +1,4 @@
-"""Chain of full-screen passes between the linear picture and its encoding.
+"""Chain of full-screen passes between the linear image and its encoding.
 
 It knows no degradation by name: each one's code is `shaders/degradation/<stem>.frag`, and its
 numbers are in a `Step`. Everything is float32, because a photon in ten thousand counts.
@@ -23,20 +23,20 @@ METER_BLOCK_PX = 16  # pixels to a side of the block that one fragment of the li
 
 
 class DegradationPass:
-    """Degrades sub-frames of linear light to the linear picture of a real camera.
+    """Degrades sub-frames of linear light to the linear image of a real camera.
 
     The order is: `add` each sub-frame, `mean_luminance` for auto-exposure, `finish`, and then
     `read` and `encode`.
 
     Args:
         context: of OpenGL.
-        size: width and height of the picture.
+        size: width and height of the image.
         optics: steps before the shutter, in the light's order.
         sensor: steps after it.
         encoding: from linear to the values of the file.
 
     Raises:
-        GraphicsError: a shader that does not compile, or a picture that does not fit.
+        GraphicsError: a shader that does not compile, or an image that does not fit.
     """
 
     def __init__(
@@ -81,14 +81,14 @@ class DegradationPass:
         self._is_first = True
 
     def read(self) -> NDArray[np.float32]:
-        """Read the finished picture (height, width, 4), linear."""
+        """Read the finished image (height, width, 4), linear."""
         width, height = self._size
         data = self._current.read()
         dtype = {"f2": np.float16, "f4": np.float32}[self._current.dtype]
         return np.frombuffer(data, dtype=dtype).reshape(height, width, 4).astype(np.float32)
 
     def encode(self, target: moderngl.Framebuffer) -> None:
-        """Draw the finished picture as the values of the file."""
+        """Draw the finished image as the values of the file."""
         self._encoding.draw(target, self._current)
 
     @cached_property
@@ -109,11 +109,11 @@ class DegradationPass:
 
 
 class _Target:
-    """Float32 picture to write to and to read from."""
+    """Float32 image to write to and to read from."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         with gpu_allocation(
-            f"a degraded picture of {size[0]} × {size[1]} px", "make the picture smaller"
+            f"a degraded image of {size[0]} × {size[1]} px", "make the image smaller"
         ):
             self.texture = context.texture(size, 4, dtype="f4")
             self.framebuffer = context.framebuffer([self.texture])
@@ -139,15 +139,15 @@ class _FullScreenPass:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        picture: moderngl.Texture,
+        image: moderngl.Texture,
         uniforms: Mapping[str, UniformValue] | None = None,
         textures: Mapping[str, moderngl.Texture] | None = None,
     ) -> None:
         """Draw into a target.
 
         Args:
-            target: of the picture's size.
-            picture: read as `u_picture`.
+            target: of the image's size.
+            image: read as `u_image`.
             uniforms: values of this frame; those that the shader does not have are left out.
             textures: more of them, by the names of their samplers.
         """
@@ -155,7 +155,7 @@ class _FullScreenPass:
             if name in self._program:
                 self._program[name] = value
         use_target(target)
-        picture.use(0)
+        image.use(0)
         for unit, texture in enumerate(self._textures, start=1):
             texture.use(unit)
         for unit, (name, texture) in enumerate((textures or {}).items(), 1 + len(self._textures)):
@@ -173,7 +173,7 @@ class _Shutter:
         self._accumulate = _FullScreenPass(context, Step("accumulate"))
 
     def add(
-        self, picture: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
+        self, image: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
     ) -> moderngl.Texture:
         """Add a sub-frame to those since the first one of its frame, and return the sum."""
         flush()  # virgl uploads before the draws so far, unless they are submitted
@@ -183,22 +183,22 @@ class _Shutter:
             use_target(before.framebuffer)
             before.framebuffer.clear()
         textures = {"u_sum": before.texture, "u_row_weights": self._row_weights}
-        self._accumulate.draw(after.framebuffer, picture, textures=textures)
+        self._accumulate.draw(after.framebuffer, image, textures=textures)
         self._sums.reverse()
         return after.texture
 
 
 class _LightMeter:
-    """Mean luminance of a picture, by sums over blocks."""
+    """Mean luminance of an image, by sums over blocks."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         width, height = size
         self._sum_blocks = _FullScreenPass(context, Step("meter", {"u_block_px": METER_BLOCK_PX}))
         self._blocks = _Target(context, (-(-width // METER_BLOCK_PX), -(-height // METER_BLOCK_PX)))
 
-    def mean_luminance(self, picture: moderngl.Texture) -> float:
+    def mean_luminance(self, image: moderngl.Texture) -> float:
         """Mean luminance (Rec. 709) of the valid pixels; 0 if there are none."""
-        self._sum_blocks.draw(self._blocks.framebuffer, picture)
+        self._sum_blocks.draw(self._blocks.framebuffer, image)
         data = self._blocks.framebuffer.read(components=4, dtype="f4")
         total, count = np.frombuffer(data, dtype="<f4").reshape(-1, 4).sum(axis=0, dtype=float)[:2]
         return float(total / count) if count > 0.0 else 0.0

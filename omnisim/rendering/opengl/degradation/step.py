@@ -1,4 +1,4 @@
-"""Step of a picture's degradation, as data: to describe one opens no OpenGL."""
+"""Step of an image's degradation, as data: to describe one opens no OpenGL."""
 
 from __future__ import annotations
 

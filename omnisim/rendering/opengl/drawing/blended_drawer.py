@@ -31,7 +31,7 @@ _NO_ARRAY, _UNLIT, _DOUBLE_SIDED = 7, 8, 16
 _COMMANDS_BINDING = 7
 _ITEM = np.dtype(  # as in shaders/culling/blended.comp
     [
-        ("centre", "<f4", 3),
+        ("center", "<f4", 3),
         ("radius", "<f4"),
         ("first_triangle", "<u4"),
         ("triangles", "<u4"),
@@ -86,8 +86,8 @@ class BlendedDrawer:
         kinds = [self._kind(item) for item in items]
         vertices["in_material"][:, 1] = np.repeat(np.array(kinds, dtype=np.float32), counts)
         views, total = culler.views, len(triangles)
-        centres = np.zeros((total, 4), dtype=np.float32)
-        centres[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
+        centers = np.zeros((total, 4), dtype=np.float32)
+        centers[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
         self._items = len(items)
         self._commands = context.buffer(reserve=COMMAND_BYTES * views.count * len(items))
         self._written = views.count * len(items)
@@ -105,7 +105,7 @@ class BlendedDrawer:
         self._shader["u_items"], self._shader["u_triangles"] = len(items), total
         bound = [
             self._commands, context.buffer(_packed(items, geometry.anchor_m)),
-            context.buffer(centres), context.buffer(triangles.astype("<u4")), indices,
+            context.buffer(centers), context.buffer(triangles.astype("<u4")), indices,
         ]  # fmt: skip
         self._bound = StorageBindings(bound, _COMMANDS_BINDING)
         self._draws, self._state = IndirectDraws(), GlState()
@@ -148,8 +148,8 @@ def _packed(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray
     packed["first_triangle"] = np.cumsum(packed["triangles"]) - packed["triangles"]
     for one, item in zip(packed, items, strict=True):
         is_static = item.object_index is None
-        one["centre"] = item.centre_m - (anchor_m if is_static else 0.0)
+        one["center"] = item.center_m - (anchor_m if is_static else 0.0)
         one["object"] = 0 if item.object_index is None else 1 + item.object_index
         # the matrices are floats
-        one["radius"] = item.radius_m * (1.0 + 1e-5) + 1e-5 * np.abs(one["centre"]).sum()
+        one["radius"] = item.radius_m * (1.0 + 1e-5) + 1e-5 * np.abs(one["center"]).sum()
     return packed

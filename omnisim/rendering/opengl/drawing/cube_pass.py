@@ -1,4 +1,4 @@
-"""Cube pass: the colours that the virtual cameras at the effective viewpoint see."""
+"""Cube pass: the colors that the virtual cameras at the effective viewpoint see."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.layer_targets import attach_layer, attach_texture
 from omnisim.rendering.opengl.memory import gpu_allocation
 
-_LAYER_TEXEL_BYTES = 12  # colours and depth
+_LAYER_TEXEL_BYTES = 12  # colors and depth
 
 
 class CubePass:
@@ -48,7 +48,7 @@ class CubePass:
 
     Attributes:
         plan: as given.
-        atlas: linear RGBA, half floats, first row of each face's picture first.
+        atlas: linear RGBA, half floats, first row of each face's image first.
         tiles: the draw loop.
 
     Raises:
@@ -71,12 +71,12 @@ class CubePass:
             raise GraphicsError(
                 f"virtual cameras of {max(tile.face_size_px for tile in plan.tiles)} px need an "
                 f"atlas of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
-                "make the picture, virtual_cameras.texels_per_pixel or size_px smaller"
+                "make the image, virtual_cameras.texels_per_pixel or size_px smaller"
             )
         samples = min(cameras.samples, int(context.max_samples))
         with gpu_allocation(
             f"an atlas of {size[0]} × {size[1]} px with {samples} samples",
-            "make the picture, virtual_cameras.size_px or virtual_cameras.samples smaller",
+            "make the image, virtual_cameras.size_px or virtual_cameras.samples smaller",
         ):
             self.atlas = context.texture(size, 4, dtype="f2")
             self._resolved = context.framebuffer([self.atlas])
@@ -274,7 +274,7 @@ class CubePass:
         """Sort blended items that are seen, and their triangles, back to front."""
         seen = [self.tiles.cull_items(view, transforms, self._blended) for view in views]
         blended = self._blended[np.any(seen, axis=0)]
-        distances = np.linalg.norm(transforms.centres_m[blended], axis=1)
+        distances = np.linalg.norm(transforms.centers_m[blended], axis=1)
         blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:
             self._buffers.sort_triangles(

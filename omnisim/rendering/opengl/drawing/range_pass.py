@@ -82,15 +82,15 @@ class RangePass:
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in metres from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
         buffers = self._buffers
         buffers.deform(world_from_objects)
         transforms = buffers.instance_transforms(world_from_scanner[:3, 3], world_from_objects)
         scanner_from_viewpoint = np.eye(4)
         scanner_from_viewpoint[:3, :3] = world_from_scanner[:3, :3].T
         matrices = columns_first(scanner_from_viewpoint @ transforms.viewpoint_from_mesh)
-        centres_m = transforms.centres_m @ scanner_from_viewpoint[:3, :3].T
-        hit = self._shown & self._may_hit(centres_m, transforms.radii_m)
+        centers_m = transforms.centers_m @ scanner_from_viewpoint[:3, :3].T
+        hit = self._shown & self._may_hit(centers_m, transforms.radii_m)
         self._ranges.write(self._no_hits)
         self._beams.bind_to_storage_buffer(_BEAMS)
         self._ranges.bind_to_storage_buffer(_RANGES)
@@ -101,13 +101,13 @@ class RangePass:
         return np.frombuffer(self._ranges.read(), dtype="<f4").astype(np.float64)
 
     def _may_hit(
-        self, centres_m: NDArray[np.float64], radii_m: NDArray[np.float64]
+        self, centers_m: NDArray[np.float64], radii_m: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Mask of spheres (n,) that beams may hit, by centres (n, 3) in the scanner's frame."""
-        kept = np.abs(centres_m[:, 2]) <= radii_m
-        kept &= np.linalg.norm(centres_m, axis=1) - radii_m <= self._max_range_m
+        """Mask of spheres (n,) that beams may hit, by centers (n, 3) in the scanner's frame."""
+        kept = np.abs(centers_m[:, 2]) <= radii_m
+        kept &= np.linalg.norm(centers_m, axis=1) - radii_m <= self._max_range_m
         if self._is_front_only:
-            kept &= centres_m[:, 0] >= -radii_m
+            kept &= centers_m[:, 0] >= -radii_m
         return kept
 
     def _cast_item(self, item: DrawItem, scanner_from_mesh: NDArray[np.float32]) -> None:

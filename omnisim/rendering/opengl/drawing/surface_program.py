@@ -120,7 +120,7 @@ class SurfaceVariant(NamedTuple):
 
 
 def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
-    """Variant that draws an item; `unlit`: plain base colours."""
+    """Variant that draws an item; `unlit`: plain base colors."""
     material, found = item.material, item.texture_layer.reflectance
     textured = material.texture is not None
     if unlit or material.unlit:
@@ -139,7 +139,7 @@ def _reflective(
 
 
 def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
-    """Variant that draws the clusters of a bucket; `unlit`: plain base colours."""
+    """Variant that draws the clusters of a bucket; `unlit`: plain base colors."""
     textured = bucket.array is not None
     if unlit or bucket.unlit:
         return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
@@ -263,7 +263,7 @@ class SurfaceProgram:
             self._light_rectangles.write(np.array(sides, dtype=np.float32))
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw some of a vertex array's indices; colours need no IDs."""
+        """Draw some of a vertex array's indices; colors need no IDs."""
         array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
 

@@ -1,4 +1,4 @@
-"""The draw loop over the tiles of an atlas, for colours and for triangle IDs."""
+"""The draw loop over the tiles of an atlas, for colors and for triangle IDs."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class VirtualCameras:
 
     Attributes:
         near_m, far_m: depth range; far_m may be infinite.
-        samples: of a texel of the picture.
-        unlit: show plain base colours.
+        samples: of a texel of the image.
+        unlit: show plain base colors.
         background: linear RGB where nothing is hit.
         hidden: parts of dynamic objects that are not drawn.
         both_sides: show all surfaces from behind, too.
@@ -132,7 +132,7 @@ class TileRenderer:
         target: moderngl.Framebuffer,
         colors: Sequence[tuple[float, float, float, float] | None],
     ) -> None:
-        """Use a target and clear its depth and colours, of which None are integers.
+        """Use a target and clear its depth and colors, of which None are integers.
 
         All else is drawn with the state of `GlState.drawing`.
         """
@@ -216,7 +216,7 @@ class TileRenderer:
     ) -> NDArray[np.bool_]:
         """Mask of items (n,) whose bounding spheres are not outside of a tile's frustum."""
         inside_m = (
-            transforms.centres_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
+            transforms.centers_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
         )
         kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
         return kept

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-NO_NEIGHBOUR = np.uint32(0xFFFFFFFF)
+NO_NEIGHBOR = np.uint32(0xFFFFFFFF)
 
 
-def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.uint32]:
+def neighbors(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """Triangles (m, 3) beyond the edges opposite to each triangle's first, second, third corner.
 
     Corners at the same place are one, even where normals or texture coordinates differ. Where more
-    than two triangles meet at an edge, each has the next one; `NO_NEIGHBOUR`: there is none.
+    than two triangles meet at an edge, each has the next one; `NO_NEIGHBOR`: there is none.
 
     Args:
         positions: (n, 3).
@@ -30,7 +30,7 @@ def neighbours(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) ->
     counts = np.diff(starts, append=len(keys))
     following = np.arange(1, len(keys) + 1)
     following[starts + counts - 1] = starts  # around in a ring
-    found = np.full(len(keys), NO_NEIGHBOUR)
+    found = np.full(len(keys), NO_NEIGHBOR)
     is_shared = np.repeat(counts > 1, counts)
     found[order[is_shared]] = order[following[is_shared]] // 3
     return found.reshape(-1, 3)

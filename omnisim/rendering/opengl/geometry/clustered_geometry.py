@@ -230,7 +230,7 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
 
 def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
     """Middle (3,) of the static items, world."""
-    static = [item.centre_m for item in items if item.object_index is None]
+    static = [item.center_m for item in items if item.object_index is None]
     if not static:
         return np.zeros(3)
     middle: NDArray[np.float64] = 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))
@@ -266,7 +266,7 @@ def object_triangles(
         fill_vertices(part, mesh)
         origin_m = anchor_m if item.object_index is None else np.zeros(3)
         part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - origin_m)
-        # vertex colours are half floats, as in the other buffer
+        # vertex colors are half floats, as in the other buffer
         colors = part["in_color"].astype(np.float16).astype(np.float32)
         part["in_color"] = colors * np.array(item.material.base_color, dtype=np.float32)
         part["in_material"] = item.texture_layer.layer, item.material.hit_cutoff

@@ -60,7 +60,7 @@ class DrawItem:
         object_from_mesh: (4, 4) float64, into the world or the dynamic object's frame.
         normal_from_mesh: (3, 3) cofactors of its linear part, signed so that normals stay outside.
         flips_winding: its triangles are wound the other way round in the world.
-        centre_m, radius_m: its bounding sphere in the world or the dynamic object's frame.
+        center_m, radius_m: its bounding sphere in the world or the dynamic object's frame.
         light: on it.
         light_rectangles: of its front and back in the lightmap, if it has any.
     """
@@ -76,7 +76,7 @@ class DrawItem:
     object_from_mesh: NDArray[np.float64]
     normal_from_mesh: NDArray[np.float64]
     flips_winding: bool
-    centre_m: NDArray[np.float64]
+    center_m: NDArray[np.float64]
     radius_m: float
     light: LightSource = LightSource.COMPUTED
     light_rectangles: tuple[LightRectangle, ...] = ()
@@ -87,21 +87,21 @@ class DrawItem:
         return self.count // 3
 
     def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
-        """Tell whether floats resolve a tenth of a millimetre of it.
+        """Tell whether floats resolve a tenth of a millimeter of it.
 
         They count from the origin of its object, the anchor (3,) where it is static.
         """
         origin_m = anchor_m if self.object_index is None else np.zeros(3)
-        return bool(np.linalg.norm(self.centre_m - origin_m) + self.radius_m <= MAX_DISTANCE_M)
+        return bool(np.linalg.norm(self.center_m - origin_m) + self.radius_m <= MAX_DISTANCE_M)
 
     def sphere_at(self, time_s: float) -> Sphere:
         """Bounding sphere at a time, in the world or the dynamic object's frame."""
         if self.mesh.deformation is None:
-            return Sphere(self.centre_m, self.radius_m)
-        centre, radius = self.mesh.deformation.sphere_at(time_s)
+            return Sphere(self.center_m, self.radius_m)
+        center, radius = self.mesh.deformation.sphere_at(time_s)
         linear = self.object_from_mesh[:3, :3]
         scale = float(np.linalg.norm(linear, 2))
-        return Sphere(linear @ centre + self.object_from_mesh[:3, 3], scale * radius)
+        return Sphere(linear @ center + self.object_from_mesh[:3, 3], scale * radius)
 
     @property
     def moves(self) -> bool:
@@ -125,10 +125,10 @@ class InstanceTransforms(NamedTuple):
     Attributes:
         viewpoint_from_mesh: (n, 4, 4).
         normal_from_mesh: (n, 3, 3), see `DrawItem`.
-        centres_m, radii_m: (n, 3) and (n,) of the bounding spheres.
+        centers_m, radii_m: (n, 3) and (n,) of the bounding spheres.
     """
 
     viewpoint_from_mesh: NDArray[np.float64]
     normal_from_mesh: NDArray[np.float64]
-    centres_m: NDArray[np.float64]
+    centers_m: NDArray[np.float64]
     radii_m: NDArray[np.float64]

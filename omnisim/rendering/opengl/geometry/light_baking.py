@@ -23,7 +23,7 @@ class Shading(Enum):
 
     UNKNOWN = 0
     NORMALS_AGREE = 1  # all three point to the front side
-    BAKED = 2  # flat and of one colour, no light is punctual, and those it faces cast no shadows
+    BAKED = 2  # flat and of one color, no light is punctual, and those it faces cast no shadows
 
 
 def shadings(

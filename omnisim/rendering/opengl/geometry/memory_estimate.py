@@ -17,7 +17,7 @@ def gpu_bytes(scene: Scene) -> int:
     """Bytes of a scene's vertices, triangles and textures on the GPU.
 
     Each instance has a copy of its mesh for the clusters, up to `MAX_SCENE_TRIANGLES`. What cameras
-    take besides: their pictures, and draw commands of at most 128 MiB each.
+    take besides: their images, and draw commands of at most 128 MiB each.
     """
     vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
     triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)

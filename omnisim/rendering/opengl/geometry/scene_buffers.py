@@ -111,7 +111,7 @@ class SceneBuffers:
         self._rest_transforms = (
             np.array([item.object_from_mesh for item in items]).reshape(-1, 4, 4),
             np.array([item.normal_from_mesh for item in items]).reshape(-1, 3, 3),
-            np.array([item.centre_m for item in items]).reshape(-1, 3),
+            np.array([item.center_m for item in items]).reshape(-1, 3),
         )
         object_indices = [-1 if one.object_index is None else one.object_index for one in items]
         self._object_of_item = np.array(object_indices, dtype=np.intp)
@@ -206,12 +206,12 @@ class SceneBuffers:
             viewpoint_m: (3,), world.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
-        world_from_mesh, normal_from_mesh, centres_m = (one.copy() for one in self._rest_transforms)
+        world_from_mesh, normal_from_mesh, centers_m = (one.copy() for one in self._rest_transforms)
         radii_m = self.radii_m
         if self.deforming.size:
             radii_m = radii_m.copy()
             found = self._spheres_at(time_of(world_from_objects))
-            centres_m[self.deforming], radii_m[self.deforming] = found
+            centers_m[self.deforming], radii_m[self.deforming] = found
         if self._dynamic.size:
             dynamic = self._dynamic
             world_from_object = np.stack(world_from_objects)[self._object_of_item[dynamic]]
@@ -219,21 +219,21 @@ class SceneBuffers:
             world_from_mesh[dynamic] = world_from_object @ world_from_mesh[dynamic]
             # a rotation is its own matrix of cofactors
             normal_from_mesh[dynamic] = rotation @ normal_from_mesh[dynamic]
-            centres_m[dynamic] = (rotation @ centres_m[dynamic, :, None])[..., 0]
-            centres_m[dynamic] += world_from_object[:, :3, 3]
+            centers_m[dynamic] = (rotation @ centers_m[dynamic, :, None])[..., 0]
+            centers_m[dynamic] += world_from_object[:, :3, 3]
         world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: far from the origin counts too
         return InstanceTransforms(
-            world_from_mesh, normal_from_mesh, centres_m - viewpoint_m, radii_m
+            world_from_mesh, normal_from_mesh, centers_m - viewpoint_m, radii_m
         )
 
     def _spheres_at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centres (n, 3) and radii (n,) of the items that deform, in their objects' frames."""
+        """Centers (n, 3) and radii (n,) of the items that deform, in their objects' frames."""
         found = self._deformed_spheres
         if found is None or found[0] != time_s:
             spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
-            centres_m = np.array([one.centre for one in spheres])
+            centers_m = np.array([one.center for one in spheres])
             radii_m = np.array([one.radius for one in spheres])
-            self._deformed_spheres = found = time_s, centres_m, radii_m
+            self._deformed_spheres = found = time_s, centers_m, radii_m
         return found[1], found[2]
 
     def deform(
@@ -256,7 +256,7 @@ class SceneBuffers:
         self, items: NDArray[np.intp], transforms: InstanceTransforms
     ) -> NDArray[np.intp]:
         """Sort items (n,), near ones first and those that surround them last: little overdraw."""
-        far_m = np.linalg.norm(transforms.centres_m[items], axis=1) + transforms.radii_m[items]
+        far_m = np.linalg.norm(transforms.centers_m[items], axis=1) + transforms.radii_m[items]
         return items[np.argsort(far_m, kind="stable")]
 
     def shown(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
@@ -316,9 +316,9 @@ class SceneBuffers:
         """
         mesh = item.mesh
         positions = mesh.deformation.positions_at(time_s) if mesh.deformation else mesh.positions
-        centres = positions[mesh.triangles].mean(axis=1, dtype=np.float64)
-        centres = centres @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
-        order = np.argsort(-np.sum(centres**2, axis=1), kind="stable")
+        centers = positions[mesh.triangles].mean(axis=1, dtype=np.float64)
+        centers = centers @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
+        order = np.argsort(-np.sum(centers**2, axis=1), kind="stable")
         self.indices.write(
             (mesh.triangles[order] + np.uint32(item.base)).astype("<u4"), offset=4 * item.first
         )
@@ -368,8 +368,8 @@ def make_draw_items(
         mesh = part.meshes[instance.mesh]
         material = part.materials[mesh.material]
         low, high = bounds_of(mesh.positions)
-        centre = 0.5 * (low + high)
-        radius = np.linalg.norm(mesh.positions - centre, axis=1).max()
+        center = 0.5 * (low + high)
+        radius = np.linalg.norm(mesh.positions - center, axis=1).max()
         object_from_mesh = instance.world_from_mesh
         light = LightSource.PROBES if is_baked else LightSource.COMPUTED
         rectangles: tuple[LightRectangle, ...] = ()
@@ -390,7 +390,7 @@ def make_draw_items(
                 object_from_mesh=object_from_mesh,
                 normal_from_mesh=cofactors[number],
                 flips_winding=bool(flips_winding[number]),
-                centre_m=object_from_mesh[:3, :3] @ centre + object_from_mesh[:3, 3],
+                center_m=object_from_mesh[:3, :3] @ center + object_from_mesh[:3, 3],
                 radius_m=float(radius) * float(scales[number]),
                 light=light,
                 light_rectangles=rectangles,

@@ -8,13 +8,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOUR, neighbours
+from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.memory import gpu_allocation
 
 ROW_BITS = 12  # of entries in a row of a texture, as in shaders/ground_truth/tables.glsl
 _ENTRIES_AT_ONCE = 1 << 18  # so that memory in between stays small
-_CORNER = np.dtype([("position", "<f4", 3), ("neighbour", "<u4")])
+_CORNER = np.dtype([("position", "<f4", 3), ("neighbor", "<u4")])
 
 
 class TriangleTable:
@@ -28,7 +28,7 @@ class TriangleTable:
     Attributes:
         corners: texture of four integers an entry: of each corner the position, in the frame of
             its mesh, as bits of floats, and the triangle beyond the opposite edge, counted in its
-            mesh (`omnisim.rendering.opengl.geometry.adjacency`). Blended items have no neighbours.
+            mesh (`omnisim.rendering.opengl.geometry.adjacency`). Blended items have no neighbors.
         indices: buffer of the vertices of the corners. The scene's own, unless blended items sort
             that anew in every frame.
 
@@ -58,7 +58,7 @@ class TriangleTable:
         return True
 
     def _write(self, ranges: Sequence[IndexRange]) -> None:
-        neighbours_of_mesh: dict[int, NDArray[np.uint32]] = {}
+        neighbors_of_mesh: dict[int, NDArray[np.uint32]] = {}
         # whole rows are written at once: the rest of the ranges before waits
         waiting, row = [self._rest], self._row
         for mesh, first, base, is_blended in ranges:
@@ -67,11 +67,11 @@ class TriangleTable:
                 self.indices.write(own, offset=4 * first)
             corners = np.empty(mesh.triangles.size, dtype=_CORNER)
             corners["position"] = mesh.positions[mesh.triangles.ravel()]
-            corners["neighbour"] = NO_NEIGHBOUR
+            corners["neighbor"] = NO_NEIGHBOR
             if not is_blended:
-                if id(mesh) not in neighbours_of_mesh:
-                    neighbours_of_mesh[id(mesh)] = neighbours(mesh.positions, mesh.triangles)
-                corners["neighbour"] = neighbours_of_mesh[id(mesh)].ravel()
+                if id(mesh) not in neighbors_of_mesh:
+                    neighbors_of_mesh[id(mesh)] = neighbors(mesh.positions, mesh.triangles)
+                corners["neighbor"] = neighbors_of_mesh[id(mesh)].ravel()
             waiting.append(corners)
             if sum(map(len, waiting)) >= _ENTRIES_AT_ONCE:
                 row, rest = _write_rows(self.corners, np.concatenate(waiting), row)

@@ -23,7 +23,7 @@ CLUSTER_VERTEX = np.dtype(  # of clusters: with its material, whatever draw call
         ("in_position", "<f4", 3),
         ("in_normal", "<f4", 3),
         ("in_texture_coordinate", "<f4", 2),
-        ("in_color", "<f4", 4),  # times the base colour
+        ("in_color", "<f4", 4),  # times the base color
         ("in_material", "<f4", 2),  # layer of the texture array, and cutoff of alpha
     ]
 )

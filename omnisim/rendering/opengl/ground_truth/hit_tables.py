@@ -74,11 +74,11 @@ class HitTables:
         transforms: Sequence[InstanceTransforms],
         viewpoints_from_optical: NDArray[np.float64],
     ) -> None:
-        """Write each picture's draw items, normal matrices and camera (n, 3, 3), and bind.
+        """Write each image's draw items, normal matrices and camera (n, 3, 3), and bind.
 
         Args:
             ids: layers of triangle IDs.
-            transforms: of each picture.
+            transforms: of each image.
             viewpoints_from_optical: of each.
         """
         count = len(self._draw_items)
@@ -96,8 +96,8 @@ class HitTables:
         self._bind(ids, self._batch)
 
     @property
-    def picture_bytes(self) -> int:
-        """Memory of the draw items of a picture of a batch."""
+    def image_bytes(self) -> int:
+        """Memory of the draw items of an image of a batch."""
         return int(_DRAW_ITEM.itemsize * (len(self._draw_items) + 1))
 
     def _bind(

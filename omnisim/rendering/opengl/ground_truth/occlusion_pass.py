@@ -1,4 +1,4 @@
-"""Occlusion of a picture's points from the next viewpoint."""
+"""Occlusion of an image's points from the next viewpoint."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class OcclusionPass:
     def __init__(self, hits: RayHitPass):
         self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
         program = build_program(
-            context, "capture/picture.vert", "ground_truth/occlusion.frag", hits.defines
+            context, "capture/image.vert", "ground_truth/occlusion.frag", hits.defines
         )
         hits.prepare(program, np.eye(3))
         uniform(program, "u_points").value = _POINTS_UNIT
@@ -39,7 +39,7 @@ class OcclusionPass:
         self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
         self._vertex_array = valid_pixels_array(context, program, pixels.valid)
         width, height = pixels.size_px
-        with gpu_allocation(f"flow of {width} × {height} px", "make the picture smaller"):
+        with gpu_allocation(f"flow of {width} × {height} px", "make the image smaller"):
             occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
             self._target = context.framebuffer([occluded])
         # once: nothing is ever drawn where there is no ray

@@ -36,7 +36,7 @@ class ParallaxHitPass(RayHitPass):
     def __init__(self, visibility: VisibilityPass, pixels: TracedPixels, pyramid: DepthPyramid):
         super().__init__(visibility, pixels)
         self._pyramid = pyramid
-        with gpu_allocation(self._what, "make the picture smaller"):
+        with gpu_allocation(self._what, "make the image smaller"):
             self.origins = pixels.context.texture(pixels.size_px, 4, dtype="f4")
         self.origins.filter = (moderngl.NEAREST, moderngl.NEAREST)
 

@@ -1,4 +1,4 @@
-"""Hits of a picture's rays: triangle, point, range and details of the surface; exact."""
+"""Hits of an image's rays: triangle, point, range and details of the surface; exact."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class _Variant(NamedTuple):
 
 
 class RayHitPass:
-    """Intersects the rays of a picture with the visible triangles; everything is made once.
+    """Intersects the rays of an image with the visible triangles; everything is made once.
 
     Args:
         visibility: visible triangles.
@@ -53,7 +53,7 @@ class RayHitPass:
         defines: of its programs.
 
     Raises:
-        GraphicsError: a picture or a scene that does not fit on the GPU.
+        GraphicsError: an image or a scene that does not fit on the GPU.
     """
 
     defines: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ class RayHitPass:
         visibility.buffers.check_readable("to look up what its pixels show")
         width, height = pixels.size_px
         self._what = f"ground truth of {width} × {height} px"
-        with gpu_allocation(self._what, "make the picture smaller"):
+        with gpu_allocation(self._what, "make the image smaller"):
             self._rays = pixels.rays
             self.points = pixels.context.texture(pixels.size_px, 4, dtype="f4")
             self.primitives = pixels.context.texture(pixels.size_px, 2, dtype="u4")
@@ -133,7 +133,7 @@ class RayHitPass:
     def _variant(self, details: HitDetails) -> _Variant:
         context = self.pixels.context
         program = self.build_program(details)
-        with gpu_allocation(self._what, "make the picture smaller"):
+        with gpu_allocation(self._what, "make the image smaller"):
             target = hits_target(
                 context, self.pixels.size_px, [self.points, self.primitives], details
             )
@@ -144,7 +144,7 @@ class RayHitPass:
         """Program of the hits, its constant uniforms set."""
         program = build_program(
             self.pixels.context,
-            "capture/picture.vert",
+            "capture/image.vert",
             "ground_truth/hits.frag",
             (
                 *self.defines,
@@ -186,7 +186,7 @@ def hits_target(
 def read_hits(
     target: moderngl.Framebuffer, size_px: tuple[int, int], count: int, details: HitDetails
 ) -> list[Hits]:
-    """Read the hits of some pictures, of width and height, that are below each other."""
+    """Read the hits of some images, of width and height, that are below each other."""
     width, height = size_px
     region = (0, 0, width, count * height)
     points = np.empty((count, height, width, 4), dtype=np.float32)

@@ -37,7 +37,7 @@ class VisibilityLayers:
         context, plan = visibility.buffers.context, visibility.plan
         size = (plan.width_px, plan.height_px, count)
         visibility.drawers(self._wanted)  # of items: made before anything is drawn
-        with gpu_allocation(f"ground truth of {count} pictures", "render fewer at once"):
+        with gpu_allocation(f"ground truth of {count} images", "render fewer at once"):
             self.ids = context.texture_array(size, 1, dtype="u4")
             self.details = {
                 name: context.texture_array(size, components, dtype=dtype)

@@ -1,4 +1,4 @@
-"""Visibility pass: triangle IDs in place of colours."""
+"""Visibility pass: triangle IDs in place of colors."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Drawers(NamedTuple):
 class VisibilityPass:
     """Draws the tiles into an atlas of integers; everything on the GPU is made once.
 
-    Sides, frusta and holes are those of the picture (`CubePass`), as is the draw loop. A blended
+    Sides, frusta and holes are those of the image (`CubePass`), as is the draw loop. A blended
     surface counts where its alpha reaches `BLENDED_CUTOFF`.
 
     Args:
@@ -64,7 +64,7 @@ class VisibilityPass:
         buffers, plan, cameras, near_m, far_m, both_sides: as given.
         id_atlas: texture of integers: 1 + ID of the triangle; 0: nothing is seen.
         triangle_ids: table of the IDs.
-        detail_atlases: textures of base colours, the square root of linear RGB, and of materials,
+        detail_atlases: textures of base colors, the square root of linear RGB, and of materials,
             by the names of their samplers.
 
     Raises:
@@ -84,7 +84,7 @@ class VisibilityPass:
         self.both_sides = cameras.both_sides
         size = (plan.width_px, plan.height_px)
         with gpu_allocation(
-            f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the picture smaller"
+            f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the image smaller"
         ):
             self.id_atlas = context.texture(size, 1, dtype="u4")
             self.detail_atlases = {

@@ -1,4 +1,4 @@
-"""Visibility programs: shaders that draw triangle IDs, and colours and materials if asked for."""
+"""Visibility programs: shaders that draw triangle IDs, and colors and materials if asked for."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class VisibilityVariant(NamedTuple):
 
     Attributes:
         holes: rays pass where alpha is below a cutoff.
-        details: base colours and materials may be drawn, too.
+        details: base colors and materials may be drawn, too.
         textured: there may be a texture.
         clustered: of clusters, not of single items.
         layered: of several cameras, each into a layer of the target.
@@ -75,7 +75,7 @@ def atlas_formats(details: HitDetails) -> dict[str, tuple[int, str]]:
 
 
 def clear_colors(details: HitDetails) -> list[tuple[float, float, float, float] | None]:
-    """Colours of all atlases where nothing is seen; None: those of integers, the IDs."""
+    """Colors of all atlases where nothing is seen; None: those of integers, the IDs."""
     return [None, *[(0.0, 0.0, 0.0, 0.0)] * len(atlas_formats(details))]
 
 
@@ -100,7 +100,7 @@ class VisibilityProgram:
         self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
         if "TEXTURED" in variant.defines:
             program["u_textures" if variant.clustered else "u_texture"] = 0
-            # Holes are those of the picture, and are filtered as there. Plain colours need no blend
+            # Holes are those of the image, and are filtered as there. Plain colors need no blend
             # between two levels, which costs a quarter of the pass.
             minify = moderngl.LINEAR_MIPMAP_NEAREST
             if variant.holes:

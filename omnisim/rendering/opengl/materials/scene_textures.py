@@ -40,7 +40,7 @@ class MaterialTexture(NamedTuple):
 
     @property
     def arrays(self) -> tuple[TextureArray | None, ...]:
-        """Array of the base colour, and those of the maps."""
+        """Array of the base color, and those of the maps."""
         return self.array, *(() if self.reflectance is None else self.reflectance.maps)
 
 

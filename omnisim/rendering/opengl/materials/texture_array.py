@@ -23,7 +23,7 @@ class TextureArray:
         context: where.
         layers: levels (height, width, 4) of each, from the full size down to one texel.
         repeats: right and down; otherwise the edge goes on.
-        is_linear: values, not colours.
+        is_linear: values, not colors.
 
     Attributes:
         array: the whole.
@@ -66,7 +66,7 @@ class TextureArray:
 
 
 def bind_maps(maps: Sequence[TextureArray | None]) -> None:
-    """Bind the arrays of a material's maps, behind that of its base colour."""
+    """Bind the arrays of a material's maps, behind that of its base color."""
     for unit, one in zip(MAP_UNITS, maps, strict=True):
         if one is not None:
             gl_functions.bind_texture(unit, one.array.glo)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Half the width of a single map, metres: its texels are 12 mm then.
+# Half the width of a single map, meters: its texels are 12 mm then.
 _LARGEST_SINGLE_M = 24.0
 _RATIO = 4.0  # of widths
 MAX_CASCADES = 4
@@ -70,9 +70,9 @@ def _extent_m(
     """Least and largest coordinates (3,) of boxes (n, 2, 3) along axes."""
     if not len(boxes_m):
         return np.zeros(3), np.zeros(3)
-    centres = boxes_m.mean(axis=1) @ axes.T
+    centers = boxes_m.mean(axis=1) @ axes.T
     extents = 0.5 * (boxes_m[:, 1] - boxes_m[:, 0]) @ np.abs(axes).T
-    return (centres - extents).min(axis=0), (centres + extents).max(axis=0)
+    return (centers - extents).min(axis=0), (centers + extents).max(axis=0)
 
 
 def _half_m(low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> float:

@@ -1,6 +1,6 @@
 """Depth of all shadow maps in one texture, with coarser levels for surfaces that are far away.
 
-Where a texel of the picture has many texels of a map on it, the finest level would be looked up in
+Where a texel of the image has many texels of a map on it, the finest level would be looked up in
 places far apart: slowly, and with shadows that flicker. A texel of a coarser level is one of the
 finest that it covers, not their mean, so that it is depth that a lamp sees there.
 """

@@ -11,7 +11,7 @@ _MARGIN_PX = 1.0
 def covered_px(
     clips: NDArray[np.float64],
     rectangles_px: NDArray[np.float64],
-    centres_m: NDArray[np.float64],
+    centers_m: NDArray[np.float64],
     radii_m: NDArray[np.float64],
     starts: NDArray[np.intp],
 ) -> NDArray[np.intp]:
@@ -20,12 +20,12 @@ def covered_px(
     Args:
         clips: (maps, 4, 4) clip_from_anchor.
         rectangles_px: (maps, 4) of the maps in the texture.
-        centres_m: (items, 3) of bounding spheres, from the anchor, object by object.
+        centers_m: (items, 3) of bounding spheres, from the anchor, object by object.
         radii_m: (items,).
         starts: (objects,) first item of each.
     """
     rows = clips[:, (0, 1, 3)]  # x, y, w
-    middle = np.einsum("mkc,ic->mik", rows[..., :3], centres_m) + rows[:, None, :, 3]
+    middle = np.einsum("mkc,ic->mik", rows[..., :3], centers_m) + rows[:, None, :, 3]
     reach = np.linalg.norm(rows[..., :3], axis=-1)[:, None] * radii_m[:, None]
     nearest, farthest = middle[..., 2] - reach[..., 2], middle[..., 2] + reach[..., 2]
     crosses = nearest <= 1e-6

@@ -158,7 +158,7 @@ class ShadowMaps:
         self._covered = covered_px(
             clips,
             self._rectangles_px,
-            transforms.centres_m[self._dynamic],
+            transforms.centers_m[self._dynamic],
             transforms.radii_m[self._dynamic],
             self._first_of_object,
         )

@@ -27,7 +27,7 @@ class TextureTable:
 
     Args:
         surfaces: whose materials have the textures.
-        texture_of: that of a material; by default of its base colour. All are linear, or none is.
+        texture_of: that of a material; by default of its base color. All are linear, or none is.
 
     Attributes:
         texture_of_surface: (n,) index of each surface's texture; −1: it has none.

@@ -1,7 +1,7 @@
-"""Appearance of surfaces at the hits of rays: base colour, normal, light.
+"""Appearance of surfaces at the hits of rays: base color, normal, light.
 
 The twin of shaders/scene/surface.frag. Textures are filtered over the footprint of a sample: the
-part of the surface between a ray and its neighbours.
+part of the surface between a ray and its neighbors.
 Source of the footprints: Igehy, "Tracing ray differentials", 1999.
 """
 
@@ -184,7 +184,7 @@ class Shading:
         world_from_objects: Poses = (),
         footprints: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """Light (n, 3), linear RGB, of surfaces of base colours (n, 3 or more) towards the rays."""
+        """Light (n, 3), linear RGB, of surfaces of base colors (n, 3 or more) towards the rays."""
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
         normals = self.normals(hits, world_from_objects)

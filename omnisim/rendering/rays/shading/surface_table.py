@@ -108,7 +108,7 @@ class SurfaceTable:
     def reflectance(
         self, surfaces: NDArray[np.int32], colors: Floats, sampled: Sampler
     ) -> Reflectance:
-        """Reflectance at hits of surfaces (n,) of base colours (n, 3)."""
+        """Reflectance at hits of surfaces (n,) of base colors (n, 3)."""
         values = self.values(surfaces, sampled)
         metallic, (f0, f90) = values.metallic, self._gloss(surfaces, sampled)
         coat, coat_roughness = self._clear_coat(surfaces, sampled)

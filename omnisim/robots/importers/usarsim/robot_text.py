@@ -46,7 +46,7 @@ def robot_text(
     title = printable(section).rpartition(".")[2]
     lines = [
         f"# [{printable(section)}] of {printable(source)}.",
-        "# Base frame: x forward, y left, z up, origin on the ground. Metres and degrees.",
+        "# Base frame: x forward, y left, z up, origin on the ground. Meters and degrees.",
         f"name = {_word(title.lower())}",
         f"title = {_word(title)}",
         '# body = "body.glb"  # its mesh, if there is one',

@@ -1,6 +1,6 @@
 """Parts of a robot in USARBot.ini: class, name, and place, in our axes and units.
 
-USARSim: metres and radians, x forward, y right, z down; Direction is roll (X), pitch (Y) and yaw
+USARSim: meters and radians, x forward, y right, z down; Direction is roll (X), pitch (Y) and yaw
 (Z) in that frame. Ours has the same x, and y and z the other way round: roll stays, pitch and yaw
 change sign.
 """
@@ -39,7 +39,7 @@ class Units:
 
 
 SI_UNITS = Units(1.0, 1.0, are_unreal=False)
-# The engine's own: z up, 65536 to a turn, and 250 to a metre, as the names of USARSim's maps say.
+# The engine's own: z up, 65536 to a turn, and 250 to a meter, as the names of USARSim's maps say.
 UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, are_unreal=True)
 
 
@@ -124,7 +124,7 @@ def number(entry: Entry, name: str, value: Value) -> float:
 
 
 def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """Parse a length in metres.
+    """Parse a length in meters.
 
     Raises:
         RobotFileError: naming file, line, what was found.
@@ -157,7 +157,7 @@ def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
     for label, value in _axes(entry, struct, "Position"):
         meters = length_m(entry, label, value, units)
         if abs(meters) > FARTHEST_M:
-            hint = "" if units.are_unreal else "; 250 to a metre are read with --unreal-units"
+            hint = "" if units.are_unreal else "; 250 to a meter are read with --unreal-units"
             raise entry.fault(f"{label} = {meters:g} m: expected at most {FARTHEST_M:g} m{hint}")
         position.append(meters)
     return position

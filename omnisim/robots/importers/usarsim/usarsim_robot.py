@@ -64,7 +64,7 @@ def import_robot(
     Args:
         path: the configuration.
         robot_class: such as P2AT; may be left out where the file has one robot.
-        unreal_units: lengths are 250 to a metre with z up, and angles 65536 to a turn.
+        unreal_units: lengths are 250 to a meter with z up, and angles 65536 to a turn.
         origin_height_m: of USARSim's origin of the robot above the ground.
 
     Raises:

@@ -116,8 +116,8 @@ class DeformingMeshes:
             world_from_bind = skeleton.matrices_at(0.0)
             file_from_bind = np.linalg.inv(self._played.world_from_file) @ world_from_bind
             skinned = skin_vertices(morphed.positions, morphed.normals, weights, file_from_bind)
-            mesh, centre = _remade(plain, *skinned)
-            return DeformedMesh(mesh, translate(np.eye(4), centre), None)
+            mesh, center = _remade(plain, *skinned)
+            return DeformedMesh(mesh, translate(np.eye(4), center), None)
         if not is_skinned and np.linalg.det(self._played.poses[index][:3, :3]) < 0.0:
             plain = replace(plain, triangles=plain.triangles[:, (0, 2, 1)])
         return self._by_itself(plain, morphed, weights, skeleton)
@@ -137,29 +137,29 @@ class DeformingMeshes:
         """Morphed mesh, where its node is."""
         pose = self._played.poses[index]
         if morphed.targets is None:
-            mesh, centre = _remade(plain, morphed.positions, morphed.normals)
-            return DeformedMesh(mesh, translate(pose, centre), index)
+            mesh, center = _remade(plain, morphed.positions, morphed.normals)
+            return DeformedMesh(mesh, translate(pose, center), index)
         rest = Skeleton((None,), np.eye(4)[None])
         weights = _one_joint(len(morphed.positions))
-        mesh, centre = _deforming(plain, morphed, weights, rest, np.eye(4))
-        return DeformedMesh(mesh, translate(pose, centre), index)
+        mesh, center = _deforming(plain, morphed, weights, rest, np.eye(4))
+        return DeformedMesh(mesh, translate(pose, center), index)
 
     def _by_itself(
         self, plain: Mesh, morphed: Morphed, weights: JointWeights, skeleton: Skeleton
     ) -> DeformedMesh:
         """Mesh that its joints place in the file's frame."""
         file_from_world = np.linalg.inv(self._played.world_from_file).astype(np.float64)
-        mesh, centre = _deforming(plain, morphed, weights, skeleton, file_from_world)
+        mesh, center = _deforming(plain, morphed, weights, skeleton, file_from_world)
         self._check(mesh)
-        return DeformedMesh(mesh, translate(np.eye(4), centre), None)
+        return DeformedMesh(mesh, translate(np.eye(4), center), None)
 
     def _check(self, mesh: Mesh) -> None:
         """Refuse a mesh that becomes too large."""
         times_s = np.linspace(0.0, self._played.animation.period_s, _CHECKS).tolist()
         assert mesh.deformation is not None
         for time_s in times_s:
-            centre, radius = mesh.deformation.sphere_at(time_s)
-            if not np.abs(centre).max() + radius < LARGEST_COORDINATE:  # also NaN
+            center, radius = mesh.deformation.sphere_at(time_s)
+            if not np.abs(center).max() + radius < LARGEST_COORDINATE:  # also NaN
                 raise SceneError(
                     f"mesh {mesh.name!r}: expected finite coordinates below "
                     f"{LARGEST_COORDINATE:g} in its animation, got others at {time_s:g} s"
@@ -214,12 +214,12 @@ def _deforming(
         skeleton,
         morphed.targets,
     )
-    mesh, centre = _remade(plain, deformation.positions_at(0.0), deformation.normals_at(0.0))
+    mesh, center = _remade(plain, deformation.positions_at(0.0), deformation.normals_at(0.0))
     if mesh.normals is None:
         deformation = replace(deformation, normals=None)
-    shift = translate(np.eye(4), -centre)
+    shift = translate(np.eye(4), -center)
     deformation = replace(deformation, mesh_from_world=shift @ file_from_world)
-    return replace(mesh, deformation=deformation), centre
+    return replace(mesh, deformation=deformation), center
 
 
 def _remade(plain: Mesh, positions: Matrix, normals: Matrix | None) -> tuple[Mesh, Matrix]:

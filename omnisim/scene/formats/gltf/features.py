@@ -62,7 +62,7 @@ class DrawnObjects:
     Attributes:
         nodes: of the scene.
         primitives: of the nodes' meshes.
-        materials: of the primitives, without unlit ones, which have a base colour only.
+        materials: of the primitives, without unlit ones, which have a base color only.
         samplers: of the file.
         animations: that are not played, where none was chosen by its name.
         channels: of the animation that is played.
@@ -148,7 +148,7 @@ FEATURES = (
     ),
     Feature("sparse", _APPLIED, "of accessors"),
     Feature("NORMAL", _APPLIED, "smooth shading; flat without it"),
-    Feature("COLOR_0", _APPLIED, "linear, times the base colour"),
+    Feature("COLOR_0", _APPLIED, "linear, times the base color"),
     Feature("skins", _APPLIED, "linear blend skinning"),
     Feature("JOINTS_1", _APPLIED, "up to eight joints a vertex"),
     Feature(
@@ -193,7 +193,7 @@ FEATURES = (
     ),
     Feature("occlusionTexture", _APPLIED, "with its strength, of light from everywhere"),
     Feature("emissiveFactor, emissiveTexture", _APPLIED, "1 is white, whatever the exposure"),
-    Feature("KHR_texture_transform", _APPLIED, "of the base colour and of all maps"),
+    Feature("KHR_texture_transform", _APPLIED, "of the base color and of all maps"),
     Feature("EXT_texture_webp", _APPLIED, "WebP images"),
     Feature("KHR_texture_basisu", _REFUSED, "KTX 2 images; where not required, the plain image"),
     Feature("KHR_mesh_quantization", _APPLIED, "vertices of 8 and 16 bits"),
@@ -208,7 +208,7 @@ FEATURES = (
     Feature("KHR_materials_unlit", _APPLIED, "its other properties do not count"),
     Feature("KHR_materials_pbrSpecularGlossiness", _APPLIED, "as a dielectric"),
     Feature(
-        "specularGlossinessTexture", _LEFT_OUT, "maps of specular colour and gloss are not drawn",
+        "specularGlossinessTexture", _LEFT_OUT, "maps of specular color and gloss are not drawn",
         "materials", _has_map("KHR_materials_pbrSpecularGlossiness", "specularGlossinessTexture"),
     ),
     _extension("KHR_materials_anisotropy", "anisotropyStrength", "anisotropy is not drawn"),

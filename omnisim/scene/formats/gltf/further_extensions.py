@@ -5,16 +5,16 @@ Source: https://github.com/KhronosGroup/glTF, extensions/2.0, July 2026.
 
 from __future__ import annotations
 
-# Without an effect on a picture.
+# Without an effect on an image.
 IGNORED = {
     "KHR_xmp_json_ld, KHR_xmp": "metadata",
-    "KHR_interactivity, KHR_node_hoverability, KHR_node_selectability": "behaviour",
+    "KHR_interactivity, KHR_node_hoverability, KHR_node_selectability": "behavior",
     "KHR_implicit_shapes, KHR_physics_rigid_bodies": "collisions",
     "KHR_audio_emitter": "sound",
     "EXT_mesh_manifold": "the same triangles, in another order",
     "EXT_mesh_features, EXT_instance_features, EXT_structural_metadata": "metadata",
     "FB_geometry_metadata, GRIFFEL_bim_data, AGI_stk_metadata, GODOT_single_root": "metadata",
-    "AGI_articulations": "behaviour",
+    "AGI_articulations": "behavior",
     "MSFT_lod": "the finest level is drawn",
     "MSFT_packing_normalRoughnessMetallic, MSFT_packing_occlusionRoughnessMetallic": (
         "the maps of the plain material are drawn"
@@ -22,7 +22,7 @@ IGNORED = {
 }
 # Images of other formats, beside which a file has plain ones, unless it requires these.
 OTHER_IMAGES = ("EXT_texture_astc", "EXT_texture_avif", "MSFT_texture_dds")
-# With an effect that a picture lacks.
+# With an effect that an image lacks.
 LEFT_OUT = {
     "KHR_gaussian_splatting": "splats are points, which are not drawn",
     "KHR_materials_volume_scatter": "light in volumes is not drawn",
@@ -32,7 +32,7 @@ LEFT_OUT = {
     "EXT_mesh_primitive_edge_visibility, CESIUM_primitive_outline": "edges are not drawn",
     "EXT_mesh_primitive_restart": "strips and fans are one each",
     "ADOBE_materials_clearcoat_specular, ADOBE_materials_clearcoat_tint": (
-        "clear coats are colourless, of index 1.5"
+        "clear coats are colorless, of index 1.5"
     ),
     "ADOBE_materials_thin_transparency": "transmission is not drawn",
     "NV_materials_mdl": "the plain material is drawn",

@@ -20,7 +20,7 @@ from omnisim.scene.formats.gltf.packed_maps import PackedMaps
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.formats.gltf.reflectance import with_reflectance
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
-from omnisim.scene.textures import NO_PICTURE, TextureStore, unreadable_image
+from omnisim.scene.textures import NO_IMAGE, TextureStore, unreadable_image
 
 _REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's numbers
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
@@ -83,7 +83,7 @@ class Materials:
         return _Place(channel, matrix * mirrored[:, None])
 
     def _second_channel(self, entry: JsonObject) -> int | None:
-        """Set of texture coordinates beside the base colour's; maps have one at most."""
+        """Set of texture coordinates beside the base color's; maps have one at most."""
         first = self._place(_base_color(entry)[1]).channel
         others = [self._place(info).channel for info, _ in _maps(entry)]
         return next((channel for channel in others if channel != first), None)
@@ -131,7 +131,7 @@ class Materials:
     def _map(
         self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str
     ) -> Texture | None:
-        """Texture of a map, placed by the coordinates of the base colour or by the second ones."""
+        """Texture of a map, placed by the coordinates of the base color or by the second ones."""
         texture = self._decode(info, material, is_linear) if info.has("index") else None
         if texture is None:
             return None
@@ -168,13 +168,13 @@ class Materials:
         if source.has("source"):
             index = source.index("source", self._images)
             image, uri = self._images[index], self._image_entries[index].text("uri", "")
-            reason = self._reasons.get(self._image_entries[index].place, NO_PICTURE)
+            reason = self._reasons.get(self._image_entries[index].place, NO_IMAGE)
         if image is not None:
             u, v = self._wraps(info)
             mirrored = (u == _MIRRORED_REPEAT, v == _MIRRORED_REPEAT)
             return self._store.texture(image, material, (_wrap(u), _wrap(v)), mirrored, is_linear)
         if uri not in self._assets.faults:
-            self.notices.append(f"texture of {material!r} {reason}: its plain colour is drawn")
+            self.notices.append(f"texture of {material!r} {reason}: its plain color is drawn")
         return None
 
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
@@ -194,12 +194,12 @@ class Materials:
 
 
 def is_unlit(material: JsonObject) -> bool:
-    """True for a material that is drawn in its base colour, without lights."""
+    """True for a material that is drawn in its base color, without lights."""
     return material.extension("KHR_materials_unlit") is not None
 
 
 def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObject]:
-    """Factor and texture of a material's base colour."""
+    """Factor and texture of a material's base color."""
     if glossy := material.extension("KHR_materials_pbrSpecularGlossiness"):
         return glossy.numbers("diffuseFactor", 4), glossy.object("diffuseTexture")
     metallic = material.object("pbrMetallicRoughness")

@@ -26,7 +26,7 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
         roots = [index for index in range(len(nodes)) if index not in children]
     found: dict[int, int | None] = {}
     stack: list[tuple[int, int | None]] = [(index, None) for index in roots]
-    while stack:  # depth first, last child first: instances are labelled in this order
+    while stack:  # depth first, last child first: instances are labeled in this order
         index, parent = stack.pop()
         if index in found:
             raise SceneError(f"nodes[{index}]: expected one parent, got two, or itself as ancestor")

@@ -9,7 +9,7 @@ from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.model import Material, Texture
 
 DEFAULT_IOR = 1.5
-_BRIGHTEST = 65504.0  # the largest half float, as of pictures
+_BRIGHTEST = 65504.0  # the largest half float, as of images
 _LARGEST_SCALE = 1e3
 Color = tuple[float, float, float]
 

@@ -1,4 +1,4 @@
-"""Normalisation of OBJ and MTL text, as people and programs write it, for trimesh.
+"""Normalization of OBJ and MTL text, as people and programs write it, for trimesh.
 
 Plain: UTF-8; one material file; indices counted from the start; texture coordinates at every
 corner or at none; texture maps without options, which go into keys of their own.
@@ -88,7 +88,7 @@ def undefined_materials(obj: bytes, mtl: bytes) -> list[str]:
     if not lacking:
         return []
     names = ", ".join(map(repr, lacking[:3])) + (", …" if len(lacking) > 3 else "")
-    return [f"no material file has {names}: drawn in plain grey"]
+    return [f"no material file has {names}: drawn in plain gray"]
 
 
 def plain_mtl(data: bytes) -> bytes:

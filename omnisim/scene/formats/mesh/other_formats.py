@@ -65,7 +65,7 @@ def read_other(
     if plain is not None:
         imported.notices.extend(undefined_materials(plain, assets.given[MATERIAL_FILES]))
     for asset in sorted(assets.read - texts):
-        _check_picture(asset, assets)
+        _check_image(asset, assets)
     return imported
 
 
@@ -74,7 +74,7 @@ def _load_with_trimesh(
 ) -> trimesh.Scene:
     """Load a file, or the plain form that is read in its place."""
     try:
-        # without NumPy's warnings of a damaged file, and Pillow's of a large picture
+        # without NumPy's warnings of a damaged file, and Pillow's of a large image
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             file = io.BytesIO(data if plain is None else plain)
@@ -90,13 +90,13 @@ def _load_with_trimesh(
         raise SceneError(f"cannot be read as {kind}: {faults}{message}") from None
 
 
-def _check_picture(name: str, assets: AssetResolver) -> None:
-    """Note a picture that cannot be opened: trimesh goes on without a word."""
+def _check_image(name: str, assets: AssetResolver) -> None:
+    """Note an image that cannot be opened: trimesh goes on without a word."""
     data = b""
     try:
         data = assets[name]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a large picture
+            warnings.simplefilter("ignore")  # of a large image
             Image.open(io.BytesIO(data)).close()
     except MemoryError:
         raise

@@ -1,7 +1,7 @@
 """Meshes, materials and instances of trimesh's scenes, from files and from memory.
 
-Display values (sRGB) are decoded here: by the custom of these formats colours are such, but for the
-base colours of a `PBRMaterial` in memory, which are linear as in glTF. Nothing says reliably which
+Display values (sRGB) are decoded here: by the custom of these formats colors are such, but for the
+base colors of a `PBRMaterial` in memory, which are linear as in glTF. Nothing says reliably which
 side of a triangle is its front, so both are drawn, unless a `PBRMaterial` in memory says otherwise.
 """
 
@@ -21,7 +21,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.files.imported import (
-    PLAIN_GREY,
+    PLAIN_GRAY,
     ImportedScene,
     colors_rgba,
     make_mesh,
@@ -38,7 +38,7 @@ _DEFAULT_DIFFUSE = (102, 102, 102, 255)  # of a SimpleMaterial that is not given
 
 
 def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[ImportedScene, float]:
-    """Import a scene or mesh that was made in memory, and find the metres in a unit of it.
+    """Import a scene or mesh that was made in memory, and find the meters in a unit of it.
 
     Raises:
         SceneError: something else, nothing to draw, or an unknown unit.
@@ -132,7 +132,7 @@ def _mesh(
     elif visual is not None and visual.kind == "vertex":
         colors = _linear_colors(visual.vertex_colors)
     elif visual is not None and visual.kind == "face":
-        # one colour a triangle: each gets vertices of its own
+        # one color a triangle: each gets vertices of its own
         colors = np.repeat(_linear_colors(visual.face_colors), 3, axis=0)
         positions, normals = positions[triangles].reshape(-1, 3), None
         triangles = np.arange(len(positions)).reshape(-1, 3)
@@ -151,7 +151,7 @@ def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> NDArray[np.fl
 
 
 def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> list[float]:
-    """The first two numbers of an option of MTL's map of colours."""
+    """The first two numbers of an option of MTL's map of colors."""
     words = extra.get(f"map_kd-{option}") or ()
     try:
         return ([float(word) for word in words] + [default, default])[:2]
@@ -174,7 +174,7 @@ def _material_of_file(
     elif "kd" not in getattr(source, "kwargs", {}):
         factor = None  # trimesh's stand-in for a missing Kd
     if getattr(image, "format", None) is None:
-        image = None  # trimesh's stand-in for a missing material, not a picture from a file
+        image = None  # trimesh's stand-in for a missing material, not an image from a file
     return _material(mesh_name, source, image, factor, textures, assets)
 
 
@@ -197,8 +197,8 @@ def _material_in_memory(
 
 
 def _untextured(mesh_name: str, visual: Any) -> Material:
-    grey = 1.0 if visual.kind in ("vertex", "face") else PLAIN_GREY
-    return Material(mesh_name, (grey, grey, grey, 1.0), double_sided=True)
+    gray = 1.0 if visual.kind in ("vertex", "face") else PLAIN_GRAY
+    return Material(mesh_name, (gray, gray, gray, 1.0), double_sided=True)
 
 
 def _pbr_material(mesh_name: str, source: PBRMaterial, textures: TextureStore) -> Material:

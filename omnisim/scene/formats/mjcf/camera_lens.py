@@ -16,7 +16,7 @@ _DEFAULT_SIZE_PX = (640, 480)  # of a camera that states no resolution
 def lens_of(
     model: mujoco.MjModel, camera: str, size_px: tuple[int, int] | None = None
 ) -> PerspectiveCamera | UnifiedCamera:
-    """Lens of a camera of the model: a pinhole, with which omnisim's pictures are MuJoCo's.
+    """Lens of a camera of the model: a pinhole, with which omnisim's images are MuJoCo's.
 
     Args:
         model: of MuJoCo.

@@ -22,7 +22,7 @@ class Deformable(NamedTuple):
         name: of the element.
         mapped: its surface, in the world.
         material: of the model; -1: none.
-        rgba: colour that counts.
+        rgba: color that counts.
         group: for visibility.
     """
 

@@ -31,7 +31,7 @@ class Shape(NamedTuple):
     """Surface of a geom, and what textures are mapped by.
 
     Attributes:
-        surface: metres.
+        surface: meters.
         texture_coordinates: (n, 2) that the mesh file has, or None.
         scaled: (n, 3) positions divided by the geom's sizes, as MuJoCo's renderer scales its
             built-in shapes; textures without coordinates are mapped by them.

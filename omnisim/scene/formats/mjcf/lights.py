@@ -28,7 +28,7 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
     """Lighting of a model, daylight where it has no lights; and notices."""
     active = [light for light in range(model.nlight) if model.light_active[light]]
     images = [light for light in active if int(model.light_type[light]) == _Type.mjLIGHT_IMAGE]
-    notices = ["lights of pictures are not drawn"] if images else []
+    notices = ["lights of images are not drawn"] if images else []
     lamps = [light for light in active if light not in images]
     if not lamps:
         return DEFAULT_LIGHTING, notices
@@ -58,7 +58,7 @@ def read_background(
     """Linear RGB where nothing is hit: the mean of the sky box; and notices."""
     for texture in range(model.ntex):
         if int(model.tex_type[texture]) == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
-            return textures.mean_color(texture), ["the sky box is drawn in its mean colour"]
+            return textures.mean_color(texture), ["the sky box is drawn in its mean color"]
     return DEFAULT_BACKGROUND, []
 
 

@@ -1,6 +1,6 @@
-"""Materials of a model, with the colours of the geoms that have them.
+"""Materials of a model, with the colors of the geoms that have them.
 
-Colours of a model are display values, sRGB, as its own renderer shows them.
+Colors of a model are display values, sRGB, as its own renderer shows them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from omnisim.scene.parts import AlphaMode, Material, Texture
 
 NO_MATERIAL = -1
 _OPAQUE_FROM = 0.995  # as for MuJoCo's renderer
-_GEOM_GREY = (0.5, 0.5, 0.5, 1.0)  # of a geom that states no colour
+_GEOM_GRAY = (0.5, 0.5, 0.5, 1.0)  # of a geom that states no color
 _Role = mujoco.mjtTextureRole
 _COLORS = (_Role.mjTEXROLE_RGB, _Role.mjTEXROLE_RGBA)
 
@@ -24,16 +24,16 @@ Rgba = tuple[float, float, float, float]
 
 
 def own_or_material_rgba(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> Rgba:
-    """Colour (4,) that counts: the material's, unless the geom or skin states another."""
+    """Color (4,) that counts: the material's, unless the geom or skin states another."""
     own = tuple(rgba.tolist())
-    if material != NO_MATERIAL and own == _GEOM_GREY:
+    if material != NO_MATERIAL and own == _GEOM_GRAY:
         own = tuple(model.mat_rgba[material].tolist())
     red, green, blue, alpha = own
     return red, green, blue, alpha
 
 
 class Materials:
-    """Materials of a model, each made once for each colour and face of a cube.
+    """Materials of a model, each made once for each color and face of a cube.
 
     Attributes:
         entries: made so far.
@@ -46,7 +46,7 @@ class Materials:
         self._index_of: dict[tuple[int, Rgba, int | None, bool], int] = {}
 
     def color_texture(self, material: int) -> int | None:
-        """Texture of a material's base colour."""
+        """Texture of a material's base color."""
         if material == NO_MATERIAL:
             return None
         found = [int(self._model.mat_texid[material, role]) for role in _COLORS]
@@ -57,8 +57,8 @@ class Materials:
 
         Args:
             material: of the model, or `NO_MATERIAL`.
-            rgba: colour that counts.
-            face: of the cube that its texture is; None: a picture, or no texture.
+            rgba: color that counts.
+            face: of the cube that its texture is; None: an image, or no texture.
             is_solid: seen from outside only.
         """
         key = (material, rgba, face, is_solid)
@@ -104,13 +104,13 @@ class Materials:
             return None
         if self.textures.is_cube(texture):
             return None if face is None else self.textures.face(texture, face)
-        return self.textures.picture(texture)
+        return self.textures.image(texture)
 
     def _map(self, material: int, role: int) -> Texture | None:
         texture = int(self._model.mat_texid[material, role])
         if texture < 0 or self.textures.is_cube(texture):
             return None
-        return self.textures.picture(texture, is_linear=role != _Role.mjTEXROLE_EMISSIVE)
+        return self.textures.image(texture, is_linear=role != _Role.mjTEXROLE_EMISSIVE)
 
     @property
     def notices(self) -> list[str]:

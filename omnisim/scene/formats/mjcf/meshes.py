@@ -37,7 +37,7 @@ class Meshes:
         self._parts: dict[tuple[object, ...], Parts] = {}
 
     def rgba(self, geom: int) -> Rgba:
-        """Colour of a geom, display values."""
+        """Color of a geom, display values."""
         model = self._model
         return own_or_material_rgba(model, model.geom_rgba[geom], int(model.geom_matid[geom]))
 

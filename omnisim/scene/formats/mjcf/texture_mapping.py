@@ -1,6 +1,6 @@
 """Texture coordinates of geoms whose mesh has none, as MuJoCo's renderer makes them.
 
-A plane picture is projected along z, a cube from the geom's middle.
+A plane image is projected along z, a cube from the geom's middle.
 
 Source: MuJoCo, render_gl3.c, settexture (object-linear texture coordinates); OpenGL 4.6, table 8.19
 (faces of a cube).
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from omnisim.scene.formats.mjcf.geometry import Shape
 from omnisim.scene.primitives import Surface
 
-# Axis of each face, and the axes and signs of its picture's right and down.
+# Axis of each face, and the axes and signs of its image's right and down.
 _FACES = (
     (0, 1.0, (2, -1.0), (1, -1.0)),
     (0, -1.0, (2, 1.0), (1, -1.0)),
@@ -32,7 +32,7 @@ class Mapped(NamedTuple):
     """Part of a surface with texture coordinates.
 
     Attributes:
-        face: of the cube; None: one picture.
+        face: of the cube; None: one image.
         surface, texture_coordinates: of the part.
     """
 
@@ -44,7 +44,7 @@ class Mapped(NamedTuple):
 def map_plane(
     shape: Shape, repeat: NDArray[np.float32], sizes: NDArray[np.float64], is_uniform: bool
 ) -> Mapped:
-    """Project a picture along z.
+    """Project an image along z.
 
     Args:
         shape: of the geom.
@@ -111,7 +111,7 @@ def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np
     if not is_cut.any():
         return corners
     tri, side = corners[is_cut], sides[is_cut]
-    # The corner alone on its side first; of one on the edge, its two neighbours are on two sides.
+    # The corner alone on its side first; of one on the edge, its two neighbors are on two sides.
     signs = np.sign(side)
     alone = np.argmax(signs * np.sign(signs.sum(axis=1, keepdims=True)) < 0.0, axis=1)
     on_edge = (signs == 0.0).any(axis=1)

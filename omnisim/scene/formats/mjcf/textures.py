@@ -1,4 +1,4 @@
-"""Textures of a model: plane pictures, and the six faces of cubes."""
+"""Textures of a model: plane images, and the six faces of cubes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Textures:
         self._plain: dict[int, tuple[float, float, float] | None] = {}
 
     def is_cube(self, texture: int) -> bool:
-        """True for six faces, false for one picture."""
+        """True for six faces, false for one image."""
         return int(self._model.tex_type[texture]) != mujoco.mjtTexture.mjTEXTURE_2D
 
-    def picture(self, texture: int, is_linear: bool = False) -> Texture:
-        """Picture that is repeated."""
+    def image(self, texture: int, is_linear: bool = False) -> Texture:
+        """Image that is repeated."""
         return self._make(texture, None, is_linear)
 
     def face(self, texture: int, face: int) -> Texture:
@@ -32,7 +32,7 @@ class Textures:
         return self._make(texture, 0 if is_square else face, False)
 
     def plain_color(self, texture: int) -> tuple[float, float, float] | None:
-        """Linear RGB of a texture that has one colour only; None: it has several."""
+        """Linear RGB of a texture that has one color only; None: it has several."""
         if texture not in self._plain:
             pixels = texture_pixels(self._model, texture).reshape(-1, 4)
             is_plain = bool((pixels == pixels[0]).all())
@@ -64,6 +64,6 @@ def texture_pixels(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
     pixels = flat.reshape(height, width, channels)
     rgba = np.full((height, width, 4), 255, dtype=np.uint8)
     rgba[..., : min(channels, 4)] = pixels[..., :4]
-    if channels < 3:  # grey, which all three have
+    if channels < 3:  # gray, which all three have
         rgba[..., :3] = pixels[..., :1]
     return rgba

@@ -34,7 +34,7 @@ def _camera(
     for camera in range(model.ncam):
         if int(model.cam_bodyid[camera]) == _WORLD:
             axes = data.cam_xmat[camera].reshape(3, 3)
-            is_level = abs(axes[2, 2]) < 0.99  # else the top of its picture is ahead
+            is_level = abs(axes[2, 2]) < 0.99  # else the top of its image is ahead
             return data.cam_xpos[camera].copy(), -axes[:, 2] if is_level else axes[:, 1]
     return None
 

@@ -1,4 +1,4 @@
-"""Terrain of grey images, and its textures, which change with the height.
+"""Terrain of gray images, and its textures, which change with the height.
 
 The brightest pixel is as high as the map's size, black is at 0. The first row of the image is at
 the largest y.
@@ -36,10 +36,10 @@ class Layer(NamedTuple):
 
 
 def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
-    """Levels (rows, columns) from 0 to 1, of at most `MOST_POINTS` a side; None: no grey image."""
+    """Levels (rows, columns) from 0 to 1, of at most `MOST_POINTS` a side; None: no gray image."""
     if image.mode.startswith("I"):
         levels = np.asarray(image, dtype=np.float64) / 65535.0
-    elif image.mode == "F":  # an elevation model, in metres
+    elif image.mode == "F":  # an elevation model, in meters
         return None
     else:
         levels = np.asarray(image.convert("RGB"), dtype=np.float64)[..., 0] / 255.0
@@ -85,19 +85,19 @@ def terrain(element: SdfElement, levels: NDArray[np.float64], tile_m: float) -> 
 
 
 def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, ...]) -> Image.Image:
-    """Picture of the whole terrain from above, of its layers.
+    """Image of the whole terrain from above, of its layers.
 
     Args:
         layers: from low to high.
         levels: (rows, columns) from 0 to 1.
-        size: of the terrain, metres.
+        size: of the terrain, meters.
     """
     finest = max(
         max(layer.image.size) * max(size[:2]) / layer.size_m for layer in layers
     )  # texels of the whole terrain
     side = round(min(max(finest, _BAKED_PX[0]), _BAKED_PX[1]))
-    grey = Image.fromarray((levels / max(float(levels.max()), 1e-9)).astype(np.float32))
-    heights = np.asarray(grey.resize((side, side), Image.Resampling.BILINEAR)) * size[2]
+    gray = Image.fromarray((levels / max(float(levels.max()), 1e-9)).astype(np.float32))
+    heights = np.asarray(gray.resize((side, side), Image.Resampling.BILINEAR)) * size[2]
     baked = _tiled(layers[0], size, side).astype(np.float32)
     for layer in layers[1:]:
         weights = (heights - layer.from_m) / max(layer.fade_m, 1e-6)

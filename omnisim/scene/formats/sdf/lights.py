@@ -12,7 +12,7 @@ from omnisim.scene.parts import Light, LightKind
 
 _KINDS = {kind.value: kind for kind in LightKind}
 _REFERENCE_M = 5.0  # where light that falls off otherwise is as bright as the file says
-_ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few metres"
+_ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few meters"
 
 
 def read_light(

@@ -19,7 +19,7 @@ from omnisim.scene.formats.sdf.element import Omissions, SdfElement
 from omnisim.scene.formats.sdf.heightmaps import Layer, blend
 from omnisim.scene.formats.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
 from omnisim.scene.parts import AlphaMode, Material, Texture
-from omnisim.scene.textures import NO_PICTURE, TextureStore, alpha_mode_of, unreadable_image
+from omnisim.scene.textures import NO_IMAGE, TextureStore, alpha_mode_of, unreadable_image
 
 _DEFAULT = (0.7, 0.7, 0.7)  # of a visual without a material; Gazebo's
 _TEXTURE_FOLDERS = ("", "materials/textures", "../materials/textures", "../textures")
@@ -51,7 +51,7 @@ class MaterialReader:
         return self._index(_of_visual(material, visual))
 
     def _plain(self, element: SdfElement, double_sided: bool) -> Material:
-        """Colour, texture and sides of a `<material>`."""
+        """Color, texture and sides of a `<material>`."""
         script = self._script(element) or ScriptMaterial()
         texture = self._albedo(element, script)
         color = (
@@ -126,10 +126,10 @@ class MaterialReader:
             return self._index(Material("", (*_DEFAULT, 1.0))), 0.0
         size = element.vector("size", (1.0, 1.0, 1.0))
         if len(layers) == 1:
-            picture, tile_m = layers[0].image, layers[0].size_m
+            pixels, tile_m = layers[0].image, layers[0].size_m
         else:
-            picture, tile_m = blend(layers, levels, size), 0.0
-        texture = self._textures.texture(picture, "terrain")
+            pixels, tile_m = blend(layers, levels, size), 0.0
+        texture = self._textures.texture(pixels, "terrain")
         return self._index(Material("", texture=texture)), tile_m
 
     def of_mesh(self, material: Material, visual: SdfElement) -> int:
@@ -165,7 +165,7 @@ class MaterialReader:
         return self._map(values, "normal_map")
 
     def _metal_map(self, metal: SdfElement) -> Texture | None:
-        """Roughness and metal of two grey images as green and blue of one."""
+        """Roughness and metal of two gray images as green and blue of one."""
         images = []
         for key in ("roughness_map", "metalness_map"):
             found = metal.find(key)
@@ -196,7 +196,7 @@ class MaterialReader:
             return None
         image = self.image(path)
         if image is None:
-            reason = NO_PICTURE
+            reason = NO_IMAGE
             with suppress(OSError):
                 reason = unreadable_image(read_source(path))
             self._omissions.add(f"image {name} {reason}: drawn without it", "material")
@@ -215,7 +215,7 @@ class MaterialReader:
             self._images[path] = None
             try:
                 with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")  # of a large picture
+                    warnings.simplefilter("ignore")  # of a large image
                     image = Image.open(io.BytesIO(read_source(path)))
                     image.load()
                     self._images[path] = image
@@ -249,10 +249,10 @@ class MaterialReader:
         found = self._scripts[files].get(name) or GAZEBO_MATERIALS.get(name)
         if found is None:
             has_color = element.find("diffuse") is not None
-            other = "its <diffuse> is" if has_color else "grey is"
+            other = "its <diffuse> is" if has_color else "gray is"
             self._omissions.add(f"material {name} not found: {other} drawn", "visual")
         elif not found.is_known:
-            self._omissions.add(f"material {name} is drawn in a plain colour", "visual")
+            self._omissions.add(f"material {name} is drawn in a plain color", "visual")
         return found
 
 
@@ -273,8 +273,8 @@ def _of_visual(material: Material, visual: SdfElement) -> Material:
 
 
 _NOT_DRAWN = {
-    "specular_map": "specular colour and glossiness are not drawn",
-    "glossiness_map": "specular colour and glossiness are not drawn",
+    "specular_map": "specular color and glossiness are not drawn",
+    "glossiness_map": "specular color and glossiness are not drawn",
     "environment_map": "environment maps of materials are not drawn",
     "light_map": "light maps are not drawn",
 }

@@ -28,7 +28,7 @@ class MeshFile(NamedTuple):
     """Contents of a mesh file.
 
     Attributes:
-        instances: `world_from_mesh` is still file_from_mesh, in metres, in the file's axes.
+        instances: `world_from_mesh` is still file_from_mesh, in meters, in the file's axes.
         meshes, materials: of the file.
         data: content of a COLLADA file, from which Gazebo's names of its submeshes follow.
     """
@@ -78,7 +78,7 @@ class MeshLibrary:
             raise SceneError("is an empty file")
         folder = path.parent
         assets = AssetResolver(path, [folder / inner for inner in _TEXTURE_FOLDERS])
-        metres_from_file = world_from_file(suffix, data, FileAxes("z"))
+        meters_from_file = world_from_file(suffix, data, FileAxes("z"))
         if suffix in _GLTF:
             none = AnimationChoice(NO_ANIMATION)
             read = read_gltf(data, self._textures, assets, np.eye(4), none)
@@ -91,7 +91,7 @@ class MeshLibrary:
             for notice in (*assets.notices, *texture_notices(read), *read.notices)
         ]
         instances = tuple(
-            replace(one, world_from_mesh=metres_from_file @ one.world_from_mesh)
+            replace(one, world_from_mesh=meters_from_file @ one.world_from_mesh)
             for one in read.instances
         )
         return MeshFile(instances, read.meshes, read.materials, data if suffix == ".dae" else b"")

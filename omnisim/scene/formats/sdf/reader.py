@@ -71,7 +71,7 @@ class _Reader:
         self._world_from_file = world_from_file
         self._meshes: list[Mesh] = []
         self._shapes: dict[tuple[object, ...], Shape] = {}
-        # by shape or mesh, and material: number of the mesh, and its centre
+        # by shape or mesh, and material: number of the mesh, and its center
         self._made: dict[tuple[int, int], tuple[int, NDArray[np.float64]]] = {}
         self._instances: list[Instance] = []
         self._lights: list[Light] = []
@@ -108,7 +108,7 @@ class _Reader:
     def _read_scene(self, scene: SdfElement) -> tuple[float, float, float] | None:
         """Background of the `<scene>`."""
         if scene.find("sky") is not None:
-            self._omissions.add("the sky is drawn in one colour", "sky")
+            self._omissions.add("the sky is drawn in one color", "sky")
             return DEFAULT_BACKGROUND
         if scene.find("fog") is not None and scene.text("fog/type", "none") != "none":
             self._omissions.add("fog is not drawn", "fog")
@@ -176,7 +176,7 @@ class _Reader:
         image = self._materials.image(path)
         levels = None if image is None else read_levels(image)
         if levels is None:
-            self._omissions.add(f"heightmap {path.name} is not drawn: no grey image", "visual")
+            self._omissions.add(f"heightmap {path.name} is not drawn: no gray image", "visual")
             return
         if element.find("texture/normal") is not None:
             self._omissions.add("normal maps of terrains are not drawn", "heightmap")

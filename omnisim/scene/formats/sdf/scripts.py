@@ -1,4 +1,4 @@
-"""Material scripts of OGRE, as Gazebo Classic has them: colours and textures."""
+"""Material scripts of OGRE, as Gazebo Classic has them: colors and textures."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class ScriptMaterial(NamedTuple):
     is_known: bool = True
 
 
-_GREY: Rgb = (0.7, 0.7, 0.7)
+_GRAY: Rgb = (0.7, 0.7, 0.7)
 # Of Gazebo's own script, which is not in a world's folder.
 _COLORS: dict[str, Rgb] = {
-    "Grey": _GREY, "Gray": _GREY, "DarkGrey": (0.175,) * 3, "DarkGray": (0.175,) * 3,
+    "Gray": _GRAY, "Grey": _GRAY, "DarkGray": (0.175,) * 3, "DarkGrey": (0.175,) * 3,
     "White": (1.0,) * 3, "FlatBlack": (0.1,) * 3, "Black": (0.0,) * 3, "Red": (1.0, 0.0, 0.0),
     "RedBright": (0.87, 0.26, 0.07), "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0),
     "SkyBlue": (0.13, 0.44, 0.7), "Yellow": (1.0, 1.0, 0.0), "ZincYellow": (0.9725, 0.9529, 0.2078),
@@ -46,7 +46,7 @@ _TRANSPARENT: dict[str, Rgb] = {
     "DarkMagenta": (0.6, 0.0, 0.6), "Grey": (0.5,) * 3, "Black": (0.0,) * 3,
     "Yellow": (1.0, 1.0, 0.0), "Orange": (1.0, 0.44, 0.0),
 }  # fmt: skip
-# Their textures are Gazebo's: a colour of their kind instead.
+# Their textures are Gazebo's: a color of their kind instead.
 _TEXTURED: dict[str, Rgb] = {
     "Wood": (0.36, 0.2, 0.1), "WoodFloor": (0.4, 0.25, 0.13), "WoodPallet": (0.45, 0.32, 0.18),
     "CeilingTiled": (0.7,) * 3, "PaintedWall": (0.75, 0.73, 0.68), "Bricks": (0.35, 0.14, 0.1),
@@ -75,7 +75,7 @@ _LINE = re.compile(r"(?:^|\{)[ \t]*(diffuse|ambient|emissive|texture)[ \t]+([^\n
 
 
 def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, ScriptMaterial]:
-    """Materials of a script by name: first colours and texture of each, on those of its parent.
+    """Materials of a script by name: first colors and texture of each, on those of its parent.
 
     Args:
         text: of a `.material` file.
@@ -118,7 +118,7 @@ def read_scripts(paths: list[Path]) -> dict[str, ScriptMaterial]:
 def _numbers(text: str) -> tuple[float, ...]:
     try:
         values = tuple(float(word) for word in text.split())
-    except ValueError:  # vertexcolour
+    except ValueError:  # vertexcolor
         return ()
     return values if all(0.0 <= value <= 1e6 for value in values) else ()
 

@@ -17,7 +17,7 @@ from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import primitives
-from omnisim.scene.files.imported import PLAIN_GREY, ImportedScene, make_mesh, translate
+from omnisim.scene.files.imported import PLAIN_GRAY, ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.sdf.document import parse_xml
 from omnisim.scene.formats.sdf.element import Omissions
@@ -29,7 +29,7 @@ from omnisim.scene.primitives import Surface
 from omnisim.scene.textures import TextureStore, alpha_mode_of
 
 _GEOMETRIES = ("mesh", "box", "cylinder", "sphere", "capsule")
-_GREY = (PLAIN_GREY, PLAIN_GREY, PLAIN_GREY, 1.0)
+_GRAY = (PLAIN_GRAY, PLAIN_GRAY, PLAIN_GRAY, 1.0)
 
 
 def read_urdf(
@@ -54,7 +54,7 @@ class _Reader:
         self._files, self._omissions = MeshLibrary(textures), Omissions()
         self._missing: Counter[str] = Counter()
         self._meshes: list[Mesh] = []
-        self._materials: list[Material] = [Material("", _GREY, double_sided=True)]
+        self._materials: list[Material] = [Material("", _GRAY, double_sided=True)]
         self._material_of: dict[int, int] = {}  # by the id of an element or a file's material
         self._mesh_of: dict[tuple[int, int], int] = {}  # by the id of a file's mesh, and material
         self._named: dict[str, UrdfElement] = {}
@@ -165,9 +165,9 @@ class _Reader:
         return self._material_of[key]
 
     def _read_material(self, element: UrdfElement) -> Material:
-        """Material of a colour, a display value, and a texture."""
+        """Material of a color, a display value, and a texture."""
         color, texture = element.find("color"), self._texture(element)
-        rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GREY
+        rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GRAY
         if color is not None:
             given = np.clip(color.numbers("rgba", None, 4), 0.0, 1.0)
             red, green, blue = np.asarray(linear_from_srgb(given[:3])).tolist()
@@ -191,7 +191,7 @@ class _Reader:
         try:
             image = Image.open(io.BytesIO(data))
         except Exception:  # Pillow's readers raise all kinds
-            self._omissions.add(f"texture {name} is not a picture that can be read", "material")
+            self._omissions.add(f"texture {name} is not an image that can be read", "material")
             return None
         return self._textures.texture(image, element.name)
 

@@ -21,7 +21,7 @@ def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
     if not np.isfinite(world_from_camera).all():
         return None
     if np.hypot(*ahead[:2]) < _LEVEL * np.linalg.norm(ahead):
-        ahead = world_from_camera[:3, 1] * -np.sign(ahead[2])  # the top of the picture
+        ahead = world_from_camera[:3, 1] * -np.sign(ahead[2])  # the top of the image
     x, y, z = position.tolist()
     yaw_deg = math.degrees(math.atan2(ahead[1], ahead[0]))
     return StartPose((x, y, z), round(yaw_deg, 6) + 0.0)  # no -0.0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
-from omnisim.scene.files.imported import PLAIN_GREY, make_mesh
+from omnisim.scene.files.imported import PLAIN_GRAY, make_mesh
 from omnisim.scene.formats.usd.corners import Values, make_vertices
 from omnisim.scene.formats.usd.faces import Faces, mesh_faces, shape_faces
 from omnisim.scene.formats.usd.notices import Notices
@@ -117,7 +117,7 @@ class Gprims:
         return [Part(len(self.meshes) - 1, center)]
 
     def _colors(self, prim: Usd.Prim, appearance: Appearance | None) -> Values | None:
-        """Linear RGBA of the primvars that the appearance has; without one: display colours."""
+        """Linear RGBA of the primvars that the appearance has; without one: display colors."""
         names = ("displayColor", "displayOpacity")
         if appearance is not None:
             names = (appearance.color_primvar, appearance.opacity_primvar)
@@ -127,14 +127,14 @@ class Gprims:
             return None
         if color is None:
             assert opacity is not None
-            grey = 1.0 if appearance is not None else PLAIN_GREY
-            color = opacity._replace(values=np.full((len(opacity.values), 3), grey))
+            gray = 1.0 if appearance is not None else PLAIN_GRAY
+            color = opacity._replace(values=np.full((len(opacity.values), 3), gray))
         alphas = np.ones((len(color.values), 1))
         if opacity is not None:
             if len(opacity.values) == len(color.values) or len(opacity.values) == 1:
                 alphas[:] = opacity.values
             else:
-                self._notices.count("opacity of another interpolation than colour is not drawn")
+                self._notices.count("opacity of another interpolation than color is not drawn")
         with np.errstate(all="ignore"):
             return color._replace(values=np.concatenate((color.values, alphas), axis=1))
 
@@ -145,11 +145,11 @@ class Gprims:
         color: NDArray[np.float64] | None,
         has_vertex_colors: bool,
     ) -> int:
-        """Row of a material, with the sides and the constant colour of a prim."""
+        """Row of a material, with the sides and the constant color of a prim."""
         sided = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self._time))
         factor = (1.0, 1.0, 1.0, 1.0) if color is None else tuple(color.tolist())
         if appearance is None and color is None and not has_vertex_colors:
-            factor = (PLAIN_GREY, PLAIN_GREY, PLAIN_GREY, 1.0)
+            factor = (PLAIN_GRAY, PLAIN_GRAY, PLAIN_GRAY, 1.0)
         base = Material("displayColor") if appearance is None else appearance.material
         key = (base.name, id(appearance), sided, factor)
         if key not in self._material_rows:

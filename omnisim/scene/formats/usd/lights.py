@@ -56,7 +56,7 @@ class Lights:
             lux = level * self._distant_factor(prim)
             self.lights.append(Light(LightKind.DIRECTIONAL, color, lux, direction=axis / length))
             return
-        # areas are in units of the stage; normalized ones too, so that metres are put in once
+        # areas are in units of the stage; normalized ones too, so that meters are put in once
         scale = np.linalg.norm(stage_from_prim[:3, :3], axis=0)
         unit = float(np.linalg.norm(self._world_from_stage[:3, 0]))
         candela = level * self._area_factor(prim, kind, scale) * unit * unit
@@ -80,7 +80,7 @@ class Lights:
         )
 
     def _level(self, prim: Usd.Prim) -> float:
-        """Luminance without its colour, in cd/m²."""
+        """Luminance without its color, in cd/m²."""
         level = self._number(prim, "intensity", 1.0)
         exposure = min(max(self._number(prim, "exposure", 0.0), -100.0), 100.0)
         return level * math.exp2(exposure) * self._number(prim, "diffuse", 1.0)
@@ -150,7 +150,7 @@ class Lights:
             layout = str(self._get(prim, "texture:format") or "")
             pixels = dome_map(texture, layout, world_from_dome)
             if pixels is None:
-                effect = "texture of a dome light is not drawn: its colour is"
+                effect = "texture of a dome light is not drawn: its color is"
                 self._notices.count(effect, "light")
             else:
                 self.environment = (luminance * pixels).astype(np.float32)

@@ -22,7 +22,7 @@ _FROM_Z = {
 
 
 def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Surface:
-    """Triangles of a shape in the units of the stage, as fine as its size in metres asks for.
+    """Triangles of a shape in the units of the stage, as fine as its size in meters asks for.
 
     Raises:
         SceneError: a size that is none.
@@ -109,7 +109,7 @@ def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, floa
 
 
 def _size(prim: Usd.Prim, key: str, time: Usd.TimeCode, unit: float) -> float:
-    """Attribute in metres."""
+    """Attribute in meters."""
     value = prim.GetAttribute(key).Get(time)
     if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _LARGEST):
         raise SceneError(f"{prim.GetPath()}.{key} = {value!r:.40}: expected a number ≥ 0")

@@ -32,7 +32,7 @@ def open_stage(path: Path, notices: Notices) -> Usd.Stage:
 
 
 def stage_axes(stage: Usd.Stage) -> FileAxes:
-    """Up axis and unit of a stage; without them y, and centimetres.
+    """Up axis and unit of a stage; without them y, and centimeters.
 
     Raises:
         SceneError: a unit that is none.

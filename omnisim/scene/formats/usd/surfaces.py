@@ -25,7 +25,7 @@ class Appearance(NamedTuple):
     Attributes:
         material: its sides are the mesh's.
         uv: texture whose coordinates the meshes get, if any.
-        color_primvar, opacity_primvar: primvars of the base colour and opacity; empty: none.
+        color_primvar, opacity_primvar: primvars of the base color and opacity; empty: none.
     """
 
     material: Material
@@ -60,7 +60,7 @@ class Surfaces:
             inputs = Inputs(shader, self._time, self._notices)
             return Appearance(*omni_pbr.read_omni_pbr(name, inputs, self._files, self._notices))
         self._notices.add(
-            f"material {name!r} has no UsdPreviewSurface: its meshes have their display colour"
+            f"material {name!r} has no UsdPreviewSurface: its meshes have their display color"
         )
         return None
 
@@ -87,7 +87,7 @@ class _PreviewSurface:
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 
     def _base(self, material: Material, diffuse: Connected, opacity: Connected) -> Material:
-        """Material with base colour and alpha."""
+        """Material with base color and alpha."""
         color, texture = diffuse.color((0.18, 0.18, 0.18)), None
         if diffuse.primvar:
             color = (1.0, 1.0, 1.0)
@@ -95,7 +95,7 @@ class _PreviewSurface:
             texture = self._texture(diffuse.texture)
             color = diffuse.texture.fallback[:3] if texture is None else diffuse.texture.scale[:3]
             if texture is not None and any(diffuse.texture.bias[:3]):
-                self._notices.count("bias of a texture of colours is not drawn", "material")
+                self._notices.count("bias of a texture of colors is not drawn", "material")
         alpha = 1.0 if opacity.primvar else opacity.number(1.0)
         if opacity.texture is not None:
             planes = {3: (opacity.texture, opacity.channel)}

@@ -54,7 +54,7 @@ def test_convert_states_the_residual(omnisim, tmp_path):
     assert f"at most {residual.max_px:.3g} px" in out
 
 
-def test_a_sensor_file_and_a_picture_are_calibrations(omnisim, tmp_path):
+def test_a_sensor_file_and_a_image_are_calibrations(omnisim, tmp_path):
     sensor = OmniCamera(CAMERA_EXAMPLES["hyperbolic-paper"])
     (tmp_path / "s.toml").write_text(sensor_toml(sensor))
     status, out, err = omnisim(
@@ -123,8 +123,8 @@ def test_the_formats_are_listed(omnisim):
         ),
         (["convert", TUM_VI, "--to", "colmap", "-o", "x", "--model", "gazebo"], "colmap has"),
         (["show", TUM_VI, "--format", "colmap"], "looks like a kalibr file"),
-        (["show", "picture.png"], "picture.png"),
-        (["show", "foreign.png"], "foreign.png: expected a picture of omnisim's"),
+        (["show", "image.png"], "image.png"),
+        (["show", "foreign.png"], "foreign.png: expected an image of omnisim's"),
         (["convert", TUM_VI, "--to", "colmap", "-o", "pipe"], "pipe: is no regular file"),
     ],
 )
@@ -161,7 +161,7 @@ def test_published_calibrations_render(omnisim, tmp_path):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_mirror_from_a_file_renders_the_same_picture(omnisim, tmp_path):
+def test_a_mirror_from_a_file_renders_the_same_image(omnisim, tmp_path):
     arguments = ("render", "compass", "--size", 120)
     calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(tmp_path / "m.yaml", "kalibr")
     calibration_of(CAMERA_EXAMPLES["hyperbolic-paper"]).save(
@@ -173,7 +173,7 @@ def test_a_mirror_from_a_file_renders_the_same_picture(omnisim, tmp_path):
     ours, by_file, by_lens = (
         read_image(tmp_path / f"{name}.png")[0].astype(float) for name in ("ours", "file", "lens")
     )
-    assert np.abs(ours - by_file).max() <= 1.0  # a colour's rounding
+    assert np.abs(ours - by_file).max() <= 1.0  # a color's rounding
     # of a lens that is fitted to it the edges are others by a little; mirrored, all would be
     mirrored = np.mean(np.abs(ours - ours[:, ::-1]))
     assert np.mean(np.abs(ours - by_lens)) < 0.1 * mirrored
@@ -237,12 +237,12 @@ def test_sensor_files_that_name_no_calibration(tmp_path, text, message):
 SPHERE = Path(__file__).parents[4] / "examples" / "optics" / "sphere.toml"
 
 
-@pytest.mark.parametrize("by", ["option", "sensor file", "picture"])
+@pytest.mark.parametrize("by", ["option", "sensor file", "image"])
 def test_optics_are_fitted_and_the_rest_is_told(omnisim, tmp_path, by):
     (tmp_path / "sensor.toml").write_text(f'[optics]\nfile = "{SPHERE}"\n')
     metadata = {"camera": OmniCamera.from_file(tmp_path / "sensor.toml").model.parameters()}
     write_image(tmp_path / "taken.png", np.zeros((360, 360, 3), dtype=np.uint8), metadata)
-    given = {"option": ("--optics", SPHERE), "picture": ("taken.png",)}.get(by, ("sensor.toml",))
+    given = {"option": ("--optics", SPHERE), "image": ("taken.png",)}.get(by, ("sensor.toml",))
     status, out, err = omnisim(
         "calibration", "convert", *given, "--to", "opencv_fisheye", "-o", "a.yaml",
         "--at-distance", 0.5, 2,

@@ -34,7 +34,7 @@ def test_check_tells_lateral_color(omnisim, tmp_path):
     (tmp_path / "port.toml").write_text(port)
     (tmp_path / "chromatic.toml").write_text("chromatic = true\n" + port)
     _, out, _ = omnisim("optics", "check", "port.toml", "--at-distance", 2)
-    assert "lateral colour: R and B of far points are " in out
+    assert "lateral color: R and B of far points are " in out
     assert "px at most; chromatic = true draws it" in out
     assert "px at most; is drawn" in omnisim("optics", "check", "chromatic.toml")[1]
     assert "lateral" not in omnisim("optics", "check", SPHERE)[1]
@@ -56,7 +56,7 @@ def test_rays(omnisim, tmp_path):
     np.testing.assert_allclose(table.origins_m[table.valid], rays.origins_m[rays.valid], atol=1e-8)
 
 
-def test_rays_of_a_colour(omnisim, tmp_path):
+def test_rays_of_a_color(omnisim, tmp_path):
     for color in "RB":
         name = f"{color}.exr"
         path = EXAMPLES / "flat-port.toml"
@@ -181,7 +181,7 @@ def test_calibrate(omnisim, tmp_path):
         "optics", "calibrate", "aligned.toml", "corners.csv", "--free", keys, "-o", "a.toml"
     )
     assert (status, err) == (0, "")
-    assert "a.toml: 4 pictures, " in out
+    assert "a.toml: 4 images, " in out
     assert "surfaces.0.tilt_deg.0" in out
     fitted = read_optics_file(tmp_path / "a.toml")
     np.testing.assert_allclose(

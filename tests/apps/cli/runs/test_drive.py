@@ -33,13 +33,13 @@ def test_a_drive_by_rays_opens_no_opengl(omnisim, tmp_path, monkeypatch):
     rays = [*drive, "--quality", "fast", "--also", "range", "--backend", "rays", "-o", "run"]
     status, _, error = omnisim(*rays)
     assert (status, error) == (0, "")
-    picture = tmp_path / "run" / "omnicam" / "000000.png"
-    before = picture.read_bytes()
-    assert read_image(picture)[0].std() > 20
-    picture.unlink()
+    image = tmp_path / "run" / "omnicam" / "000000.png"
+    before = image.read_bytes()
+    assert read_image(image)[0].std() > 20
+    image.unlink()
     status, _, _ = omnisim(*rays)  # goes on
     assert status == 0
-    assert picture.read_bytes() == before
+    assert image.read_bytes() == before
     manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
     assert manifest["renderer"].startswith("embreex ")
     status, _, error = omnisim(*drive, "--backend", "rays", "--device", "0", "-o", "other")
@@ -80,10 +80,10 @@ def test_drive_plot_and_video(omnisim, run_folder, tmp_path):
     pytest.importorskip("av")
     status, out, error = omnisim("video", "run", "-o", "run.mp4", "--fps", "5")
     assert (status, error) == (0, "")
-    assert f"run.mp4: {steps} pictures, {steps / 5:.1f} s" in out
+    assert f"run.mp4: {steps} images, {steps / 5:.1f} s" in out
 
 
-def test_the_video_shows_the_pictures(omnisim, run_folder, tmp_path):
+def test_the_video_shows_the_images(omnisim, run_folder, tmp_path):
     av = pytest.importorskip("av")
     omnisim("video", "run", "-o", "run.mp4")
     with av.open(str(tmp_path / "run.mp4")) as video:
@@ -92,7 +92,7 @@ def test_the_video_shows_the_pictures(omnisim, run_folder, tmp_path):
     assert len(frames) == steps
     for step in (0, steps - 1):
         pixels, _ = read_image(tmp_path / "run" / "omnicam" / f"{step:06d}.png")
-        # colours are coded at half the resolution: compare what is left of 8 × 8 blocks
+        # colors are coded at half the resolution: compare what is left of 8 × 8 blocks
         one, other = (p.reshape(4, 8, 4, 8, 3).mean(axis=(1, 3)) for p in (pixels, frames[step]))
         assert abs(one - other).mean() < 8.0
 
@@ -112,10 +112,10 @@ def test_robots_that_drove_together_are_plotted_and_seen_side_by_side(
     assert error.startswith("note: pair/b/omnicam/000002.png: is missing")
     status, out, _ = omnisim("video", "pair", "-o", "pair.mp4")
     assert status == 0
-    assert f"pair.mp4: {steps} pictures" in out
+    assert f"pair.mp4: {steps} images" in out
     with av.open(str(tmp_path / "pair.mp4")) as video:
         frames = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
-    for step, right in ((0, 0), (steps - 1, 1)):  # the right one has two pictures
+    for step, right in ((0, 0), (steps - 1, 1)):  # the right one has two images
         files = (("a", step), ("b", right))
         pixels = [read_image(tmp_path / "pair" / name / "omnicam" / f"{index:06d}.png")[0]
                   for name, index in files]  # fmt: skip
@@ -125,7 +125,7 @@ def test_robots_that_drove_together_are_plotted_and_seen_side_by_side(
         assert abs(one - other).mean() < 8.0
 
 
-def test_pictures_too_small_for_a_video(tmp_path):
+def test_images_too_small_for_a_video(tmp_path):
     pytest.importorskip("av")
     with pytest.raises(OutputError, match=r"at least 2 × 2 px, got 1 × 1 px"):
         write_video(tmp_path / "a.mp4", [np.zeros((1, 1, 3), np.uint8)], 10.0)
@@ -151,7 +151,7 @@ def test_a_gap_in_a_video_is_said(omnisim, run_folder, tmp_path):
     steps = json.loads((tmp_path / "run" / "manifest.json").read_text())["steps"]
     status, out, error = omnisim("video", "run", "-o", "run.mp4")
     assert status == 0
-    assert "run.mp4: 2 pictures" in out
+    assert "run.mp4: 2 images" in out
     assert error == (
         f"note: run/omnicam/000002.png: is missing: the first 2 of {steps} steps are looked at; "
         "record the run again to have the others, 1 without all their files\n"

@@ -82,7 +82,7 @@ def test_import_in_unreal_units(omnisim, tmp_path):
     status, out, error = omnisim("robot", "import", "a.ini", "-o", "a.toml")
     assert (status, out) == (1, "")
     assert (
-        "a.ini:2: Position X = 40 m: expected at most 10 m; 250 to a metre are read with" in error
+        "a.ini:2: Position X = 40 m: expected at most 10 m; 250 to a meter are read with" in error
     )
     assert omnisim("robot", "import", "a.ini", "-o", "a.toml", "--unreal-units")[0] == 0
     assert parse_mounts(load_robot(tmp_path / "a.toml"))[0].position_m == (0.16, 0.0, 0.2)

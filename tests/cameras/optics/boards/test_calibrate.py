@@ -56,7 +56,7 @@ def _changed(table, changes):
 
 
 def boards_of(system, count=6, seed=5):
-    """Corners of a board in front of pixels of the picture, tilted."""
+    """Corners of a board in front of pixels of the image, tilted."""
     generator = np.random.default_rng(seed)
     boards, middle = [], 0.5 * np.array([system.width_px - 1, system.height_px - 1])
     while len(boards) < count:
@@ -186,9 +186,9 @@ def test_corners_come_back(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a,b\n1,2\n", "expected the columns picture,x_m,y_m,u_px,v_px, got a,b"),
-        ("picture,x_m,y_m,u_px,v_px\n0,0,0,1,1\n", "picture 0: corners: expected at least 6"),
-        ("picture,x_m,y_m,u_px,v_px\n0,0,zero,1,1\n", ":2: "),
+        ("a,b\n1,2\n", "expected the columns image,x_m,y_m,u_px,v_px, got a,b"),
+        ("image,x_m,y_m,u_px,v_px\n0,0,0,1,1\n", "image 0: corners: expected at least 6"),
+        ("image,x_m,y_m,u_px,v_px\n0,0,zero,1,1\n", ":2: "),
         ("", "corners.csv"),
     ],
 )

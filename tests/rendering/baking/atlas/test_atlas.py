@@ -10,7 +10,7 @@ pytest.importorskip("xatlas")
 from omnisim.core.errors import SceneError
 from omnisim.rendering.baking.atlas.atlas import build_atlas
 from omnisim.rendering.baking.atlas.packing import pack
-from omnisim.rendering.baking.atlas.rasterisation import GRID, rasterise
+from omnisim.rendering.baking.atlas.rasterization import GRID, rasterize
 from omnisim.rendering.baking.atlas.texel_sizes import coarseness
 from omnisim.rendering.baking.atlas.unwrapping import unwrap
 from omnisim.rendering.baking.solids import hollow_triangles, instances_of
@@ -34,7 +34,7 @@ def test_charts_do_not_overlap():
     page = unwrap(mesh, 8.0 * np.eye(3))
     width, height = page.size_px
     corners = (page.uv * page.size_px)[page.triangles].astype(np.float32)
-    samples = rasterise(corners, np.arange(len(corners)), width)
+    samples = rasterize(corners, np.arange(len(corners)), width)
     edges = corners[:, 1:] - corners[:, :1]
     area = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]).sum()
     assert len(np.unique(samples.triangles)) == len(corners)
@@ -43,7 +43,7 @@ def test_charts_do_not_overlap():
 
 def test_samples_cover_triangles():
     corners = np.array([[[1.0, 1.0], [9.0, 1.0], [1.0, 9.0]]], dtype=np.float32)
-    samples = rasterise(corners, np.arange(1), 16)
+    samples = rasterize(corners, np.arange(1), 16)
     assert len(samples.texels) == pytest.approx(32.0 * GRID**2, rel=0.15)
     placed = np.einsum("nk,kc->nc", samples.weights, corners[0])
     np.testing.assert_array_equal(
@@ -51,7 +51,7 @@ def test_samples_cover_triangles():
     )
 
 
-def test_charts_end_at_the_centres_of_their_rectangles_texels():
+def test_charts_end_at_the_centers_of_their_rectangles_texels():
     (mesh,) = load_scene("rings").meshes[:1]
     page = unwrap(mesh, 8.0 * np.eye(3))
     places = page.uv * page.size_px
@@ -114,7 +114,7 @@ def test_backs_are_seen_of_sheets_and_of_rooms_with_cameras():
 
 def test_slim_triangles_have_samples_all_over_their_length():
     corners = np.array([[[1.2, 1.3], [30.0, 1.3], [30.0, 1.45]]], dtype=np.float32)
-    samples = rasterise(corners, np.arange(1), 32)
+    samples = rasterize(corners, np.arange(1), 32)
     assert set(range(32 + 1, 32 + 30)) <= set(samples.texels.tolist())
     np.testing.assert_allclose(samples.weights.sum(axis=1), 1.0, rtol=1e-6)
     assert samples.weights.min() >= 0.0

@@ -21,7 +21,7 @@ def test_light_spreads_to_the_ends_of_its_chart():
         assert np.unique(found[chart == CHARTS], axis=0).tolist() == [list(color)]
 
 
-def test_pixels_are_the_means_of_their_patches_and_neighbours():
+def test_pixels_are_the_means_of_their_patches_and_neighbors():
     light = np.array([[1.0] * 3, [3.0] * 3, [7.0] * 3], np.float32)
     found = lightmap(_patches([0, 0, 2]), light, np.array([True, True, False]))
     assert (found[CHARTS == 0] == 2.0).all()  # nothing is known at the third

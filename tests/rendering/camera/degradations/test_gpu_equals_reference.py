@@ -24,7 +24,7 @@ from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.encoding import neutral
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
-from tests.rendering.camera.degradations.pictures import GEOMETRY, on_gpu, random_picture
+from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image
 
 ULP = 2.0**-23
 # The bounds, relative to 1: light is at most 1.3 here. One rounding for each product or sum, and
@@ -34,7 +34,7 @@ EXAMPLES = {
     "dirt": (Dirt(dust_count=40, scratch_count=5, scratch_length_px=40.0), 2 * ULP),
     "vignetting": (Vignetting((-0.5, 0.2, -0.1)), 4 * ULP),
     "vignetting that goes dark": (Vignetting((-1.5, 0.0, 0.0)), 4 * ULP),
-    # a place of 100 px has 2⁻¹⁷ px of rounding, and neighbours differ by up to 1
+    # a place of 100 px has 2⁻¹⁷ px of rounding, and neighbors differ by up to 1
     "chromatic_aberration": (ChromaticAberration(1.01, 0.985), 4 * 2.0**-17),
     # square roots of radii, and sums over the disc
     "defocus": (Defocus(0.2, 4.3), 16 * ULP),
@@ -49,13 +49,13 @@ EXAMPLES = {
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_step_equals_its_reference(context, name):
     part, bound = EXAMPLES[name]
-    picture = random_picture()
-    drawn = on_gpu(context, [picture], sensor=part.steps(GEOMETRY))
-    expected = part.apply(picture, GEOMETRY)
-    np.testing.assert_array_equal(drawn[..., 3], picture[..., 3])
+    image = random_image()
+    drawn = on_gpu(context, [image], sensor=part.steps(GEOMETRY))
+    expected = part.apply(image, GEOMETRY)
+    np.testing.assert_array_equal(drawn[..., 3], image[..., 3])
     assert np.abs(drawn - expected).max() <= bound
-    assert not drawn[picture[..., 3] < 0.5].any()  # nothing shows where nothing is seen
-    assert np.abs(expected - picture).max() > 0.01  # it does something
+    assert not drawn[image[..., 3] < 0.5].any()  # nothing shows where nothing is seen
+    assert np.abs(expected - image).max() > 0.01  # it does something
 
 
 def test_vignetting_and_reflectance_of_white_are_their_formulas(context):
@@ -75,7 +75,7 @@ def test_vignetting_and_reflectance_of_white_are_their_formulas(context):
 
 
 def test_random_numbers_have_the_same_bits(context):
-    """As 23-bit numbers in colours, for coordinates and keys of all sizes."""
+    """As 23-bit numbers in colors, for coordinates and keys of all sizes."""
     height, width = 40, 50
     text = (
         "#version 430 core\nuniform uint u_key; uniform uint u_frame; out vec4 out_value;\n"
@@ -109,26 +109,26 @@ def test_noise_equals_its_reference_but_for_ties(context, full_well_e):
         black_level_dn=5.0,
         bit_depth=10,
     )
-    picture, key = random_picture(), key_of("noise", 3)
+    image, key = random_image(), key_of("noise", 3)
     shot = Shot(exposure_s=0.02, noise_key=key, frame_number=7)
     steps = noise.steps(GEOMETRY, shot)
-    drawn = on_gpu(context, [picture], sensor=steps, uniforms={"u_frame": 7})
-    expected = noise.apply(picture, GEOMETRY, shot)
+    drawn = on_gpu(context, [image], sensor=steps, uniforms={"u_frame": 7})
+    expected = noise.apply(image, GEOMETRY, shot)
     step = noise.gain / noise.white_e
     differs = np.abs(drawn - expected) > 1e-5
     assert np.mean(differs) < 1e-3
     assert np.abs(drawn - expected).max() <= (1.0 + 1.0 / noise.gain) * step + 1e-5
-    other = on_gpu(context, [picture], sensor=steps, uniforms={"u_frame": 8})
-    seen = picture[..., 3] > 0.5
+    other = on_gpu(context, [image], sensor=steps, uniforms={"u_frame": 8})
+    seen = image[..., 3] > 0.5
     assert np.mean((other == drawn)[seen, :3]) < 0.5
 
 
 def test_sub_frames_add_up_by_rows(context):
     shutter = Shutter(exposure_s=0.01, readout_s=0.02)
-    pictures = [random_picture(seed=seed) for seed in range(5)]
+    images = [random_image(seed=seed) for seed in range(5)]
     weights = shutter.row_weights(5, GEOMETRY.height_px)
-    drawn = on_gpu(context, pictures, weights=weights)
-    expected = exposed(zip(pictures, weights, strict=True), Degradation(), GEOMETRY)
+    drawn = on_gpu(context, images, weights=weights)
+    expected = exposed(zip(images, weights, strict=True), Degradation(), GEOMETRY)
     assert np.abs(drawn - expected).max() <= 5 * ULP
     np.testing.assert_allclose(weights.sum(axis=0), 1.0, atol=4 * ULP)
 
@@ -137,8 +137,8 @@ def test_next_frame_starts_from_zero(context):
     height, width = GEOMETRY.height_px, GEOMETRY.width_px
     chain = DegradationPass(context, (width, height), (), ())
     weights = Shutter(exposure_s=0.01).row_weights(2, height)
-    picture = random_picture()
-    texture = context.texture((width, height), 4, picture, dtype="f4")
+    image = random_image()
+    texture = context.texture((width, height), 4, image, dtype="f4")
     seen = []
     for _ in range(2):
         for weight in weights:
@@ -146,21 +146,21 @@ def test_next_frame_starts_from_zero(context):
         chain.finish({})
         seen.append(chain.read())
     np.testing.assert_array_equal(*seen)
-    assert np.abs(seen[0] - picture).max() <= 2 * ULP
+    assert np.abs(seen[0] - image).max() <= 2 * ULP
 
 
 @pytest.mark.parametrize("name", ["dragonfly2", "webcam", "bad-day"])
 def test_whole_chain_of_a_preset_equals_the_reference(context, name):
     degradation = preset(name)
-    picture, key = random_picture(), key_of("noise", 0)
+    image, key = random_image(), key_of("noise", 0)
     drawn = on_gpu(
         context,
-        [picture],
+        [image],
         optics=degradation.optics_steps(GEOMETRY),
         sensor=degradation.sensor_steps(GEOMETRY, key),
         uniforms={"u_frame": 2, "u_exposure_factors": degradation.exposure_factors(-0.3)},
     )
-    light = exposed([(picture, None)], degradation, GEOMETRY)
+    light = exposed([(image, None)], degradation, GEOMETRY)
     expected = developed(light, degradation, GEOMETRY, degradation.exposure_factors(-0.3), key, 2)
     # electrons that fall on the other side reach 5 × 5 pixels through demosaicking
     assert np.mean(np.abs(drawn - expected) > 2e-5) < 0.02
@@ -172,15 +172,15 @@ def test_whole_chain_of_a_preset_equals_the_reference(context, name):
     [Encoding(), Encoding(2.2, 5), Encoding(1.0, 1), Encoding("srgb", 8, "neutral")],
 )
 def test_encoding_equals_its_reference(context, encoding):
-    picture = random_picture()
-    height, width = picture.shape[:2]
+    image = random_image()
+    height, width = image.shape[:2]
     chain = DegradationPass(context, (width, height), (), (), encoding.step())
-    chain.add(context.texture((width, height), 4, picture, dtype="f4"))
+    chain.add(context.texture((width, height), 4, image, dtype="f4"))
     chain.finish({})
     target = context.framebuffer([context.renderbuffer((width, height), 4)])
     chain.encode(target)
     drawn = np.frombuffer(target.read(components=4), np.uint8).reshape(height, width, 4)
-    expected = np.rint(255.0 * encoding.apply(picture)).astype(int)
+    expected = np.rint(255.0 * encoding.apply(image)).astype(int)
     step = round(255 / (2**encoding.bit_depth - 1))
     assert np.mean(drawn != expected) < 1e-3  # ties
     assert np.abs(drawn.astype(int) - expected).max() <= step + 1
@@ -188,11 +188,11 @@ def test_encoding_equals_its_reference(context, encoding):
 
 
 def test_the_neutral_curve_is_khronos_s():
-    """By the specification's own values: base colours less the gloss's 4 %, then a shoulder."""
-    grey = np.array([0.0, 0.02, 0.08, 0.5, 0.8, 1.0, 3.0, 1e4])
+    """By the specification's own values: base colors less the gloss's 4 %, then a shoulder."""
+    gray = np.array([0.0, 0.02, 0.08, 0.5, 0.8, 1.0, 3.0, 1e4])
     expected = [0.0, 6.25 * 0.02**2, 0.04, 0.46, 0.76]
     expected += [1.0 - 0.24**2 / (level - 0.04 + 0.24 - 0.76) for level in (1.0, 3.0, 1e4)]
-    found = neutral(np.repeat(grey[:, None], 3, axis=1))
+    found = neutral(np.repeat(gray[:, None], 3, axis=1))
     np.testing.assert_allclose(found, np.repeat(np.array(expected)[:, None], 3, axis=1), atol=1e-12)
     red = neutral(np.array([[0.7, 0.3, 0.1], [9.0, 0.3, 0.1]]))
     np.testing.assert_allclose(red[0], [0.66, 0.26, 0.06])  # keeps its hue
@@ -205,10 +205,10 @@ def test_the_neutral_curve_is_khronos_s():
 
 
 def test_meter_is_the_mean_luminance(context):
-    picture = random_picture()
-    height, width = picture.shape[:2]
+    image = random_image()
+    height, width = image.shape[:2]
     chain = DegradationPass(context, (width, height), (), ())
-    chain.add(context.texture((width, height), 4, picture, dtype="f4"))
-    assert chain.mean_luminance() == pytest.approx(mean_luminance(picture), rel=1e-6)
-    chain.add(context.texture((width, height), 4, 0.0 * picture, dtype="f4"))
+    chain.add(context.texture((width, height), 4, image, dtype="f4"))
+    assert chain.mean_luminance() == pytest.approx(mean_luminance(image), rel=1e-6)
+    chain.add(context.texture((width, height), 4, 0.0 * image, dtype="f4"))
     assert chain.mean_luminance() == 0.0

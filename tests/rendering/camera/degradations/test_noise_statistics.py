@@ -6,10 +6,10 @@ from scipy import stats
 
 from omnisim.rendering.camera.degradations import Noise
 from omnisim.rendering.camera.degradations.effect import Shot
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.noise import poisson
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
-from tests.rendering.camera.degradations.pictures import flat_picture, on_gpu
+from tests.rendering.camera.degradations.images import flat_image, on_gpu
 
 KEY = key_of("noise", 0)
 
@@ -18,10 +18,10 @@ def _hashes(count, key=KEY):
     return pcg4d(np.arange(count), 0, 0, key)
 
 
-def _noisy(context, noise, picture, frame=0, key=KEY):
-    geometry = PictureGeometry(picture.shape[1], picture.shape[0], (0.0, 0.0))
+def _noisy(context, noise, image, frame=0, key=KEY):
+    geometry = ImageGeometry(image.shape[1], image.shape[0], (0.0, 0.0))
     steps = noise.steps(geometry, Shot(exposure_s=0.01, noise_key=key))
-    return on_gpu(context, [picture], sensor=steps, uniforms={"u_frame": frame})[..., :3]
+    return on_gpu(context, [image], sensor=steps, uniforms={"u_frame": frame})[..., :3]
 
 
 def test_photon_transfer_curve_has_the_specified_gain(context):
@@ -40,7 +40,7 @@ def test_photon_transfer_curve_has_the_specified_gain(context):
         bit_depth=12,
     )
     levels = np.concatenate(((0.0,), np.geomspace(0.005, 0.8, 13)))
-    drawn = _noisy(context, noise, flat_picture(levels)) * noise.white_e / noise.gain
+    drawn = _noisy(context, noise, flat_image(levels)) * noise.white_e / noise.gain
     fields = drawn.reshape(len(levels), -1).astype(np.float64)
     mean, variance = fields.mean(axis=1), fields.var(axis=1)
     slope, intercept = np.polyfit(mean, variance, 1, w=1.0 / variance)
@@ -64,7 +64,7 @@ def test_bright_light_saturates_and_dark_current_is_subtracted(context):
         black_level_dn=0.0,
         bit_depth=8,
     )
-    drawn = _noisy(context, noise, flat_picture([0.0, 0.5, 40.0]))
+    drawn = _noisy(context, noise, flat_image([0.0, 0.5, 40.0]))
     dark, middle, white = drawn.reshape(3, -1)
     assert np.unique(white).size == 1
     assert white[0] == pytest.approx(1.0 - 50.0 / 1000.0)  # 5000 e⁻/s for 0.01 s
@@ -110,7 +110,7 @@ def test_random_numbers_are_uniform_and_normal():
 
 
 def test_noise_has_no_pattern(context):
-    """Between neighbours, colours and frames nothing is correlated, and no frequency stands out."""
+    """Between neighbors, colors and frames nothing is correlated, and no frequency stands out."""
     noise = Noise(
         full_well_e=20_000.0,
         read_noise_e=5.0,
@@ -119,7 +119,7 @@ def test_noise_has_no_pattern(context):
         bit_depth=14,
     )
     frames = [
-        _noisy(context, noise, flat_picture([0.4], 256, 256), frame).astype(np.float64)
+        _noisy(context, noise, flat_image([0.4], 256, 256), frame).astype(np.float64)
         for frame in range(2)
     ]
     first, second = (frame - frame.mean(axis=(0, 1)) for frame in frames)
@@ -132,17 +132,17 @@ def test_noise_has_no_pattern(context):
     assert abs(np.mean(first[..., 0] * first[..., 1])) < most
     assert abs(np.mean(first[..., 0] * first[..., 2])) < most
     power = np.abs(np.fft.fft2(first[..., 1])) ** 2 / 256.0**2
-    # exponentially distributed; half of 65 536 are independent: this much once in 10 000 pictures
+    # exponentially distributed; half of 65 536 are independent: this much once in 10 000 images
     assert power.max() < np.log(0.5 * 256.0**2) - np.log(1e-4)
 
 
 def test_noise_differs_by_key_and_frame(context):
-    noise, picture = Noise(), flat_picture([0.4], 64, 64)
-    same = _noisy(context, noise, picture, 3), _noisy(context, noise, picture, 3)
+    noise, image = Noise(), flat_image([0.4], 64, 64)
+    same = _noisy(context, noise, image, 3), _noisy(context, noise, image, 3)
     np.testing.assert_array_equal(*same)
     for other in (
-        _noisy(context, noise, picture, 4),
-        _noisy(context, noise, picture, 3, key_of("noise", 1)),
+        _noisy(context, noise, image, 4),
+        _noisy(context, noise, image, 3, key_of("noise", 1)),
     ):
         assert np.mean(other == same[0]) < 0.05
     assert key_of("noise", 1) != key_of("noise", "1") != key_of("noise", 1, "")

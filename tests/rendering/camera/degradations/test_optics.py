@@ -1,4 +1,4 @@
-"""Blur, scales, colours and dirt against what is known without the code."""
+"""Blur, scales, colors and dirt against what is known without the code."""
 
 import numpy as np
 import pytest
@@ -11,24 +11,24 @@ from omnisim.rendering.camera.degradations import (
     Jpeg,
     WhiteBalance,
 )
-from omnisim.rendering.camera.degradations.picture_geometry import PictureGeometry
-from tests.rendering.camera.degradations.pictures import GEOMETRY, on_gpu, random_picture
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image
 
-SQUARE = PictureGeometry(64, 64, (31.5, 31.5))
+SQUARE = ImageGeometry(64, 64, (31.5, 31.5))
 
 
 def _dark(geometry=SQUARE):
-    picture = np.zeros((geometry.height_px, geometry.width_px, 4), dtype=np.float32)
-    picture[..., 3] = 1.0
-    return picture
+    image = np.zeros((geometry.height_px, geometry.width_px, 4), dtype=np.float32)
+    image[..., 3] = 1.0
+    return image
 
 
 @pytest.mark.parametrize("radius_px", [0.5, 0.8, 1.0, 1.7, 3.3, 8.0])
 def test_a_point_spreads_to_the_disc(context, radius_px):
     """Against the disc's area in each pixel, from 31² points a pixel; 2 % of the peak."""
-    picture = _dark()
-    picture[30, 33, :3] = 1.0
-    drawn = on_gpu(context, [picture], optics=Defocus(radius_px, radius_px).steps(SQUARE))[..., 1]
+    image = _dark()
+    image[30, 33, :3] = 1.0
+    drawn = on_gpu(context, [image], optics=Defocus(radius_px, radius_px).steps(SQUARE))[..., 1]
     fine = (np.arange(64 * 31) + 0.5) / 31.0 - 0.5
     inside = (fine[None, :] - 33.0) ** 2 + (fine[:, None] - 30.0) ** 2 <= radius_px**2
     disc = inside.reshape(64, 31, 64, 31).mean(axis=(1, 3))
@@ -43,61 +43,61 @@ def test_a_point_spreads_to_the_disc(context, radius_px):
 
 def test_defocus_grows_towards_the_rim(context):
     """A point on the rim spreads as wide as one in focus does not."""
-    picture = _dark()
-    picture[32, 32, :3] = picture[32, 62, :3] = 1.0
-    drawn = on_gpu(context, [picture], optics=Defocus(0.0, 3.0).steps(SQUARE))
+    image = _dark()
+    image[32, 32, :3] = image[32, 62, :3] = 1.0
+    drawn = on_gpu(context, [image], optics=Defocus(0.0, 3.0).steps(SQUARE))
     assert drawn[32, 32, 0] == 1.0
     assert np.count_nonzero(drawn[:, 52:, 0]) > 20
 
 
 def test_blur_ignores_invalid_pixels(context):
-    picture = random_picture()
-    picture[picture[..., 3] > 0.5, :3] = 0.7
-    drawn = on_gpu(context, [picture], optics=Defocus(6.0, 6.0).steps(GEOMETRY))
-    np.testing.assert_allclose(drawn[picture[..., 3] > 0.5, :3], 0.7, rtol=1e-5)
+    image = random_image()
+    image[image[..., 3] > 0.5, :3] = 0.7
+    drawn = on_gpu(context, [image], optics=Defocus(6.0, 6.0).steps(GEOMETRY))
+    np.testing.assert_allclose(drawn[image[..., 3] > 0.5, :3], 0.7, rtol=1e-5)
 
 
 def test_red_and_blue_are_scaled(context):
-    """A point at radius r goes to r · scale, found by its centre of mass."""
-    picture = _dark()
-    picture[32, 52, :3] = 1.0  # 20.5 px right of the axis
-    drawn = on_gpu(context, [picture], optics=ChromaticAberration(1.02, 0.99).steps(SQUARE))
+    """A point at radius r goes to r · scale, found by its center of mass."""
+    image = _dark()
+    image[32, 52, :3] = 1.0  # 20.5 px right of the axis
+    drawn = on_gpu(context, [image], optics=ChromaticAberration(1.02, 0.99).steps(SQUARE))
     u = np.arange(64)
-    centres = [(drawn[..., c].sum(axis=0) * u).sum() / drawn[..., c].sum() for c in range(3)]
-    # bilinear weights: the centre of mass is right to the second order of the scale's change
-    assert centres[0] - 31.5 == pytest.approx(20.5 * 1.02, abs=0.02)
-    assert centres[1] == 52.0
-    assert centres[2] - 31.5 == pytest.approx(20.5 * 0.99, abs=0.02)
+    centers = [(drawn[..., c].sum(axis=0) * u).sum() / drawn[..., c].sum() for c in range(3)]
+    # bilinear weights: the center of mass is right to the second order of the scale's change
+    assert centers[0] - 31.5 == pytest.approx(20.5 * 1.02, abs=0.02)
+    assert centers[1] == 52.0
+    assert centers[2] - 31.5 == pytest.approx(20.5 * 0.99, abs=0.02)
 
 
 @pytest.mark.parametrize("pattern", ["RGGB", "BGGR", "GRBG", "GBRG"])
 @pytest.mark.parametrize("demosaic", ["bilinear", "malvar"])
-def test_demosaicking_shifts_no_colour(context, pattern, demosaic):
-    """A plane of light comes back as it was in every colour: no half pixel, no wrong pattern."""
+def test_demosaicking_shifts_no_color(context, pattern, demosaic):
+    """A plane of light comes back as it was in every color: no half pixel, no wrong pattern."""
     v, u = np.mgrid[:64, :64]
-    picture = _dark()
+    image = _dark()
     slopes = ((0.004, 0.002), (-0.003, 0.004), (0.001, -0.002))
     for channel, (right, down) in enumerate(slopes):
-        picture[..., channel] = 0.4 + right * u + down * v
-    if demosaic == "malvar":  # whose corrections want the colours' slopes alike
-        picture[..., :3] = (0.2 + 0.004 * u + 0.002 * v)[..., None] + np.array([0.1, 0.0, 0.05])
-    drawn = on_gpu(context, [picture], sensor=Bayer(pattern, demosaic).steps(SQUARE))
+        image[..., channel] = 0.4 + right * u + down * v
+    if demosaic == "malvar":  # whose corrections want the colors' slopes alike
+        image[..., :3] = (0.2 + 0.004 * u + 0.002 * v)[..., None] + np.array([0.1, 0.0, 0.05])
+    drawn = on_gpu(context, [image], sensor=Bayer(pattern, demosaic).steps(SQUARE))
     inner = np.s_[2:-2, 2:-2, :3]
-    np.testing.assert_allclose(drawn[inner], picture[inner], atol=1e-6)
+    np.testing.assert_allclose(drawn[inner], image[inner], atol=1e-6)
 
 
 def test_mosaic_pattern_matches_its_name():
-    geometry = PictureGeometry(4, 4, (1.5, 1.5))
+    geometry = ImageGeometry(4, 4, (1.5, 1.5))
     for pattern in ("RGGB", "BGGR", "GRBG", "GBRG"):
-        corner = Bayer(pattern).colours(geometry)[:2, :2].ravel()
-        assert "".join("RGB"[colour] for colour in corner) == pattern
+        corner = Bayer(pattern).colors(geometry)[:2, :2].ravel()
+        assert "".join("RGB"[color] for color in corner) == pattern
 
 
-def test_grey_gains_restore_white(context):
+def test_gray_gains_restore_white(context):
     balance = WhiteBalance((0.5, 1.0, 0.7))
-    picture = _dark()
-    picture[..., :3] = np.array(balance.response, dtype=np.float32) * 0.6
-    drawn = on_gpu(context, [picture], sensor=balance.steps(SQUARE))
+    image = _dark()
+    image[..., :3] = np.array(balance.response, dtype=np.float32) * 0.6
+    drawn = on_gpu(context, [image], sensor=balance.steps(SQUARE))
     np.testing.assert_allclose(drawn[..., :3], 0.6, rtol=1e-6)
     assert WhiteBalance((0.5, 1.0, 0.7), (1.0, 1.0, 1.0)).factors == (1.0, 1.0, 1.0)
 
@@ -108,7 +108,7 @@ def test_dirt_depends_on_its_seed_and_scales():
     np.testing.assert_array_equal(one, same)
     other = Dirt(dust_count=80, scratch_count=4, scratch_length_px=60.0, seed=1).map(SQUARE)
     assert np.corrcoef(one[..., 0].ravel(), other[..., 0].ravel())[0, 1] < 0.2
-    large = dirt.scaled(4.0).map(PictureGeometry(256, 256, (127.5, 127.5)))
+    large = dirt.scaled(4.0).map(ImageGeometry(256, 256, (127.5, 127.5)))
     small = large.reshape(64, 4, 64, 4, 2).mean(axis=(1, 3))
     assert np.corrcoef(one[..., 0].ravel(), small[..., 0].ravel())[0, 1] > 0.9
     assert 0.0 <= large.min() <= large[..., 0].max() <= 1.0
@@ -117,7 +117,7 @@ def test_dirt_depends_on_its_seed_and_scales():
 
 def test_dust_covers_the_expected_area():
     """Area of one speck: π r² e^(2σ²), but for its lumps; opacity 0.7 of the largest on average."""
-    geometry = PictureGeometry(1200, 1200, (599.5, 599.5))
+    geometry = ImageGeometry(1200, 1200, (599.5, 599.5))
     dirt = Dirt(dust_count=1000, dust_radius_px=4.0, dust_opacity=0.1)
     taken = dirt.map(geometry)[..., 0].sum()
     lumps = 1.0 + 0.5 * (0.22**2 + 0.12**2 + 0.07**2)
@@ -151,9 +151,9 @@ def test_bilinear_demosaicking_matches_opencv(context, pattern):
     code = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}[pattern]
     raw = np.random.default_rng(5).integers(0, 65536, (64, 64), dtype=np.uint16)
     expected = cv2.cvtColor(raw, getattr(cv2, f"COLOR_Bayer{code}2RGB"))
-    picture = _dark()
-    picture[..., :3] = raw[..., None] / np.float32(65536.0)
-    drawn = on_gpu(context, [picture], sensor=Bayer(pattern, "bilinear").steps(SQUARE))
+    image = _dark()
+    image[..., :3] = raw[..., None] / np.float32(65536.0)
+    drawn = on_gpu(context, [image], sensor=Bayer(pattern, "bilinear").steps(SQUARE))
     # OpenCV rounds to whole steps of 2⁻¹⁶, and repeats its outermost pixels
     inner = np.s_[1:-1, 1:-1]
     assert np.abs(drawn[inner][..., :3] * 65536.0 - expected[inner]).max() <= 1.0

@@ -79,7 +79,7 @@ def test_parts_take_no_more_texels_than_whole_faces(name):
     ("name", "most"),
     [("hyperbolic-paper", 0.7), ("perspective-wide", 0.4), ("equirectangular", 0.6)],
 )
-def test_parts_spare_much_where_a_picture_is_fine_here_and_coarse_there(name, most):
+def test_parts_spare_much_where_a_image_is_fine_here_and_coarse_there(name, most):
     whole, parts = _plan(name, subdivide=False), _plan(name)
     assert parts.texels < most * whole.texels
 

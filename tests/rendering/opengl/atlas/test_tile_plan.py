@@ -69,8 +69,8 @@ def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_p
     generator = np.random.default_rng(3)
     for _ in range(30):
         angle, radius = generator.uniform(0.0, 2.0 * np.pi), reach_px * generator.uniform() ** 0.5
-        centre = (radius * np.cos(angle), radius * np.sin(angle))
-        camera = HyperbolicCamera(width_px, height_px, focal_length_px, centre, mirror)
+        center = (radius * np.cos(angle), radius * np.sin(angle))
+        camera = HyperbolicCamera(width_px, height_px, focal_length_px, center, mirror)
         rays = camera.ray_from_pixel(pixel_grid(width_px, height_px))
         seen = face_index(rays.directions[rays.valid] @ RIG_FROM_OPTICAL_LOOKING_UP.T)
         planned = {tile.face for tile in plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP).tiles}
@@ -78,7 +78,7 @@ def test_small_windows_by_a_long_lens_get_every_face_they_see(width_px, height_p
 
 
 @pytest.mark.parametrize("theta_max_deg", [50.0, 105.0, 120.0, 150.0])
-def test_every_ray_of_the_picture_is_inside_of_its_tile_with_a_mip_texel_to_spare(theta_max_deg):
+def test_every_ray_of_the_image_is_inside_of_its_tile_with_a_mip_texel_to_spare(theta_max_deg):
     mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
     camera = HyperbolicCamera.framed_on_rim(mirror, 200, 200)
     plan = plan_tiles(camera, RIG_FROM_OPTICAL_LOOKING_UP)

@@ -20,7 +20,7 @@ def test_glsl_rays_are_the_reference(context, camera):
     rays, valid = PixelMap(context, camera).read_rays()
     reference = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     # At a fold the ray turns infinitely fast with the pixel, and validity may differ where the
-    # domain ends at the pixel's centre, to rounding: a float counts a picture in 1/50000 px.
+    # domain ends at the pixel's center, to rounding: a float counts an image in 1/50000 px.
     away = ~_at_the_edge_of_the_domain(camera)
     both = valid & reference.valid & away
     assert _angles(rays, reference.directions)[both].max() < 1e-5
@@ -60,7 +60,7 @@ def test_mesh_error_is_the_one_computed_without_a_gpu(context, polygons):
     mirror = HyperbolicMirror()
     computed = mesh_error(mirror, polygons, 180.0)
     error = _mesh_error_px(context, polygons)
-    # the computation samples the area evenly, a picture its pixels; the GPU counts in 1/256 px
+    # the computation samples the area evenly, an image its pixels; the GPU counts in 1/256 px
     assert error.mean() == pytest.approx(computed.mean_px, rel=0.02)
     assert error.max() == pytest.approx(computed.max_px, rel=0.02)
 

@@ -7,7 +7,7 @@ from omnisim.rendering.opengl.capture.valid_pixels import STRIP_PX, covering_tri
 
 
 def _covered(triangles, shape):
-    """Count of the triangles (n, 3, 2) that each pixel's centre is in; none may lie on an edge."""
+    """Count of the triangles (n, 3, 2) that each pixel's center is in; none may lie on an edge."""
     x, y = np.meshgrid(np.arange(shape[1]) + 0.5003, np.arange(shape[0]) + 0.5001)
     count = np.zeros(shape, dtype=int)
     for corners in triangles:
@@ -26,7 +26,7 @@ def _disc(height, width, radius):
 NOISE = np.random.default_rng(2).random((37, 53)) < 0.004
 MASKS = {
     "disc": _disc(60, 80, 25.0),
-    "disc past the picture": _disc(61, 43, 35.0),
+    "disc past the image": _disc(61, 43, 35.0),
     "everything": np.ones((19, 23), dtype=bool),
     "one corner": np.pad(np.ones((1, 1), dtype=bool), ((20, 0), (30, 0))),
     "noise": NOISE,

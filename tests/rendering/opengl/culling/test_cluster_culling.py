@@ -89,7 +89,7 @@ def _drawn(culler, geometry):
 
 @pytest.mark.parametrize("far_m", [np.inf, 2.5])
 def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
-    """Triangles of all clusters, from viewpoints at random, whose front covers a centre."""
+    """Triangles of all clusters, from viewpoints at random, whose front covers a center."""
     meshes = [
         sheet("smooth", 0, side=40, size_m=4.0, bumps_m=0.01),
         sheet("rough", 0, side=40, size_m=2.0, bumps_m=0.05, seed=1),
@@ -129,8 +129,8 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
 
 
 def _is_large(view, corners_m, world_from_rig):
-    """Mask of triangles (n, 3, 3) that cover a texel's centre for sure: by their inscribed circles,
-    were the picture not seen at an angle."""  # fmt: skip
+    """Mask of triangles (n, 3, 3) that cover a texel's center for sure: by their inscribed circles,
+    were the image not seen at an angle."""  # fmt: skip
     local = corners_m @ world_from_rig[:3, :3] @ FACE_FROM_RIG[view.tile.face].T
     depth = np.maximum(local[..., 2:], 1e-9)
     texels = 0.5 * view.tile.face_size_px * local[..., :2] / depth

@@ -15,9 +15,9 @@ from omnisim.rendering.opengl.culling.clusters import (
 def _corners(count, large=0, seed=5):
     """Random triangles (count, 3, 3), some of them as large as all of the rest."""
     generator = np.random.default_rng(seed)
-    centres = generator.uniform(-8.0, 8.0, (count, 1, 3))
+    centers = generator.uniform(-8.0, 8.0, (count, 1, 3))
     sizes = np.where(np.arange(count) < large, 8.0, 0.3)[:, None, None]
-    corners = centres + sizes * generator.uniform(-1.0, 1.0, (count, 3, 3))
+    corners = centers + sizes * generator.uniform(-1.0, 1.0, (count, 3, 3))
     return generator.permutation(corners).astype(np.float32)
 
 

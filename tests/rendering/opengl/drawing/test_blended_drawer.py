@@ -71,14 +71,14 @@ def _take(stage, unlit=False):
 def test_they_look_as_if_drawn_one_by_one(lights, unlit, monkeypatch):
     scenes = _scene(*lights), _body()
     with Stage(*scenes) as stage, reference_stage(monkeypatch, *scenes) as reference:
-        drawer, pictures = _take(stage, unlit)
+        drawer, images = _take(stage, unlit)
         none, expected = _take(reference, unlit)
         assert drawer is not None
         assert none is None
-        for ours, theirs in zip(pictures, expected, strict=True):
+        for ours, theirs in zip(images, expected, strict=True):
             assert_same(ours, theirs)
         again = _take(stage, unlit)[1]
-        assert all(map(np.array_equal, pictures, again))
+        assert all(map(np.array_equal, images, again))
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -18,7 +18,7 @@ from tests.scenes import with_warehouse
 
 FAST = OmniCamera().with_quality("fast")
 ALWAYS, NEVER = 0, 10**9  # triangles that have to be left for another pass
-# Matrices are multiplied in another order, and float32 rounds otherwise. A colour half-way between
+# Matrices are multiplied in another order, and float32 rounds otherwise. A color half-way between
 # two steps of 8 bits then takes the other one: a step in up to 1 % of the pixels, 68 dB. And where
 # two surfaces have the same depth, another one may be in front, or the edge of a triangle takes its
 # own normal for facing away: in a pixel of ten thousand.
@@ -34,8 +34,8 @@ def reference_stage(monkeypatch, *scenes):
         return Stage(*scenes)
 
 
-class Pictures:
-    """Pictures of a stage, by other limits of culling.
+class Images:
+    """Images of a stage, by other limits of culling.
 
     Attributes:
         triangles: of the static geometry, submitted for the last one.
@@ -63,7 +63,7 @@ class Pictures:
 
 
 def assert_same(one, other):
-    """The same picture, but for rounding."""
+    """The same image, but for rounding."""
     assert np.array_equal(one[..., 3], other[..., 3])
     inside = one[..., 3] > 0
     off = one[inside, :3].astype(float) - other[inside, :3]
@@ -76,12 +76,12 @@ def assert_same(one, other):
 def test_scenes_look_as_if_drawn_one_by_one(source, monkeypatch):
     scene = load_scene(source)
     with Stage(scene) as stage, reference_stage(monkeypatch, scene) as reference:
-        pictures = Pictures(monkeypatch, stage)
-        clustered = pictures.take()
-        assert_same(clustered, Pictures(monkeypatch, reference).take())
+        images = Images(monkeypatch, stage)
+        clustered = images.take()
+        assert_same(clustered, Images(monkeypatch, reference).take())
         # what is occluded is hidden, to the last bit
-        assert np.array_equal(clustered, pictures.take(min_triangles=ALWAYS))
-        assert np.array_equal(clustered, pictures.take(min_triangles=NEVER))
+        assert np.array_equal(clustered, images.take(min_triangles=ALWAYS))
+        assert np.array_equal(clustered, images.take(min_triangles=NEVER))
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -93,15 +93,15 @@ def test_materials_dynamic_objects_and_mirrored_instances_look_as_if_drawn_one_b
     camera = dataclasses.replace(FAST.resized(200), samples=samples)
     scenes = mixed_scene(*lights), dynamic_object()
     with Stage(*scenes) as stage, reference_stage(monkeypatch, *scenes) as reference:
-        pictures = Pictures(monkeypatch, stage, camera)
-        one_by_one = Pictures(monkeypatch, reference, camera)
+        images = Images(monkeypatch, stage, camera)
+        one_by_one = Images(monkeypatch, reference, camera)
         for at in ((0.0, 0.0, 0.0), (0.4, -0.3, 0.2)):
             pose = make_pose(at, roll_deg=5.0, yaw_deg=40.0) @ np.linalg.inv(camera.base_from_rig)
             expected = one_by_one.take(pose)
-            clustered = pictures.take(pose, min_triangles=NEVER)
+            clustered = images.take(pose, min_triangles=NEVER)
             assert_same(clustered, expected)
-            assert np.array_equal(clustered, pictures.take(pose, min_triangles=ALWAYS))
-            # there is something to see: not everything is one colour
+            assert np.array_equal(clustered, images.take(pose, min_triangles=ALWAYS))
+            # there is something to see: not everything is one color
             assert expected[..., :3].std(axis=(0, 1)).min() > 20.0
 
 
@@ -110,19 +110,19 @@ def test_occluded_clusters_were_hidden_to_the_last_bit(monkeypatch):
     """In as many passes, with occluded clusters and without; and drawn one by one."""
     camera, scene = FAST.resized(240), crowd()
     with Stage(scene) as stage, reference_stage(monkeypatch, scene) as reference:
-        pictures = Pictures(monkeypatch, stage, camera)
+        images = Images(monkeypatch, stage, camera)
         for at in ((0.0, 0.0, 0.0), (-3.0, 2.0, 0.5), (0.4, 5.0, -0.5)):
             pose = make_pose(at, roll_deg=4.0, yaw_deg=70.0) @ np.linalg.inv(camera.base_from_rig)
-            some = pictures.take(pose, min_triangles=ALWAYS)
-            drawn = pictures.triangles
-            everything = pictures.take(pose, min_triangles=ALWAYS, shows_occluded=True)
+            some = images.take(pose, min_triangles=ALWAYS)
+            drawn = images.triangles
+            everything = images.take(pose, min_triangles=ALWAYS, shows_occluded=True)
             assert np.array_equal(some, everything)
-            assert drawn < 0.8 * pictures.triangles
-            assert_same(some, Pictures(monkeypatch, reference, camera).take(pose))
+            assert drawn < 0.8 * images.triangles
+            assert_same(some, Images(monkeypatch, reference, camera).take(pose))
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_picture_does_not_depend_on_the_one_before(monkeypatch):
+def test_a_image_does_not_depend_on_the_one_before(monkeypatch):
     monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0, 0))
     camera = FAST.resized(100)
     poses = [make_pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]

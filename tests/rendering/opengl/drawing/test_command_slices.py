@@ -52,15 +52,15 @@ def test_slices_are_of_whole_groups_and_fit(most_commands):
 
 
 def _everything(stage):
-    """Pictures, ground truth and batches of both; and the most slices of a frame."""
+    """Images, ground truth and batches of both; and the most slices of a frame."""
     with stage.open(CAMERA) as renderer:
         frames = [renderer.render(one, also=CHANNELS) for one in POSES]
         batch = renderer.render_batch(POSES, channels=("rgb", *CHANNELS))
         slices = len(renderer._passes.cube.tiles.culler.slices)
-    pictures = [np.stack([one.rgba for one in frames]), batch["rgb"]]
+    images = [np.stack([one.rgba for one in frames]), batch["rgb"]]
     for name in CHANNELS:
-        pictures += [np.stack([one.channels[name] for one in frames]), batch[name]]
-    return pictures, slices
+        images += [np.stack([one.channels[name] for one in frames]), batch[name]]
+    return images, slices
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -1,4 +1,4 @@
-"""Culling leaves the picture as it is."""
+"""Culling leaves the image as it is."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def always_tested(monkeypatch):
 
 @pytest.mark.parametrize("samples", [1, 4])
 @pytest.mark.usefixtures("always_tested")
-def test_the_picture_is_that_of_instances_drawn_one_by_one(context, samples):
+def test_the_image_is_that_of_instances_drawn_one_by_one(context, samples):
     scene = load_scene("mapping")
     sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0)
     plan = sensor_tiles(sensor, sensor.model, 1.0, subdivide=True)
@@ -57,17 +57,17 @@ def test_the_picture_is_that_of_instances_drawn_one_by_one(context, samples):
 def test_a_mesh_without_triangles_changes_nothing():
     sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0)
     nothing = replace(room(), triangles=np.zeros((0, 3), dtype=np.uint32))
-    pictures = []
+    images = []
     for meshes in ([room()], [room(), nothing], [nothing, room()]):
         with open_sensor(scene_of(meshes), sensor) as renderer:
-            pictures.append(renderer.render(sensor.base_pose((0.0, 0.0, 0.0))).rgba)
-    for picture in pictures[1:]:
-        np.testing.assert_array_equal(picture, pictures[0])
+            images.append(renderer.render(sensor.base_pose((0.0, 0.0, 0.0))).rgba)
+    for image in images[1:]:
+        np.testing.assert_array_equal(image, images[0])
 
 
 @pytest.mark.usefixtures("context", "always_tested")
 @pytest.mark.parametrize("far_m", [np.inf, 3.0])
-def test_the_picture_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypatch, far_m):
+def test_the_image_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypatch, far_m):
     scene = load_scene("mapping")
     sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0, far_m=far_m)
     poses = [

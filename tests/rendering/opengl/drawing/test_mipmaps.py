@@ -67,7 +67,7 @@ def test_uploaded_levels_are_sampled(context):
 
 @pytest.mark.parametrize("shape", [(7, 7), (9, 4), (1, 6), (576, 37)])
 def test_every_texel_counts_alike_at_odd_sizes(shape):
-    """A level's mean is the picture's, to a step of 8 bits at most; nothing is cut off."""
+    """A level's mean is the image's, to a step of 8 bits at most; nothing is cut off."""
     pixels = _noise(*shape)
     linear = pixels / 255.0
     linear[..., :3] = linear_from_srgb(linear[..., :3])

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOUR, neighbours
+from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
 from tests.vehicles import box
 
 
 def test_every_edge_of_a_box_has_the_triangle_beyond_it():
     """Though every side has corners of its own."""
     mesh = box("box", 0)
-    found = neighbours(mesh.positions, mesh.triangles)
+    found = neighbors(mesh.positions, mesh.triangles)
     assert found.shape == (12, 3)
     for triangle in range(12):
         for corner in range(3):
@@ -24,14 +24,14 @@ def test_every_edge_of_a_box_has_the_triangle_beyond_it():
 def test_open_edges_have_none_and_crowded_ones_go_round():
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]], np.float32)
     fan = np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]], dtype=np.uint32)  # all at one edge
-    found = neighbours(positions, fan)
+    found = neighbors(positions, fan)
     assert found[:, 2].tolist() == [1, 2, 0]
-    assert (found[:, :2] == NO_NEIGHBOUR).all()
-    turned = neighbours(positions + np.float32(-0.0), fan)
+    assert (found[:, :2] == NO_NEIGHBOR).all()
+    turned = neighbors(positions + np.float32(-0.0), fan)
     np.testing.assert_array_equal(found, turned)
 
 
 def test_without_triangles_nothing_lies_beside_anything():
-    found = neighbours(np.ones((5, 3), np.float32), np.empty((0, 3), np.uint32))
+    found = neighbors(np.ones((5, 3), np.float32), np.empty((0, 3), np.uint32))
     assert found.shape == (0, 3)
     assert found.dtype == np.uint32

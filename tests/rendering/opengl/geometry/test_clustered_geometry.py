@@ -45,7 +45,7 @@ def test_triangles_are_where_instances_are_and_fronts_stay_fronts(context, far_m
     for pose, turn in zip(poses, ((0, 2, 1), (0, 1, 2)), strict=True):
         positions = mesh.positions.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
         expected.append(positions[mesh.triangles[:, turn]])  # a mirrored one is turned back
-    # half a float32's last digit of what is a few metres from the anchor, however far that is
+    # half a float32's last digit of what is a few meters from the anchor, however far that is
     np.testing.assert_allclose(
         _sorted(corners_m(geometry)), _sorted(np.concatenate(expected)), atol=1e-6
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOUR, neighbours
+from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
 from tests.rendering.opengl.sheets import sheet
@@ -16,7 +16,7 @@ def _entries(table):
     return np.frombuffer(table.corners.read(), dtype=[("at", "<f4", 3), ("beside", "<u4")])
 
 
-def test_corners_are_those_of_the_index_buffer_with_their_neighbours(context):
+def test_corners_are_those_of_the_index_buffer_with_their_neighbors(context):
     # more than a row of the texture
     meshes = [sheet("large", 0, side=40), box("small", 0), box("glass", 1)]
     buffers = SceneBuffers(context, scene_of(meshes, MATERIALS))
@@ -27,12 +27,12 @@ def test_corners_are_those_of_the_index_buffer_with_their_neighbours(context):
         np.testing.assert_array_equal(part["at"], mesh.positions[mesh.triangles.ravel()])
         beside = part["beside"].reshape(-1, 3)
         if mesh.name == "glass":
-            assert (beside == NO_NEIGHBOUR).all()
+            assert (beside == NO_NEIGHBOR).all()
         else:
-            np.testing.assert_array_equal(beside, neighbours(mesh.positions, mesh.triangles))
+            np.testing.assert_array_equal(beside, neighbors(mesh.positions, mesh.triangles))
 
 
-def test_indices_stay_in_order_where_pictures_sort_them(context):
+def test_indices_stay_in_order_where_images_sort_them(context):
     opaque = SceneBuffers(context, scene_of([box("box", 0)], MATERIALS))
     assert opaque.triangles.indices is opaque.indices
     buffers = SceneBuffers(context, scene_of([box("box", 0), box("glass", 1)], MATERIALS))

@@ -208,7 +208,7 @@ def test_a_batch_of_what_is_static_is_drawn_together():
 
 
 def _in_batches(renderer, states, monkeypatch):
-    """Pictures of a batch, and whether they were drawn together."""
+    """Images of a batch, and whether they were drawn together."""
     alone = []
     with monkeypatch.context() as patch:
         draw_each = CubePass._draw_each
@@ -234,7 +234,7 @@ def test_a_batch_in_a_world_that_rests_is_drawn_together(light, monkeypatch):
             assert is_together == (states in rests)
             single = [renderer.render(state).rgb for state in states]
             assert np.array_equal(batch, single)
-            assert len({picture.tobytes() for picture in batch}) == 3
+            assert len({image.tobytes() for image in batch}) == 3
 
 
 def test_edited_instances_cast_shadows_where_they_are():
@@ -283,7 +283,7 @@ def test_many_lamps_share_bounded_memory():
     assert len(np.unique(corners, axis=0)) == 32 * 6
 
 
-SCALES = {"millimetres": 1e-3, "metres": 1.0, "kilometres": 1e3}
+SCALES = {"millimeters": 1e-3, "meters": 1.0, "kilometers": 1e3}
 GRAZING_DEG = (1.0, 4.0, 15.0, 50.0)
 
 

@@ -26,7 +26,7 @@ COUNT = 4096
 
 
 def _sampled(context, texture, lookups):
-    """Colours (n, 4) of lookups (n, 3) by a shader."""
+    """Colors (n, 4) of lookups (n, 3) by a shader."""
     program = context.program(vertex_shader=VERTEX, fragment_shader=FRAGMENT)
     program["u_texture"], program["u_lookups"] = 0, 1
     where = context.texture((COUNT, 1), 3, lookups.astype("f4").tobytes(), dtype="f4")

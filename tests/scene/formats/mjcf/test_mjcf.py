@@ -51,7 +51,7 @@ def test_what_is_not_drawn_is_said(shapes):
             "not drawn: mirror images in 1 material",
             "the headlight shines from everywhere",
             "attenuation of lamps is drawn as that of 1/distance², equal where they point to",
-            "the sky box is drawn in its mean colour",
+            "the sky box is drawn in its mean color",
         )
     )
 
@@ -66,7 +66,7 @@ def test_colors_are_display_values_of_geom_material_and_texture(shapes):
     scene = load_scene(shapes)
     egg = _material(scene, "egg/ellipsoid")
     assert egg.base_color[:3] == pytest.approx(linear_from_srgb([0.2, 0.8, 0.3]), rel=1e-6)
-    can = _material(scene, "can/side")  # a cube of one colour needs no texture
+    can = _material(scene, "can/side")  # a cube of one color needs no texture
     assert can.texture is None
     expected = linear_from_srgb([1.0, 0.5, 0.0]) * linear_from_srgb([0.5, 1.0, 1.0])
     assert can.base_color[:3] == pytest.approx(expected, rel=0.01)  # a step of 255
@@ -75,7 +75,7 @@ def test_colors_are_display_values_of_geom_material_and_texture(shapes):
     assert scene.background == pytest.approx(linear_from_srgb([0.3, 0.5, 0.7]), rel=0.02)
 
 
-def test_one_square_picture_is_on_all_faces_of_a_cube(tmp_path):
+def test_one_square_image_is_on_all_faces_of_a_cube(tmp_path):
     (tmp_path / "wood.png").write_bytes(png(np.arange(12).reshape(2, 2, 3) * 20))
     path = _written(
         tmp_path,
@@ -134,8 +134,8 @@ def test_other_axes_turn_the_lights_too(shapes):
     assert after.intensity == pytest.approx(before.intensity / 4.0)
 
 
-def test_pictures_start_at_a_camera_of_the_world_or_in_front_of_the_middle(shapes, tmp_path):
-    start = load_scene(shapes).start  # its camera looks straight down, y is up in its picture
+def test_images_start_at_a_camera_of_the_world_or_in_front_of_the_middle(shapes, tmp_path):
+    start = load_scene(shapes).start  # its camera looks straight down, y is up in its image
     assert start.position_m == pytest.approx((0.0, 0.0, 5.0))
     assert start.yaw_deg == pytest.approx(90.0)
     path = _written(
@@ -219,7 +219,7 @@ def _mujoco_ranges_m(model, data, eye_m, rays):
 
 
 # A visible triangle of the cube's is that of a texel: at silhouettes of round solids it may be the
-# next one, so that it needs the larger picture for the same share.
+# next one, so that it needs the larger image for the same share.
 @pytest.mark.parametrize(
     ("backend", "width_px"),
     [

@@ -52,7 +52,7 @@ def test_normals_stay_those_of_a_sphere():
 
 
 @pytest.mark.parametrize(("is_uniform", "across"), [(False, 3.0), (True, 6.0)])
-def test_pictures_repeat_across_the_geom_or_two_metres(is_uniform, across):
+def test_images_repeat_across_the_geom_or_two_meters(is_uniform, across):
     sizes = np.array([2.0, 1.0, 0.1])
     plane = primitives.rectangle(2.0, 1.0)
     mapped = map_plane(

@@ -22,7 +22,7 @@ def load_material(tmp_path, text, rest="", **options):
     return load(tmp_path, sdf(model("m", inner)), **options)
 
 
-def test_colours_are_linear_and_transparency_blends(tmp_path):
+def test_colors_are_linear_and_transparency_blends(tmp_path):
     scene = load_material(tmp_path, "<diffuse>0.1 0.2 0.3 1</diffuse>", "<transparency>0.25"
                           "</transparency>")  # fmt: skip
     material = material_of(scene)
@@ -31,7 +31,7 @@ def test_colours_are_linear_and_transparency_blends(tmp_path):
     assert scene.notices == ()
 
 
-def test_a_visual_without_a_material_is_grey(tmp_path):
+def test_a_visual_without_a_material_is_gray(tmp_path):
     scene = load(tmp_path, sdf(model("m", visual(BOX))))
     assert material_of(scene).base_color == (0.7, 0.7, 0.7, 1.0)
 
@@ -39,23 +39,23 @@ def test_a_visual_without_a_material_is_grey(tmp_path):
 @pytest.mark.parametrize(
     ("name", "color"), [("Gazebo/Red", (1, 0, 0, 1)), ("Gazebo/BlueTransparent", (0, 0, 1, 0.5))]
 )
-def test_colours_of_gazebos_script(tmp_path, name, color):
+def test_colors_of_gazebos_script(tmp_path, name, color):
     script = f"<script><uri>file://media/materials/scripts/gazebo.material</uri><name>{name}"
     scene = load_material(tmp_path, f"{script}</name></script>")
     assert material_of(scene).base_color == color
     assert scene.notices == ()
 
 
-def test_textures_of_gazebos_script_are_plain_colours_with_a_notice(tmp_path):
+def test_textures_of_gazebos_script_are_plain_colors_with_a_notice(tmp_path):
     scene = load_material(tmp_path, "<script><name>Gazebo/Wood</name></script>")
     assert scene.notices == (
-        "test.world: material Gazebo/Wood is drawn in a plain colour (1 visual)",
+        "test.world: material Gazebo/Wood is drawn in a plain color (1 visual)",
     )
 
 
 def test_a_script_that_is_missing_is_noted(tmp_path):
     scene = load_material(tmp_path, "<script><name>Mine</name></script>")
-    assert scene.notices == ("test.world: material Mine not found: grey is drawn (1 visual)",)
+    assert scene.notices == ("test.world: material Mine not found: gray is drawn (1 visual)",)
 
 
 SCRIPT = """
@@ -67,7 +67,7 @@ material Mine/Wood : Base
   {
     pass
     {
-      ambient vertexcolour
+      ambient vertexcolor
       texture_unit { texture "wood.png" }
     }
     pass { diffuse 1 1 1 1 }
@@ -76,7 +76,7 @@ material Mine/Wood : Base
 """
 
 
-def test_a_script_beside_a_model_has_colour_and_texture(tmp_path):
+def test_a_script_beside_a_model_has_color_and_texture(tmp_path):
     scripts = tmp_path / "models" / "cup" / "materials" / "scripts"
     scripts.mkdir(parents=True)
     (scripts / "cup.material").write_text(SCRIPT)
@@ -93,13 +93,13 @@ def test_a_script_beside_a_model_has_colour_and_texture(tmp_path):
     assert scene.notices == ()
 
 
-def grey(path, level, size=(2, 2)):
+def gray(path, level, size=(2, 2)):
     Image.new("L", size, level).save(path)
 
 
 def test_metal_and_maps_are_those_of_gltf(tmp_path):
-    grey(tmp_path / "rough.png", 50)
-    grey(tmp_path / "metal.png", 100, (4, 4))
+    gray(tmp_path / "rough.png", 50)
+    gray(tmp_path / "metal.png", 100, (4, 4))
     for name in ("normal", "occlusion", "glow"):
         Image.new("RGB", (2, 2), (10, 20, 30)).save(tmp_path / f"{name}.png")
     scene = load_material(
@@ -173,7 +173,7 @@ def test_a_mesh_is_scaled_not_turned_and_read_once(tmp_path):
     assert len(scene.instances) == 4
 
 
-def test_a_submesh_is_chosen_and_centred(tmp_path):
+def test_a_submesh_is_chosen_and_centerd(tmp_path):
     two_cubes(tmp_path / "two.glb")
     chosen = "<submesh><name>big</name>{}</submesh>"
     scene = load(

@@ -76,5 +76,5 @@ def test_a_large_map_is_thinned_out(tmp_path):
 def test_an_elevation_model_is_noted(tmp_path):
     Image.fromarray(np.ones((4, 4), np.float32)).save(tmp_path / "dem.tif")
     text = "<heightmap><uri>dem.tif</uri></heightmap>"
-    with pytest.raises(SceneError, match=r"heightmap dem\.tif is not drawn: no grey image"):
+    with pytest.raises(SceneError, match=r"heightmap dem\.tif is not drawn: no gray image"):
         load(tmp_path, sdf(model("m", visual(text))))

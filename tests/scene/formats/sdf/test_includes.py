@@ -42,7 +42,7 @@ def test_a_model_is_found_around_the_world_and_at_home(tmp_path, place):
     assert load(tmp_path / "worlds", world(INCLUDE.format("model://chair"))).instances
 
 
-def test_the_option_comes_before_the_neighbours(tmp_path):
+def test_the_option_comes_before_the_neighbors(tmp_path):
     write_model(tmp_path / "models", "chair", CHAIR)
     write_model(tmp_path / "mine", "chair", model("own", visual(BOX)))
     text = world(INCLUDE.format("model://chair"))

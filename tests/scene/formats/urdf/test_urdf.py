@@ -81,7 +81,7 @@ def test_joints_rest_at_zero_or_in_the_middle_of_their_limits(robot):
     hand[:3, 3] += upper[:3, 2] * 2.0
     assert scene.pose_of("hand/hand") == pytest.approx(hand)
     corners = np.abs(scene.bounds_m("hand/hand") - hand[:3, 3])
-    assert np.sort(corners[0]).max() < 0.5  # millimetres became metres
+    assert np.sort(corners[0]).max() < 0.5  # millimeters became meters
 
 
 def test_colors_are_display_values_and_replace_those_of_meshes(robot):

@@ -104,7 +104,7 @@ def test_a_shaped_light_is_a_spot(tmp_path):
     assert light.cone_cosines[1] == pytest.approx(np.cos(np.radians(30.0)))
 
 
-def test_colours_are_those_of_the_temperature(tmp_path):
+def test_colors_are_those_of_the_temperature(tmp_path):
     _, light = _light(
         tmp_path, UsdLux.SphereLight, colorTemperature=3000.0, enableColorTemperature=True
     )
@@ -186,8 +186,8 @@ def test_an_even_texture_is_as_bright_as_a_dome_without(tmp_path):
     assert lighting.exposure == pytest.approx(1.0 / (np.pi * 40.0), rel=1e-3)
 
 
-@pytest.mark.parametrize("content", [None, b"no picture"])
-def test_a_texture_that_cannot_be_read_leaves_the_colour(tmp_path, content):
+@pytest.mark.parametrize("content", [None, b"no image"])
+def test_a_texture_that_cannot_be_read_leaves_the_color(tmp_path, content):
     if content is not None:
         (tmp_path / "map.exr").write_bytes(content)
     scene = _textured(tmp_path, None)

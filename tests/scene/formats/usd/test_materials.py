@@ -1,4 +1,4 @@
-"""UsdPreviewSurface, textures and primvars, by values and by a picture of the scene as GLB."""
+"""UsdPreviewSurface, textures and primvars, by values and by an image of the scene as GLB."""
 
 import zipfile
 
@@ -202,7 +202,7 @@ def test_a_texture_that_is_missing_is_noted_and_its_fallback_drawn(tmp_path):
     assert notice.endswith("is not there: drawn without it")
 
 
-def test_display_colours_of_every_interpolation(tmp_path):
+def test_display_colors_of_every_interpolation(tmp_path):
     stage = new_stage(tmp_path / "a.usda")
     colors = np.random.default_rng(1).random((24, 3)).astype(np.float32)
     counts = {"constant": 1, "uniform": 6, "vertex": 8, "faceVarying": 24}
@@ -283,7 +283,7 @@ def test_the_material_of_omniverse(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
-def test_the_picture_is_that_of_the_same_scene_as_glb(tmp_path):
+def test_the_image_is_that_of_the_same_scene_as_glb(tmp_path):
     """A textured, lit box by trimesh's GLB writer and by usd-core, y up both."""
     pixels = np.random.default_rng(3).integers(0, 256, (16, 16, 3), dtype=np.uint8)
     (tmp_path / "a.png").write_bytes(png(pixels))
@@ -314,12 +314,12 @@ def test_the_picture_is_that_of_the_same_scene_as_glb(tmp_path):
     _material(stage, mesh, diffuseColor=(texture, "rgb"), metallic=0.2, roughness=0.4)
     stage.Save()
     camera = OmniCamera().resized(160)
-    pictures = []
+    images = []
     for name in ("a.glb", "a.usda"):
         with open_sensor(load_scene(tmp_path / name), camera) as renderer:
-            pictures.append(renderer.render(camera.base_pose((0.0, 0.0, 0.0))).rgb.astype(int))
-    assert len(np.unique(pictures[0].reshape(-1, 3), axis=0)) > 300
-    difference = np.abs(pictures[0] - pictures[1]).max(axis=2)
+            images.append(renderer.render(camera.base_pose((0.0, 0.0, 0.0))).rgb.astype(int))
+    assert len(np.unique(images[0].reshape(-1, 3), axis=0)) > 300
+    difference = np.abs(images[0] - images[1]).max(axis=2)
     # vertices in float32 and coordinates from v up to v down: a level at some pixels
     assert difference.max() <= 1
     assert (difference > 0).mean() <= 1e-3

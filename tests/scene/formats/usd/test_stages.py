@@ -245,7 +245,7 @@ def test_animations_rest_at_their_first_frame(tmp_path):
     assert scene.notices == ("a.usda: animation: rests at its first frame (1 prim)",)
 
 
-def test_a_camera_is_where_a_picture_starts(tmp_path):
+def test_a_camera_is_where_a_image_starts(tmp_path):
     stage = new_stage(tmp_path / "a.usda")
     define_box(stage, "/World/box")
     camera = UsdGeom.Camera.Define(stage, "/World/camera")

@@ -151,7 +151,7 @@ class WrittenMaterials:
 
 
 def matte(material: Material) -> Material:
-    """Material of base colour alone, as a scene draws it whose materials are all matte."""
+    """Material of base color alone, as a scene draws it whose materials are all matte."""
     return Material(
         material.name, material.base_color, material.texture, material.alpha_mode,
         material.alpha_cutoff, material.double_sided, material.unlit,

@@ -63,12 +63,12 @@ class Connected(NamedTuple):
         return float(value) if isinstance(value, int | float) and is_number else default
 
     def color(self, default: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Value as a linear colour."""
+        """Value as a linear color."""
         red, green, blue = numbers(self.value, default)
         return red, green, blue
 
     def differs(self, neutral: float) -> bool:
-        """True where it would change the picture."""
+        """True where it would change the image."""
         return self.texture is not None or bool(self.primvar) or self.number(neutral) != neutral
 
 

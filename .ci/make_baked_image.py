@@ -1,0 +1,63 @@
+"""Render the image of baked light beside Mitsuba's: `python .ci/make_baked_image.py FILE`.
+
+Each row is a lit scene of the validation through the paper's mirror or a fisheye: the lamps alone,
+with their shadows; in its baked light; and by Mitsuba, with all bounces. Prints how far the latter
+two are apart.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from omnisim import load_scene, open_sensor
+from omnisim.core.srgb import srgb8_from_linear
+from omnisim.validation.checks.baked import SETTINGS, in_baked_light
+from omnisim.validation.checks.shadows import FOLDER
+from omnisim.validation.fixture import linear_image
+from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
+from omnisim.validation.plots.contact_sheet import save_contact_sheet
+from omnisim.validation.psnr import psnr_db
+from omnisim.validation.ssim import ssim
+from omnisim.validation.traced_light import inside_rim, sensor_of, traced_light
+
+SIZE_PX = 260
+SAMPLES = {"mirror": 225, "fisheye": 9}  # see `traced_light`
+ROWS = {"soccer": ("mirror", "fisheye"), "courtyard": ("fisheye",)}
+
+
+def main(path: str) -> None:
+    """Write the image."""
+    tiles = []
+    for name, cameras in ROWS.items():
+        scene = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
+        baked = in_baked_light(scene, SETTINGS)
+        for camera in cameras:
+            tiles += row(name, scene, baked, camera)
+    save_contact_sheet(Path(path), tiles, columns=3)
+
+
+def row(name, scene, baked, camera):
+    """Titles and images (height, width, 3) of one scene through one camera."""
+    sensor = sensor_of(camera, SIZE_PX)
+    at = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
+    inside = inside_rim(sensor)
+    alone, ours = (rendered(one, sensor, at) for one in (scene, baked))
+    traced = traced_light(scene, sensor, at, SAMPLES[camera], bounces=True)
+    level, likeness = psnr_db(traced, ours, inside), ssim(traced, ours, inside)
+    print(f"{name}, {camera}: {level:.1f} dB, structural similarity {likeness:.3f}", flush=True)
+    images = {"lamps alone": alone, "baked": ours, "Mitsuba, all light": traced}
+    return [
+        (title, srgb8_from_linear(np.clip(np.where(inside[..., None], linear, 0.0), 0.0, 1.0)))
+        for title, linear in images.items()
+    ]
+
+
+def rendered(scene, sensor, at):
+    """Linear image (height, width, 3)."""
+    with open_sensor(scene, sensor) as renderer:
+        return linear_image(renderer.render(at, linear=True))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,116 @@
+"""Recording of drives: settings from the command line, progress bar, interruption, summary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from omnisim.apps.cli.console import err, out, pluralize
+from omnisim.apps.cli.images.image_requests import RenderRequest
+from omnisim.apps.cli.inputs import (
+    checked_backend,
+    load_labeled_scene,
+    parse_channel_format,
+    parse_polygons,
+    read_preset,
+)
+from omnisim.apps.cli.runs.run_requests import DriveRequest
+from omnisim.ground_truth import parse_channels
+from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.drive import Drive, PlannedDrive
+from omnisim.runs.route import Route
+
+
+class RateColumn(ProgressColumn):
+    """Column of a progress bar: unit per second."""
+
+    def __init__(self, unit: str):
+        super().__init__()
+        self._unit = unit
+
+    def render(self, task: Task) -> Text:
+        """Rate of a task."""
+        return Text(f"{task.speed:.1f} {self._unit}/s" if task.speed else "", style="cyan")
+
+
+def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Route) -> Drive:
+    """Drive of a vehicle, with the scene and the settings of a request.
+
+    Raises:
+        OmnisimError: naming the option or the file.
+    """
+    channels = () if request.also is None else parse_channels(request.also)
+    scene = load_labeled_scene(request, channels)
+    return Drive(
+        scene,
+        as_requested(vehicle, request),
+        route,
+        seed=request.seed,
+        unlit=request.unlit,
+        device=request.device,
+        backend=checked_backend(request),
+        up_axis=request.up_axis,
+        meters_per_unit=request.meters_per_unit,
+        resources=tuple(request.resources or ()),
+        channels=channels,
+        boxes_3d=request.boxes_3d,
+        channel_format=parse_channel_format(request.channel_format, channels),
+    )
+
+
+def as_requested(vehicle: Vehicle, request: DriveRequest | RenderRequest) -> Vehicle:
+    """Vehicle with the settings of its cameras that a request has."""
+    return vehicle.with_cameras(
+        size_px=request.size_px,
+        polygons="same" if request.polygons is None else parse_polygons(request.polygons),
+        degradation=read_preset(request.preset),
+        quality=request.quality,
+    )
+
+
+def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
+    """Record a run, or resume an unfinished one, and print a summary."""
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=32),
+        MofNCompleteColumn(),
+        RateColumn("steps"),
+        TimeRemainingColumn(),
+    )
+    title = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}"
+    done, total = 0, len(plan.truth)
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+        steps = plan.record(folder, force)
+        try:
+            before = done = next(steps)
+            task = progress.add_task(title, total=total)
+            progress.update(task, completed=before)
+            for done in steps:
+                progress.update(task, completed=done)
+        except KeyboardInterrupt:
+            how = "the same command without --force" if force else "the same command"
+            if done:
+                err.print(
+                    f"{folder}: {done} of {total} steps are there: {how} goes on", markup=False
+                )
+            raise
+    objects = len(plan.contacts or ())
+    touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
+    summaries = ((one.name, one.sensor.mesh_summary) for one in plan.drive.vehicle.cameras)
+    meshes = "".join(f"; {name}: {mesh}" for name, mesh in summaries if mesh != "exact")
+    resumed = f", {before} of them there before" if before else ""
+    out.print(
+        f"{folder}: {pluralize(done, 'step')}{resumed}; "
+        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{meshes}{touched}",
+        markup=False,
+    )

@@ -1,0 +1,231 @@
+"""`omnisim unwarp`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.cli.console import out, print_note
+from omnisim.apps.cli.images.image_requests import UnwarpRequest, ViewKind
+from omnisim.apps.cli.inputs import parse_channel_format
+from omnisim.core.errors import OpticsError
+from omnisim.core.files.atomic_file import check_distinct, check_target
+from omnisim.core.files.image_files import is_float_format, write_image
+from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
+from omnisim.core.version import __version__
+from omnisim.ground_truth import Labels, check_channels, parse_channels
+from omnisim.ground_truth.channel_files import sidecar_path, write_boxes, write_sidecars
+from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.perception.unwarping.channel_unwarping import ChannelUnwarping
+from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.views import (
+    View,
+    birdseye_view,
+    cylinder_view,
+    highest_elevation_deg,
+    perspective_view,
+)
+from omnisim.rendering.camera.captured_image import CapturedImage, read_captured_image
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+DEFAULT_FIELD_OF_VIEW_DEG = 90.0
+_INHERITED = (
+    "scene",
+    "lit",
+    "exposure",
+    "world_from_base",
+    "next_world_from_base",
+    "previous_world_from_base",
+)
+MAX_SIDE_PX = 32768
+MAX_PIXELS = 1 << 26  # an EXR of them has 1 GB
+
+
+def run(request: UnwarpRequest) -> None:
+    """Unwarp one image, write it and print a summary with the share that is masked."""
+    _check_options(request)
+    channel_format = parse_channel_format(request.channel_format, request.also or "")
+    is_float = is_float_format(request.output)
+    check_target(request.output)
+    check_distinct({"the view": request.output}, {"the image itself": request.image})
+    if request.also is not None:
+        files = (sidecar_path(path, "channels.json") for path in (request.output, request.image))
+        check_distinct({"the view's channels": next(files)}, {"the image's channels": next(files)})
+    sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
+    taken = read_captured_image(request.image, sensor)
+    taken, caveat = taken.assuming_viewpoint(
+        math.inf if request.right_at is None else request.right_at
+    )
+    view = _view(request, taken)
+    width, height = view.camera.width_px, view.camera.height_px
+    if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
+        raise OpticsError(
+            f"--size: expected at most {MAX_SIDE_PX} to a side and {MAX_PIXELS} pixels, got a "
+            f"{request.kind} of {width} × {height} px"
+        )
+    camera_from_view = taken.base_from_optical.T @ view.base_from_view
+    try:
+        unwarp = Unwarping(taken.camera, view.camera, camera_from_view, taken.covered)
+    except OpticsError as reason:
+        raise OpticsError(f"{request.image}: {reason}: look elsewhere") from None
+    metadata = _metadata(taken, view)
+    channels, labels, has_ray = _channels(request, taken, view, camera_from_view, metadata)
+    colors = unwarp(_linear(taken.pixels) if is_float else taken.pixels)
+    pixels = _with_alpha(colors, unwarp.valid, is_float)
+    if channels and is_float and channel_format is not ChannelFormat.NPY:
+        write_exr(request.output, channels, labels, metadata, pixels)
+    else:
+        write_image(request.output, pixels, metadata)
+    if channels and not (is_float and channel_format is ChannelFormat.AUTO):
+        write_sidecars(request.output, channels, labels, metadata, has_ray, channel_format)
+    write_boxes(request.output, channels, labels)
+    masked = int(unwarp.valid.size - unwarp.valid.sum())
+    out.print(
+        f"{request.output}: {request.kind}, {view.camera.width_px} × {view.camera.height_px} px"
+        + (
+            f"; {masked} pixels ({100.0 * masked / unwarp.valid.size:.2g} %) that the camera does "
+            "not see are masked"
+            if masked
+            else ""
+        ),
+        markup=False,
+    )
+    if channels:
+        out.print(f"{request.output}: also {', '.join(channels)}", markup=False)
+    if caveat is not None:
+        print_note(f"{request.image}: {caveat}")
+
+
+def _channels(
+    request: UnwarpRequest,
+    taken: CapturedImage,
+    view: View,
+    camera_from_view: NDArray[np.float64],
+    metadata: dict[str, Any],
+) -> tuple[dict[str, NDArray[Any]], Labels | None, NDArray[np.bool_]]:
+    """Channels of the view that are asked for, their labels, and which pixels have a ray."""
+    if request.also is None:
+        return {}, None, np.zeros(0, dtype=np.bool_)
+    stored = StoredChannels(request.image, taken.metadata)
+    wants_all = "all" in request.also.lower().split(",")
+    names = stored.names if wants_all else parse_channels(request.also)
+    sources = {"position"} if "z" in names and "position" in stored.names else set()
+    channels = stored.read(check_channels({*names, *sources}))
+    unwarp = ChannelUnwarping(taken.camera, view.camera, camera_from_view, taken.covered)
+    made = unwarp(channels, metadata.get("world_from_optical"))
+    return {name: made[name] for name in names}, stored.labels, unwarp.valid
+
+
+def _check_options(request: UnwarpRequest) -> None:
+    """Refuse options of other kinds of views: they would have no effect."""
+    for option, value, kind in (
+        ("--pitch", request.pitch_deg, ViewKind.PERSPECTIVE),
+        ("--fov", request.field_of_view_deg, ViewKind.PERSPECTIVE),
+        ("--elevation", request.elevation_deg, ViewKind.CYLINDER),
+        ("--height", request.height_m, ViewKind.BIRDSEYE),
+        ("--extent", request.extent_m, ViewKind.BIRDSEYE),
+    ):
+        if value is not None and request.kind is not kind:
+            raise OpticsError(f"{option}: requires --to {kind}, got --to {request.kind}")
+
+
+def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
+    side = min(taken.camera.width_px, taken.camera.height_px)
+    width, height = request.size_px or (side, side)
+    if not 1 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
+        raise OpticsError(
+            f"--size: expected 1 to {MAX_SIDE_PX} pixels to a side, got {width} × {height}"
+        )
+    yaw = math.radians(request.yaw_deg)
+    if request.kind is ViewKind.PERSPECTIVE:
+        return perspective_view(
+            width,
+            height,
+            math.radians(_value_or(request.field_of_view_deg, DEFAULT_FIELD_OF_VIEW_DEG)),
+            yaw,
+            math.radians(_value_or(request.pitch_deg, 0.0)),
+        )
+    if request.kind is ViewKind.CYLINDER:
+        return _cylinder(request, taken, yaw)
+    height_m = _height_m(request, taken)
+    extent_m = _value_or(request.extent_m, 4.0 * height_m)
+    if width != height:
+        raise OpticsError(
+            f"--size: expected a square for a bird's eye view, got {width} × {height}"
+        )
+    return birdseye_view(width, extent_m, height_m, yaw)
+
+
+def _value_or(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _height_m(request: UnwarpRequest, taken: CapturedImage) -> float:
+    """Height of the effective viewpoint above the ground, from the option or the image."""
+    if request.height_m is not None:
+        return request.height_m
+    if taken.height_m is None:
+        raise OpticsError(
+            f"{request.image}: expected the camera's height in the metadata: pass --height METERS"
+        )
+    if taken.height_m <= 0.0:
+        raise OpticsError(
+            f"{request.image}: expected a camera above the ground, got z = {taken.height_m:g} m: "
+            "pass --height METERS"
+        )
+    return taken.height_m
+
+
+def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
+    side = min(taken.camera.width_px, taken.camera.height_px)
+    # as wide as the largest circle in the image is long
+    width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
+    low, high = request.elevation_deg or (
+        -45.0,
+        highest_elevation_deg(taken.camera, taken.base_from_optical),
+    )
+    view = cylinder_view(width, math.radians(low), math.radians(high), yaw)
+    if request.size_px and view.camera.height_px != request.size_px[1]:
+        raise OpticsError(
+            f"--size: expected {width} × {view.camera.height_px} for a cylinder from {low:g}° to "
+            f"{high:g}°, got {width} × {request.size_px[1]}: change the size or --elevation"
+        )
+    return view
+
+
+def _linear(pixels: NDArray[Any]) -> NDArray[np.float32]:
+    """Convert uint8 sRGB to linear floats; floats are linear already."""
+    if pixels.dtype != np.uint8:
+        return pixels.astype(np.float32, copy=False)
+    return linear_from_srgb8(pixels)
+
+
+def _with_alpha(
+    colors: NDArray[Any], valid: NDArray[np.bool_], is_float: bool
+) -> NDArray[np.float32] | NDArray[np.uint8]:
+    """Convert colors (height, width, 3) to the output's format, with the mask as alpha."""
+    pixels = np.empty((*valid.shape, 4), dtype=np.float32 if is_float else np.uint8)
+    for row, color_row in zip(pixels, colors, strict=True):  # by rows: a large view stays small
+        fits = is_float or colors.dtype == np.uint8
+        row[:, :3] = color_row if fits else srgb8_from_linear(color_row)
+    pixels[..., 3] = np.where(valid, 1.0 if is_float else 255, 0)
+    return pixels
+
+
+def _metadata(taken: CapturedImage, view: View) -> dict[str, Any]:
+    """Metadata of the view: its own camera and pose, and the image's scene."""
+    base_from_optical = np.eye(4)
+    base_from_optical[:3, :3] = view.base_from_view
+    inherited = {key: value for key, value in taken.metadata.items() if key in _INHERITED}
+    if taken.world_from_optical is not None and taken.world_from_base is not None:
+        base_from_optical[:3, 3] = (
+            np.linalg.inv(taken.world_from_base) @ taken.world_from_optical
+        )[:3, 3]
+        world_from_optical = taken.world_from_base @ base_from_optical
+        inherited["world_from_optical"] = world_from_optical.tolist()
+    return {"omnisim": __version__, "camera": view.camera.parameters(), **inherited}

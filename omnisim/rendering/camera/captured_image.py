@@ -1,0 +1,151 @@
+"""Image files, read together with their cameras."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera, NonCentralCamera, summary
+from omnisim.core.errors import OmnisimError, OpticsError, OutputError
+from omnisim.core.files.image_files import read_image
+from omnisim.core.poses import check_pose
+from omnisim.core.short_repr import short_repr
+from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.valid_mask import valid_mask
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CapturedImage:
+    """An image with its camera and poses.
+
+    Attributes:
+        pixels: (height, width, 3) uint8 sRGB, or float32 linear.
+        covered: (height, width) mask of the pixels that show the scene.
+        camera: the camera.
+        base_from_optical: (3, 3) rotation from the camera's optical frame to the vehicle's base.
+        world_from_base, world_from_optical: (4, 4) poses, where the image knows them.
+        metadata: of the image's file; empty where it has none.
+    """
+
+    pixels: NDArray[Any]
+    covered: NDArray[np.bool_]
+    camera: CentralCamera
+    base_from_optical: NDArray[np.float64]
+    world_from_base: NDArray[np.float64] | None
+    world_from_optical: NDArray[np.float64] | None
+    metadata: dict[str, Any]
+
+    def __repr__(self) -> str:
+        return short_repr(self, summary(self.camera), str(self.pixels.dtype))
+
+    def assuming_viewpoint(self, distance_m: float) -> tuple[CapturedImage, str | None]:
+        """The same image, or as if all rays of its optical system met in one point.
+
+        Args:
+            distance_m: of the points from there that it is right for.
+
+        Returns the image, and the assumption with its errors, or None.
+
+        Raises:
+            OpticsError: a distance that is not positive, or of a camera that has a viewpoint.
+        """
+        if not isinstance(self.camera, NonCentralCamera):
+            if math.isfinite(distance_m):
+                words = f"expected an optical system, got {summary(self.camera)}"
+                raise OpticsError(f"--right-at: {words}, whose rays meet in one point")
+            return self, None
+        from omnisim.cameras.optics.central_view import CentralView  # few cameras need it
+
+        view, world = CentralView(self.camera, distance_m), self.world_from_optical
+        world_from_view = None if world is None else view.frame_from_view(world)
+        central = dataclasses.replace(self, camera=view, world_from_optical=world_from_view)
+        return central, view.caveat()
+
+    @property
+    def height_m(self) -> float | None:
+        """Height of the effective viewpoint above the world's z = 0, if known."""
+        return None if self.world_from_optical is None else float(self.world_from_optical[2, 3])
+
+
+def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> CapturedImage:
+    """Read an image with its camera, from its own metadata or by the sensor that is given.
+
+    Raises:
+        OmnisimError: not an image, without a camera, or of another size than the camera's.
+    """
+    stored, metadata = read_image(path)
+    pixels = _three_channels(stored)
+    metadata = metadata or {}
+    world_from_base = _pose(metadata, "world_from_base", path)
+    world_from_optical = _pose(metadata, "world_from_optical", path)
+    polygons: int | None
+    if sensor is not None:
+        camera: CentralCamera = sensor.model
+        base_from_optical = sensor.base_from_optical[:3, :3]
+        polygons = sensor.mesh_polygons
+    elif not isinstance(metadata.get("camera"), dict):
+        raise OutputError(
+            f"{path}: has no camera parameters inside: pass the sensor file that it was taken "
+            "with, --sensor FILE"
+        )
+    else:
+        try:
+            camera = camera_of_parameters(metadata["camera"])
+        except OmnisimError as reason:
+            raise OutputError(f"{path}: its metadata: {reason}") from None
+        if world_from_base is None or world_from_optical is None:
+            raise OutputError(
+                f"{path}: its metadata has no pose of the camera on its vehicle: pass the sensor "
+                "file that it was taken with, --sensor FILE"
+            )
+        base_from_optical = world_from_base[:3, :3].T @ world_from_optical[:3, :3]
+        polygons = metadata.get("polygons") if type(metadata.get("polygons")) is int else None
+    if pixels.shape[:2] != (camera.height_px, camera.width_px):
+        raise OutputError(
+            f"{path}: is {pixels.shape[1]} × {pixels.shape[0]} px, where its camera's images are "
+            f"{camera.width_px} × {camera.height_px}"
+        )
+    try:
+        covered = valid_mask(camera, polygons)
+    except OmnisimError as reason:
+        raise OutputError(f"{path}: its metadata: {reason}") from None
+    if stored.shape[2] in (2, 4):
+        covered &= stored[..., -1] > 0
+    if pixels.dtype != np.uint8:  # infinities and NaN are not valid
+        finite = np.isfinite(pixels).all(axis=-1)
+        covered &= finite
+        pixels[~finite] = 0.0
+    return CapturedImage(
+        pixels=pixels,
+        covered=covered,
+        camera=camera,
+        base_from_optical=base_from_optical,
+        world_from_base=world_from_base,
+        world_from_optical=world_from_optical,
+        metadata=metadata,
+    )
+
+
+def _three_channels(stored: NDArray[Any]) -> NDArray[Any]:
+    colors = stored[..., :3] if stored.shape[2] >= 3 else np.repeat(stored[..., :1], 3, axis=2)
+    if colors.dtype == np.uint16:
+        colors = np.rint(colors / 257.0).astype(np.uint8)
+    elif colors.dtype != np.uint8:
+        colors = colors.astype(np.float32)
+    return np.array(colors, order="C")
+
+
+def _pose(metadata: dict[str, Any], key: str, path: Path) -> NDArray[np.float64] | None:
+    if key not in metadata:
+        return None
+    try:
+        return check_pose(metadata[key])
+    except (OmnisimError, TypeError, ValueError):
+        raise OutputError(f"{path}: its metadata: {key}: expected a pose, a 4 × 4 matrix") from None

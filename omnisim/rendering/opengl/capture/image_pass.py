@@ -1,0 +1,189 @@
+"""Image pass: each pixel is the mean of its samples of the atlas, linear and sRGB-encoded."""
+
+from __future__ import annotations
+
+from functools import cached_property, partial
+from typing import Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
+from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.gl_functions import StorageBindings
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import uniform
+
+# A larger table would take more memory than all the rest. Samples of larger images are drawn
+# anew in every frame.
+MAX_TABLE_BYTES = 128 * 2**20
+_UV_BYTES = 8
+_FIRST_TABLE = 5  # bindings of UVs, and levels, as in `capture/image.frag`
+
+
+class ImagePass(Protocol):
+    """Pass from the atlas to the image."""
+
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
+        """Draw the valid pixels: encoded, and linear where the target has a second attachment."""
+        ...
+
+
+def image_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> ImagePass:
+    """Image pass of a camera.
+
+    Args:
+        samples: of the camera whose pixels are the samples.
+        plan: tiles of the atlas.
+        supersampling: samples to a side of a pixel.
+
+    Raises:
+        GraphicsError: no memory for it.
+    """
+    width, height = samples.size_px
+    with gpu_allocation(
+        f"a capture of {width} × {height} px", "make the image or camera.supersampling smaller"
+    ):
+        if fits_table(width * height):
+            return RemapPass(samples, plan, supersampling)
+        return SamplePass(samples, plan, supersampling)
+
+
+def fits_table(sample_count: int) -> bool:
+    """Tell whether a table of the samples' UVs is small enough."""
+    return _UV_BYTES * sample_count <= MAX_TABLE_BYTES
+
+
+class RemapPass:
+    """Image pass by a table of UVs, as no pose changes them.
+
+    A mirror's mesh, or a camera model whose rays take an iteration, costs a frame no more than any
+    other.
+
+    Args:
+        samples, plan, supersampling: see `image_pass`.
+
+    Raises:
+        moderngl.Error: no memory for it.
+    """
+
+    def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
+        context = samples.context
+        target = context.framebuffer(
+            [context.renderbuffer(samples.size_px, parts, dtype="f4") for parts in (2, 1)]
+        )
+        context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        use_target(target)
+        target.clear(-1.0, -1.0)
+        samples.vertex_array(Emit.UV, plan).render()
+        uvs = _by_pixel(target, 0, supersampling)
+        tables = [context.buffer(uvs)]
+        defines = ["REMAP"]
+        if plan.max_level:
+            tables.append(context.buffer(_by_pixel(target, 1, supersampling)))
+            defines.append("MIP_LEVELS")
+        self._tables, self._state = StorageBindings(tables, _FIRST_TABLE), GlState()
+        valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)
+        self._array = image_array(context, valid, supersampling, *defines)
+        self._make_batch_array = partial(
+            image_array, context, valid, supersampling, *defines, "BATCH"
+        )
+        self._image_height_px, self._images = len(valid), 0
+
+    @property
+    def table_bytes(self) -> int:
+        """Size of the table of UVs."""
+        return self._tables.buffers[0].size
+
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
+        """See `ImagePass`."""
+        self._state.bind_texture(0, atlas.glo)
+        self._tables.bind()
+        self._state.use(target)
+        self._array.render()
+
+    def draw_batch(
+        self, atlases: moderngl.TextureArray, target: moderngl.Framebuffer, count: int
+    ) -> None:
+        """Draw images, encoded, below each other.
+
+        Args:
+            atlases: a layer each.
+            target: as high as some images, at least `count`.
+            count: of the images, from the first layer on.
+        """
+        self._state.bind_texture(0, atlases.glo)
+        self._tables.bind()
+        self._state.use(target)
+        images = target.height // self._image_height_px
+        if images != self._images:
+            self._images = images
+            uniform(self._batch_array.program, "u_images").value = images
+        self._batch_array.render(instances=count)
+
+    @cached_property
+    def _batch_array(self) -> moderngl.VertexArray:
+        return self._make_batch_array()
+
+
+class SamplePass:
+    """Image pass that draws the samples' colors into a finer image, and averages them.
+
+    Args:
+        samples, plan, supersampling: see `image_pass`.
+
+    Raises:
+        moderngl.Error: no memory for it.
+    """
+
+    def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
+        context = samples.context
+        self._lookup_rays = samples.lookup_rays
+        self._samples_array = samples.vertex_array(Emit.COLOR, plan)
+        self._colors = context.texture(samples.size_px, 4, dtype="f2")
+        self._target = context.framebuffer([self._colors])
+        width, height = (length // supersampling for length in samples.size_px)
+        everything = np.ones((height, width), dtype=np.bool_)
+        self._array = image_array(context, everything, supersampling)
+
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
+        """See `ImagePass`."""
+        atlas.use(0)
+        if self._lookup_rays is not None:
+            self._lookup_rays.use(RAYS_UNIT)
+        use_target(self._target)
+        self._target.clear()
+        self._samples_array.render()
+        self._colors.use(0)
+        use_target(target)
+        self._array.render()
+
+
+def image_array(
+    context: moderngl.Context, valid: NDArray[np.bool_], supersampling: int, *defines: str
+) -> moderngl.VertexArray:
+    """Vertex array that draws the pixels (height, width) of drawn samples, or by tables."""
+    program = build_program(
+        context,
+        "capture/image.vert",
+        "capture/image.frag",
+        (f"SUPERSAMPLING {supersampling}", *defines),
+    )
+    return valid_pixels_array(context, program, valid)
+
+
+def _by_pixel(
+    target: moderngl.Framebuffer, attachment: int, supersampling: int
+) -> NDArray[np.float32]:
+    """Values (height, width, supersampling², parts) of an attachment, those of a pixel together."""
+    parts = (2, 1)[attachment]
+    width, height = (length // supersampling for length in target.size)
+    samples = np.empty((height, supersampling, width, supersampling, parts), dtype=np.float32)
+    target.read_into(samples, components=parts, attachment=attachment, dtype="f4")
+    by_pixel = samples.transpose(0, 2, 1, 3, 4)
+    return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, parts)

@@ -1,0 +1,76 @@
+"""Images by casting rays: samples of a camera, averaged to its pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.pixel_rays import Band, PixelRays
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+
+
+class RayImage:
+    """Image of an ideal camera; everything constant is made once.
+
+    Args:
+        scene: to cast rays at.
+        samples: camera whose pixels are the samples.
+        polygons: of its mirror's mesh; None: exact.
+        supersampling: samples to a side of a pixel of the image, averaged in linear light.
+        limits: of the rays.
+        unlit: show plain base colors.
+    """
+
+    def __init__(
+        self,
+        scene: RayScene,
+        samples: CentralCamera,
+        polygons: int | None,
+        supersampling: int,
+        limits: DepthLimits,
+        unlit: bool = False,
+    ):
+        self._scene, self._limits, self._unlit = scene, limits, unlit
+        self._supersampling = supersampling
+        self._rays = PixelRays(samples, polygons, supersampling)
+
+    def render(
+        self, world_from_rig: NDArray[np.float64], objects: ObjectState
+    ) -> NDArray[np.float32]:
+        """Render the image (height, width, 4) from a pose (4, 4): linear RGB, and validity.
+
+        A pixel is valid where at least half of its samples are.
+        """
+
+        def rows_of(number: int) -> NDArray[np.float32]:
+            return self._average(self._sampled(self._rays.band(number), world_from_rig, objects))
+
+        return np.concatenate(self._scene.in_threads(rows_of, range(len(self._rays.bands))))
+
+    def _sampled(
+        self, band: Band, world_from_rig: NDArray[np.float64], objects: ObjectState
+    ) -> NDArray[np.float32]:
+        """Samples (rows, width, 4) of a band: linear RGB, and validity."""
+        camera = self._rays.camera
+        rays = band.aim(self._limits, camera.rig_from_optical, world_from_rig)
+        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+        footprints = band.world_footprints(world_from_optical)
+        samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
+        samples[band.valid, :3] = self._scene.radiance(rays, footprints, objects, self._unlit)
+        samples[band.valid, 3] = 1.0
+        return samples
+
+    def _average(self, samples: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Pixels (height, width, 4) of samples that cover them."""
+        side = self._supersampling
+        height, width = (size // side for size in samples.shape[:2])
+        covering = samples[: height * side, : width * side].reshape(height, side, width, side, 4)
+        total: NDArray[np.float32] = covering.sum(axis=(1, 3))
+        counts = total[..., 3]
+        valid = 2.0 * counts >= side * side
+        pixels = np.zeros_like(total)
+        pixels[valid, :3] = total[valid, :3] / counts[valid, None]
+        pixels[valid, 3] = 1.0
+        return pixels

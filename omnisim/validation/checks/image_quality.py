@@ -1,0 +1,162 @@
+"""Quality of the image: against 256 samples a pixel, and shimmer over a slow pan."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import pixel_grid
+from omnisim.core import bilinear
+from omnisim.core.cube import FACE_NAMES, face_index, face_tangents
+from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.stage import Stage
+from omnisim.scene import Scene
+from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
+from omnisim.validation.plots.style import gallery
+from omnisim.validation.psnr import psnr_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
+
+SIZE_PX = 360
+# Plain bilinear, as other simulators sample a cube: faces of this size, one lookup per pixel.
+PLAIN_FACE_PX = 512
+FINEST = 8  # captures to a side of a pixel; four of those, shifted: 256 samples
+SHIFTS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))  # of a capture
+QUICK_SHIFTS = SHIFTS[:2]
+PAN_STEPS, QUICK_PAN_STEPS = 3, 2
+PAN_STEP_DEG = 0.1  # a slow pan: a third of a pixel at the rim
+DETAIL = (slice(40, 160), slice(200, 350))
+BOUND_DB, SHIMMER_BOUND = 38.0, 1.0 / 3.0
+
+
+def check(fixture: Fixture, title: str) -> Section:
+    """Compare default quality and plain bilinear with 256 samples a pixel, at rest and panning."""
+    return measure_quality(fixture, fixture.scene, fixture.viewpoint_m, title)
+
+
+def measure_quality(
+    fixture: Fixture,
+    scene: Scene,
+    viewpoint_m: tuple[float, float, float],
+    title: str,
+) -> Section:
+    """Compare them in any scene, from a viewpoint (3,), world."""
+    sensor = OmniCamera(polygons=None).resized(SIZE_PX)
+    steps = QUICK_PAN_STEPS if fixture.is_quick else PAN_STEPS
+    shifts = QUICK_SHIFTS if fixture.is_quick else SHIFTS
+    headings_deg = 25.0 + PAN_STEP_DEG * np.arange(steps)
+    poses = [sensor.base_pose(viewpoint_m, heading) for heading in headings_deg]
+    with Stage(scene, device=fixture.device) as stage:
+        truth = _truth(stage, sensor, poses, shifts)
+        ours = _linear_images(stage, sensor, poses)
+        plain = _plain(stage, dataclasses.replace(sensor, face_size_px=PLAIN_FACE_PX), poses)
+    seen: NDArray[np.bool_] = np.all(np.isfinite([truth[0], ours[0], plain[0]]), axis=(0, -1))
+    shimmer, plain_shimmer = _shimmer(ours, truth, seen), _shimmer(plain, truth, seen)
+    samples = len(shifts) * FINEST**2
+    images = {
+        f"{samples} samples a pixel": truth[0],
+        "omnisim": ours[0],
+        "plain bilinear": plain[0],
+    }
+    return Section(
+        title,
+        f"The image at default quality, {SIZE_PX} × {SIZE_PX} px, against {samples} samples a "
+        f"pixel; beside it a plain bilinear lookup in faces of {PLAIN_FACE_PX} px. Shimmer is how "
+        f"much the difference from them changes from one to the next of {steps} images, "
+        f"turned by {PAN_STEP_DEG}° each.",
+        (
+            Measure(
+                "default quality", psnr_db(ours[0], truth[0], seen), "dB", BOUND_DB, at_least=True
+            ),
+            Measure(
+                "shimmer, as a share of plain bilinear's",
+                shimmer / plain_shimmer,
+                bound=SHIMMER_BOUND,
+            ),
+            Measure("plain bilinear", psnr_db(plain[0], truth[0], seen), "dB"),
+            Measure("shimmer", shimmer, "levels of 255"),
+            Measure("plain bilinear's shimmer", plain_shimmer, "levels of 255"),
+        ),
+        figures=(
+            CaptionedFigure(
+                "image-quality",
+                gallery({name: _encoded(one[DETAIL]) for name, one in images.items()}, 3),
+                "A detail: edges and fine lines by many samples, by us, and by plain bilinear.",
+            ),
+        ),
+    )
+
+
+def _truth(
+    stage: Stage,
+    sensor: OmniCamera,
+    poses: list[NDArray[np.float64]],
+    shifts: tuple[tuple[float, float], ...],
+) -> list[NDArray[np.float64]]:
+    """Linear images of many samples per pixel, NaN where one of the captures sees nothing.
+
+    The texels are as fine as the samples, and drawn anew for each shift.
+    """
+    finest = dataclasses.replace(sensor, supersampling=FINEST, texels_per_pixel=float(FINEST))
+    model = mirror_camera(sensor)
+    total = [np.zeros((model.height_px, model.width_px, 3)) for _ in poses]
+    for shift in shifts:
+        u, v = np.add(model.principal_point_px, np.divide(shift, FINEST)).tolist()
+        camera = dataclasses.replace(model, principal_point_px=(u, v))
+        images = _linear_images(stage, dataclasses.replace(finest, model=camera), poses)
+        total = [one + other for one, other in zip(total, images, strict=True)]
+    return [one / len(shifts) for one in total]
+
+
+def _linear_images(
+    stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Linear images, NaN where nothing is seen."""
+    images = []
+    with stage.open(sensor) as renderer:
+        for pose in poses:
+            frame = renderer.render(pose, linear=True)
+            images.append(np.where(frame.valid[..., None], linear_image(frame), np.nan))
+    return images
+
+
+def _plain(
+    stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Linear images by bilinear lookups in the faces at the center of each pixel."""
+    camera = sensor.model
+    rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    rig = rays.directions @ camera.rig_from_optical.T
+    index = face_index(rig)
+    tangents = face_tangents(rig, index)
+    images = []
+    with stage.open(sensor) as renderer:
+        for pose in poses:
+            renderer.render(pose)
+            image = np.full((*index.shape, 3), np.nan)
+            for name, pixels in renderer.faces().items():
+                in_face = index == FACE_NAMES.index(name)
+                texels = 0.5 * len(pixels) * (tangents[in_face] + 1.0) - 0.5
+                linear = linear_from_srgb(pixels / 255.0)
+                for channel in range(3):
+                    image[in_face, channel] = bilinear.sample(linear[..., channel], texels)
+            images.append(image)
+    return images
+
+
+def _shimmer(
+    images: list[NDArray[np.float64]], truth: list[NDArray[np.float64]], seen: NDArray[np.bool_]
+) -> float:
+    """RMS, in levels of 255, of how much an image's error changes from one to the next."""
+    levels = [
+        255.0 * (srgb_from_linear(one[seen]) - srgb_from_linear(other[seen]))
+        for one, other in zip(images, truth, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.diff(levels, axis=0) ** 2)))
+
+
+def _encoded(image: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return srgb8_from_linear(np.nan_to_num(image))

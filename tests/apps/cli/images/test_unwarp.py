@@ -1,0 +1,203 @@
+"""`omnisim unwarp`: output, files and errors."""
+
+import json
+
+import numpy as np
+import pytest
+
+from omnisim.cameras import camera_from_parameters, pixel_grid
+from omnisim.cameras.optics import CentralView
+from omnisim.cameras.optics.centrality import directions_at
+from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
+from omnisim.core.files.image_files import read_channels, read_image, write_image
+from tests.apps.cli import image_files
+from tests.cameras.optics.examples import SYSTEMS
+
+
+@pytest.fixture
+def image(tmp_path):
+    """An image as `omnisim render` writes it, without rendering."""
+    pixels, metadata = np.full((360, 360, 3), 128, dtype=np.uint8), image_files.metadata()
+    write_image(tmp_path / "a.png", pixels, metadata)
+    return metadata
+
+
+@pytest.mark.usefixtures("image")
+@pytest.mark.parametrize("kind", ["cylinder", "perspective", "birdseye"])
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".exr"])
+def test_unwarp_and_unwarp_again(omnisim, tmp_path, kind, suffix):
+    status, out, error = omnisim("unwarp", "a.png", "--to", kind, "-o", f"b{suffix}")
+    assert (status, error) == (0, "")
+    assert f"b{suffix}: {kind}, " in out
+    pixels, metadata = read_image(tmp_path / f"b{suffix}")
+    assert metadata["scene"] == "none"
+    if suffix != ".jpg":
+        masked = int((pixels[..., 3] == 0).sum())
+        assert (f"{masked} pixels" in out) == (masked > 0)
+        assert (kind == "perspective") == (masked > 0)  # it looks above the rim
+    # a view is an image with a camera, too
+    status, out, error = omnisim(
+        "unwarp", f"b{suffix}", "--to", "perspective", "-o", "c.png", "--fov", "30", "--pitch", "50"
+    )
+    assert (status, error) == (0, "")
+    pixels, _ = read_image(tmp_path / "c.png")
+    inside = pixels[..., 3] > 0
+    assert inside.any()
+    assert np.abs(pixels[inside][:, :3].astype(int) - 128).max() <= 2
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_channels_are_taken_along(omnisim, tmp_path):
+    wanted = ["--also", "range,semantic,instance,flow"]
+    render = ["render", "soccer", "--size", "120", *wanted, "-o"]
+    status, _, error = omnisim(*render, "a.png")
+    assert status == 0, error
+    status, out, error = omnisim(
+        "unwarp", "a.png", "--to", "cylinder", *wanted, "--channel-format", "both", "-o", "b.png"
+    )
+    assert (status, error) == (0, "")
+    assert "b.png: also range, semantic, instance, flow, occluded" in out
+    content = json.loads((tmp_path / "b.channels.json").read_text())
+    assert content["camera"]["model"] == "cylindrical"
+    assert content["next_world_from_base"] != content["world_from_base"]
+    names = {one["id"]: one["name"] for one in content["labels"]["classes"]}
+    semantic = np.load(tmp_path / "b.semantic.npy")
+    assert "carpet" in {names[number] for number in np.unique(semantic).tolist()}
+    height, width = semantic.shape
+    assert read_image(tmp_path / "b.png")[0].shape[:2] == (height, width)
+    boxes = json.loads((tmp_path / "b.coco.json").read_text())
+    assert boxes["images"][0]["width"] == width
+    # from an EXR into an EXR, and a view of the view
+    status, _, error = omnisim(*render, "c.exr")
+    assert status == 0, error
+    command = ["unwarp", "c.exr", "--to", "perspective", "--pitch", "40", "--also", "all"]
+    status, out, error = omnisim(*command, "-o", "d.exr")
+    assert (status, error) == (0, "")
+    layers = read_channels(tmp_path / "d.exr").values
+    assert {"R", "A", "range", "flow.U", "instance"} <= set(layers)
+    status, _, error = omnisim(
+        "unwarp", "d.exr", "--to", "perspective", "--pitch", "40", "--also", "range", "-o", "e.exr"
+    )
+    assert (status, error) == (0, "")
+    again = read_channels(tmp_path / "e.exr").values["range"]
+    np.testing.assert_array_equal(again, layers["range"])
+
+
+def test_channels_that_are_not_there_leave_no_file(omnisim, tmp_path, image):
+    status, _, error = omnisim(
+        "unwarp", "a.png", "--to", "cylinder", "--also", "range", "-o", "b.png"
+    )
+    assert status == 1
+    assert error.count("\n") == 1
+    assert "a.png: channel 'range': not there; it has none" in error
+    assert not (tmp_path / "b.png").exists()
+
+
+def test_channels_of_the_image_are_not_overwritten(omnisim, tmp_path, image):
+    arguments = ["unwarp", "a.png", "--to", "cylinder", "--also", "range", "-o", "a.exr"]
+    status, _, error = omnisim(*arguments)
+    assert status == 1
+    assert error.count("\n") == 1
+    assert "a.channels.json" in error
+    assert not (tmp_path / "a.exr").exists()
+
+
+def test_sensor_file_replaces_metadata(omnisim, tmp_path):
+    write_image(tmp_path / "a.png", np.full((360, 360, 3), 90, dtype=np.uint8))
+    (tmp_path / "s.toml").write_text("[mirror]\ntheta_max_deg = 100\n")
+    status, _, error = omnisim("unwarp", "a.png", "--to", "cylinder", "-o", "b.png")
+    assert status == 1
+    assert "a.png: has no camera parameters inside: pass the sensor file" in error
+    status, _, error = omnisim(
+        "unwarp", "a.png", "--to", "birdseye", "-o", "b.png", "--sensor", "s.toml"
+    )
+    assert status == 1
+    assert "a.png: expected the camera's height in the metadata: pass --height METERS" in error
+    arguments = ("--height", "0.5", "--extent", "1.5", "--size", "64", "64")
+    status, out, error = omnisim(
+        "unwarp", "a.png", "--to", "birdseye", "-o", "b.png", "--sensor", "s.toml", *arguments
+    )
+    assert (status, error) == (0, "")
+    assert "birdseye, 64 × 64 px" in out
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"model": ["hyperbolic"]}, "got ['hyperbolic']"),
+        ({"model": {}}, "camera: model: expected one of"),
+        ({"k": 10**400}, "camera: k: expected a finite number, got 1000"),
+        (
+            {"focal_length_px": 1e300},
+            "camera: focal_length_px: expected 1e-30 to 1e+30",
+        ),
+        (
+            {"focal_length_px": 1e-300},
+            "camera: focal_length_px: expected 1e-30 to 1e+30",
+        ),
+        ({"principal_point_px": [1e300, 0.0]}, "expected numbers within"),
+        ({"theta_max_deg": 179.0}, "less than the asymptote"),
+    ],
+)
+def test_metadata_edited_to_nonsense_gets_one_line(omnisim, tmp_path, image, changed, message):
+    metadata = image | {"camera": image["camera"] | changed}
+    write_image(tmp_path / "odd.png", np.zeros((360, 360, 3), dtype=np.uint8), metadata)
+    status, _, error = omnisim("unwarp", "odd.png", "--to", "cylinder", "-o", "b.png")
+    assert status == 1
+    assert error.startswith("error: odd.png: its metadata: ")
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr"])
+def test_nan_is_masked(omnisim, tmp_path, image, suffix):
+    pixels = np.full((360, 360, 3), 0.25, dtype=np.float32)
+    pixels[100:120, 100:120] = np.nan
+    pixels[200:210, 260:300] = np.inf
+    write_image(tmp_path / "a.exr", pixels, image)
+    status, out, error = omnisim("unwarp", "a.exr", "--to", "cylinder", "-o", f"b{suffix}")
+    assert (status, error) == (0, "")
+    assert "that the camera does not see are masked" in out
+    seen, _ = read_image(tmp_path / f"b{suffix}")
+    colors, alpha = seen[..., :3].astype(float), seen[..., 3]
+    assert np.all(colors[alpha == 0] == 0.0)
+    assert np.ptp(colors[alpha > 0]) < 1e-6
+
+
+@pytest.mark.parametrize(("right_at", "exact"), [(0.4, True), (None, False)])
+def test_optics_assume_a_viewpoint_and_say_so(omnisim, tmp_path, right_at, exact):
+    """Each pixel's color is where its ray is 0.4 m away: there a view from the viewpoint has its
+    own directions, if it is right there, and else it is off by what the note says."""  # fmt: skip
+    system = SYSTEMS["sphere"]
+    viewpoint_m = CentralView(system).viewpoint_m
+    rays = system.all_rays()
+    directions, _ = directions_at(rays.origins_m, rays.directions, viewpoint_m, 0.4)
+    up = system.rig_from_optical
+    colors = directions / np.linalg.norm(directions, axis=-1, keepdims=True) @ up.T
+    world_from_optical = np.eye(4)
+    world_from_optical[:3, :3] = up
+    metadata = {
+        "camera": system.parameters(),
+        "world_from_base": np.eye(4).tolist(),
+        "world_from_optical": world_from_optical.tolist(),
+    }
+    write_image(tmp_path / "a.exr", colors.astype(np.float32), metadata)
+    option = () if right_at is None else ("--right-at", right_at)
+    status, _, error = omnisim(
+        "unwarp", "a.exr", "--to", "perspective", "--fov", 60, "--size", 64, 64, *option,
+        "-o", "b.exr",
+    )  # fmt: skip
+    assert status == 0
+    assert "a.exr: rays meet in no point: one is assumed, right for points at" in error
+    assert error.count("\n") == 1
+    pixels, written = read_image(tmp_path / "b.exr")
+    view = camera_from_parameters(written["camera"])
+    expected = view.ray_from_pixel(pixel_grid(64, 64)).directions
+    expected = expected @ BASE_FROM_OPTICAL_LOOKING_AHEAD.T
+    found = pixels[..., :3][pixels[..., 3] > 0]
+    off_rad = np.linalg.norm(found - expected[pixels[..., 3] > 0], axis=-1)
+    assert (np.median(off_rad) < 5e-4) == exact  # between pixels of a degree
+    # 60° ahead are some 50 px of the image: what the note calls 1 px is 15 mrad
+    assert 5e-4 < np.median(off_rad) < 2e-2 or exact
+    height_m = written["world_from_optical"][2][3]
+    assert height_m == pytest.approx((up @ viewpoint_m)[2])

@@ -1,0 +1,88 @@
+"""Images of models are those of MuJoCo's own renderer, under light from everywhere."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from omnisim import OmniCamera
+from omnisim.cameras import PerspectiveCamera
+from omnisim.runs.mujoco_loop.simulated_camera import Camera
+from tests.scene.formats.mjcf.models import SHAPES
+
+mujoco = pytest.importorskip("mujoco")
+WIDTH_PX, HEIGHT_PX, FOV_Y_DEG = 400, 300, 50.0
+
+
+@pytest.fixture(scope="module")
+def images():
+    """Image and geoms of MuJoCo, and of omnisim."""
+    from tests.scene.formats.mjcf.mujoco_images import render
+
+    model = mujoco.MjModel.from_xml_string(SHAPES)
+    model.vis.headlight.ambient[:] = 1.0
+    model.vis.headlight.diffuse[:] = model.vis.headlight.specular[:] = 0.0
+    model.light_active[:] = 0
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    try:
+        theirs = render(model, data, "view", WIDTH_PX, HEIGHT_PX)
+    except (OSError, mujoco.FatalError) as reason:
+        pytest.skip(f"MuJoCo's renderer does not work here: {reason}")
+    focal_px = 0.5 * HEIGHT_PX / np.tan(np.radians(0.5 * FOV_Y_DEG))
+    middle = (0.5 * (WIDTH_PX - 1), 0.5 * (HEIGHT_PX - 1))
+    lens = PerspectiveCamera(WIDTH_PX, HEIGHT_PX, focal_px, middle)
+    with Camera(
+        model, data, OmniCamera(lens, supersampling=2), camera="view", unlit=True
+    ) as camera:
+        frame = camera.render(also=("instance",))
+        return theirs, (frame.rgb, camera.geom_ids(frame)), camera.geoms
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_each_pixel_has_the_geom_that_mujoco_draws(images):
+    (_, theirs), (_, ours), _ = images
+    assert (theirs == ours).mean() > 0.999  # others are on silhouettes
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize(
+    "lens",
+    [
+        'fovy="50"',
+        'sensorsize="4e-3 3e-3" focal="3e-3 3e-3"',
+        'sensorsize="4e-3 3e-3" focalpixel="330 300" principalpixel="30 20"',
+    ],
+)
+def test_lenses_of_the_model_see_what_they_see_in_mujoco(lens):
+    from tests.scene.formats.mjcf.mujoco_images import render
+
+    size = f'resolution="{WIDTH_PX} {HEIGHT_PX}"'
+    camera = f'<camera name="own" pos="0 -5.5 4.5" xyaxes="1 0 0 0 .65 .76" {size} {lens}/>'
+    model = mujoco.MjModel.from_xml_string(SHAPES.replace("</worldbody>", f"{camera}</worldbody>"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    try:
+        _, theirs = render(model, data, "own", WIDTH_PX, HEIGHT_PX)
+    except (OSError, mujoco.FatalError) as reason:
+        pytest.skip(f"MuJoCo's renderer does not work here: {reason}")
+    with Camera(model, data, camera="own") as own:
+        ours = own.geom_ids(own.render(also=("instance",)))
+    assert (theirs == ours).mean() > 0.999
+
+
+@pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.parametrize(
+    "name",
+    ["floor", "ball/sphere", "can/side", "pill/capsule", "egg/ellipsoid", "crate/box",
+     "ground/hfield", "tet/tetra"],
+)  # fmt: skip
+def test_colors_and_textures_are_those_that_mujoco_draws(images, name):
+    (theirs, their_ids), (ours, our_ids), geoms = images
+    is_seen = (their_ids == geoms[name]) & (our_ids == geoms[name])
+    spread = maximum_filter(theirs, (3, 3, 1)).astype(int) - minimum_filter(theirs, (3, 3, 1))
+    is_seen &= spread.max(axis=-1) <= 24  # edges of objects and textures are filtered otherwise
+    assert is_seen.sum() > 300
+    steps = np.abs(theirs.astype(int) - ours)[is_seen].max(axis=-1)
+    assert np.median(steps) <= 2
+    assert (steps <= 8).mean() > 0.99
