@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim import Renderer, load_scene
+from omnisim import load_scene, open_sensor
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.validation.checks.baked import SETTINGS, in_baked_light
 from omnisim.validation.checks.shadows import FOLDER
@@ -55,7 +55,7 @@ def row(name, scene, baked, camera):
 
 def rendered(scene, sensor, at):
     """Linear image (height, width, 3)."""
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         return linear_image(renderer.render(at, linear=True))
 
 

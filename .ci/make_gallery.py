@@ -21,7 +21,7 @@ from PIL import Image, ImageDraw, ImageFont
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from omnisim import OmniCamera, Renderer  # noqa: E402
+from omnisim import OmniCamera, open_sensor  # noqa: E402
 from omnisim.apps.live.presets import PRESETS_FILE  # noqa: E402
 from omnisim.cameras import CAMERA_MODELS, CentralCamera  # noqa: E402
 from omnisim.cameras.models.field_of_view import FieldOfView, field_of_view  # noqa: E402
@@ -119,7 +119,7 @@ def _short(value: Any) -> str:
 def image_of(camera: CentralCamera) -> Image.Image:
     """Image of the scene by a camera."""
     sensor = OmniCamera(camera, polygons=None, supersampling=SUPERSAMPLING)
-    with Renderer(load_scene(SCENE), sensor) as renderer:
+    with open_sensor(load_scene(SCENE), sensor) as renderer:
         frame = renderer.render(sensor.base_pose(VIEWPOINT_M, YAW_DEG))
     pixels = np.where(frame.valid[..., None], frame.rgb, np.array(OUTSIDE, dtype=np.uint8))
     return Image.fromarray(pixels)

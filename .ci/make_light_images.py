@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim import OmniCamera, Renderer, load_scene
+from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.cameras.optics.system_file import read_optics_file
 from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
@@ -69,7 +69,7 @@ def spheres():
     even = dataclasses.replace(scene, lighting=load_scene("courtyard", sky="none").lighting)
     at = SENSOR.base_pose(VIEWPOINT_M)
     ours, traced = rendered(scene, at), traced_light(scene, SENSOR, at, SAMPLES)
-    with Renderer(scene, SENSOR) as renderer:
+    with open_sensor(scene, SENSOR) as renderer:
         truth = renderer.render(at, also=("instance",)).channels
     apart = ciede2000(lab_from_linear(ours), lab_from_linear(traced))
     print(f"spheres: mean CIEDE2000 {apart[truth['instance'] > 0].mean():.2f}")
@@ -107,7 +107,7 @@ def in_fog(scene, fog):
 
 def rendered(scene, at, sensor=SENSOR):
     """Linear image (height, width, 3)."""
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         return linear_image(renderer.render(at, linear=True))
 
 

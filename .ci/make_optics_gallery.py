@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from omnisim import OmniCamera, Renderer  # noqa: E402
+from omnisim import OmniCamera, open_sensor  # noqa: E402
 from omnisim.cameras.mirrors.mirror_mesh_error import MeshError  # noqa: E402
 from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS  # noqa: E402
 from omnisim.cameras.optics import OpticalSystem, measure_centrality, read_optics_file  # noqa: E402
@@ -134,7 +134,7 @@ def image_of(name: str, polygons: int | None = None) -> Image.Image:
     """Image of the scene by an example."""
     sensor = OmniCamera(system_of(name), polygons=polygons, supersampling=SUPERSAMPLING)
     x, y, z = VIEWPOINT_M
-    with Renderer(load_scene(SCENE), sensor, backend="rays") as renderer:
+    with open_sensor(load_scene(SCENE), sensor, backend="rays") as renderer:
         frame = renderer.render(sensor.base_pose((x, y, HEIGHTS_M.get(name, z)), YAW_DEG))
     pixels = np.where(frame.valid[..., None], frame.rgb, np.array(OUTSIDE, dtype=np.uint8))
     return Image.fromarray(pixels)

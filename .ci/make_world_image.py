@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 import omnisim
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -49,10 +48,9 @@ def main(path: str) -> None:
     bodies = {"p2at": first.body, "superscout": second.body}
     with omnisim.Stage(scene, vehicles=bodies) as stage:
         camera = first.camera().sensor.resized(720)
-        image = omnisim.Renderer(stage, camera, vehicle="p2at").render(motion(NOW_S)).rgb
+        image = stage.open(camera, vehicle="p2at").render(motion(NOW_S)).rgb
         lidar = SpinningLidar.hdl64e()
-        renderer = LidarRenderer(
-            stage, lidar, base_from_lidar=BASE_FROM_LIDAR, vehicle="p2at",
+        renderer = stage.open(lidar, base_from_sensor=BASE_FROM_LIDAR, vehicle="p2at",
             hidden={one.name for one in first.body.instances},
         )  # fmt: skip
         cloud = renderer.scan(motion, NOW_S)

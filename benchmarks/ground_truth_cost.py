@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from omnisim import OmniCamera, Renderer, load_scene, pose
+from omnisim import OmniCamera, load_scene, open_sensor, pose
 from omnisim.ground_truth import CHANNELS
 
 ROUNDS = 9  # after one to warm up
@@ -35,7 +35,7 @@ def main(source: str) -> None:
         now = camera.base_pose(scene.start.position_m, scene.start.yaw_deg)
         there = now @ pose((0.1, 0.0, 0.0), yaw_deg=4.0)
         times_s: dict[str, list[float]] = {name: [] for name in VARIANTS}
-        with Renderer(scene, camera) as renderer:
+        with open_sensor(scene, camera) as renderer:
             for _ in range(1 + ROUNDS):
                 for name, also in VARIANTS.items():
                     start_s = time.process_time()

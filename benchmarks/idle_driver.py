@@ -84,8 +84,8 @@ def _row(scene: str, options: Options) -> dict[str, Any]:
     camera = at_setting(OmniCamera(), SETTING)
     with (
         Stage(loaded, device=options.device) as stage,
-        Renderer(stage, camera.resized(FRAME_PX)) as large,
-        Renderer(stage, camera.resized(BATCH_PX)) as small,
+        stage.open(camera.resized(FRAME_PX)) as large,
+        stage.open(camera.resized(BATCH_PX)) as small,
     ):
         poses, many = _poses(loaded, POSES), _poses(loaded, BATCH)
         images = small.render_batch(many)

@@ -16,13 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import load_scene, pose
+from omnisim import load_scene, open_sensor, pose
 from omnisim.core.world import Motion
 from omnisim.scene import Scene
 from omnisim.scene.model import AlphaMode
-from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
-from omnisim.sensors.lidar.point_cloud import PointCloud
-from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, PointCloud, SpinningLidar
 
 ROUNDS, WARM_UP = 20, 4
 NEAR_M = 1e-3
@@ -77,8 +75,8 @@ def main(source: str) -> None:
         "1 m/s, 0.5 rad/s": lambda time_s: here @ pose((time_s, 0.0, 0.0), yaw_deg=28.65 * time_s),
     }
     with (
-        LidarRenderer(scene, lidar) as renderer,
-        LidarRenderer(scene, lidar, backend="rays") as rays,
+        open_sensor(scene, lidar) as renderer,
+        open_sensor(scene, lidar, backend="rays") as rays,
     ):
         for name, motion in motions.items():
             found, exact = _time(renderer, motion), _time(rays, motion)

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim import OmniCamera, Renderer, load_scene
+from omnisim import OmniCamera, load_scene
 from omnisim.cameras.optics import read_optics_file
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
@@ -72,10 +72,10 @@ def accuracy(stage: Stage, rays: RayScene, sensor: OmniCamera, base: Pose) -> st
 def times(stage: Stage, sensor: OmniCamera, base: Pose, rounds: int) -> str:
     """Processor time of a frame relative to the paper's mirror's, as a line."""
     paper = OmniCamera()
-    with Renderer(stage, paper) as reference:
+    with stage.open(paper) as reference:
         reference.render(base)
         start_s = time.process_time(), time.perf_counter()
-        with Renderer(stage, sensor) as renderer:
+        with stage.open(sensor) as renderer:
             frame = renderer.render(base)
             first_s = time.process_time() - start_s[0], time.perf_counter() - start_s[1]
             spent: list[tuple[float, float, float, float]] = []

@@ -81,7 +81,7 @@ class RepeatedFrame:
     def at_start(cls, stage: Stage, camera: OmniCamera) -> RepeatedFrame:
         """Frame from the scene's start pose."""
         start = stage.scene.start
-        return cls(Renderer(stage, camera), camera.base_pose(start.position_m, start.yaw_deg))
+        return cls(stage.open(camera), camera.base_pose(start.position_m, start.yaw_deg))
 
     def render(self) -> NDArray[np.uint8]:
         """Image (height, width, 4), complete."""

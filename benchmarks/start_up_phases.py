@@ -34,7 +34,6 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
     import omnisim.apps.cli.images.render  # noqa: F401
     from omnisim.rendering import cube_backend
     from omnisim.rendering.camera.omnicamera import OmniCamera
-    from omnisim.rendering.renderer import Renderer
     from omnisim.rendering.stage import Stage
     from omnisim.scene import load_scene
 
@@ -52,7 +51,7 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
     with Stage(scene, device=device) as on_stage:
         done(UPLOAD)
         camera = OmniCamera()
-        with Renderer(on_stage, camera) as renderer:
+        with on_stage.open(camera) as renderer:
             done(COMPILE)
             frame = renderer.render(camera.base_pose(scene.start.position_m, scene.start.yaw_deg))
             done(FRAME)

@@ -62,7 +62,7 @@ class SoccerEnv(VectorEnv):
         mounted = robot.camera("omnicam")
         camera = mounted.sensor.resized(size_px).with_quality("fast")
         self._stage = omnisim.Stage("soccer", robot.body, device=device)
-        self._renderer = omnisim.Renderer(self._stage, camera, hidden=mounted.hides)
+        self._renderer = self._stage.open(camera, hidden=mounted.hides)
         limit = np.full(2, MAX_WHEEL_SPEED_RADPS, np.float32)
         self.single_action_space = gymnasium.spaces.Box(-limit, limit)
         self.single_observation_space = gymnasium.spaces.Box(

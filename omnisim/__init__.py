@@ -1,13 +1,13 @@
 """Simulator of omnidirectional cameras, accurate to a tenth of a pixel.
 
-with omnisim.Renderer("courtyard") as renderer:
+with omnisim.open_sensor("courtyard") as renderer:
     frame = renderer.render(renderer.camera.base_pose((0.0, 0.0, 1.0), yaw_deg=30.0))
     frame.save("frame.png")
 
 Scenes and poses: `load_scene`, `Scene`, `pose`.
 Cameras: `OmniCamera`, `Degradation`; models are in `omnisim.cameras`.
 Calibration files: `load_calibration`, `save_calibration`, `calibration_of`, `Calibration`.
-Images and ground truth: `Renderer`, `Frame`, `Stage`; channels are in
+Images and ground truth: `open_sensor`, `Stage`, `Renderer`, `Frame`; channels are in
 `omnisim.ground_truth.CHANNELS`.
 Time and motion: `WorldState`, `Motion`, `Twist`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
@@ -17,7 +17,7 @@ Cameras inside a MuJoCo simulation: `omnisim.runs.mujoco_loop.Camera`.
 The camera in a browser, or in a notebook's cell: `live`.
 Errors: `OmnisimError`; notices about files are warnings, `NoticeWarning`.
 
-Units are meters and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Renderer)`
+Units are meters and radians unless a name says otherwise (`_deg`, `_px`). `help(omnisim.Stage)`
 documents a name, `omnisim --help` the command line. Tutorials, guides, reference and explanation
 are in `docs/` of the source code.
 """
@@ -40,14 +40,12 @@ if TYPE_CHECKING:
     from omnisim.rendering.camera.degradations.degradation import Degradation
     from omnisim.rendering.camera.omnicamera import OmniCamera
     from omnisim.rendering.renderer import Renderer
-    from omnisim.rendering.stage import Stage
+    from omnisim.rendering.stage import Stage, open_sensor
     from omnisim.rendering.twist import Twist
     from omnisim.robots.vehicle import Vehicle
     from omnisim.scene.files.load import load_scene
     from omnisim.scene.model import Scene
-    from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
-    from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-    from omnisim.sensors.laser_scanner.scan import Scan
+    from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner, Scan
 
 # Modules of the names, imported at first use: `import omnisim` is fast, and `omnisim --help` needs
 # no GPU library.
@@ -70,6 +68,7 @@ _MODULES = {
     "OmniCamera": "omnisim.rendering",
     "Renderer": "omnisim.rendering",
     "Stage": "omnisim.rendering",
+    "open_sensor": "omnisim.rendering",
     "Vehicle": "omnisim.robots.vehicle",
     "Motion": "omnisim.core.world",
     "WorldState": "omnisim.core.world",
@@ -98,6 +97,7 @@ __all__ = [
     "live",
     "load_calibration",
     "load_scene",
+    "open_sensor",
     "pose",
     "save_calibration",
 ]

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from omnisim import OmniCamera, Renderer, load_scene
+from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.rendering.rays.shading.shading import Shading
@@ -157,7 +157,7 @@ def print_comparison(source):
     oracle = Oracle(scene)
     poses = free_poses(oracle, 10, *FREE_M[source])
     for name, lens in LENSES.items():
-        with Renderer(scene, lens) as renderer:
+        with open_sensor(scene, lens) as renderer:
             results = [compare(scene, oracle, renderer, now, next_pose(now)) for now in poses]
         for key in results[0]:
             values = np.array([one[key] for one in results])

@@ -65,6 +65,7 @@ DRAWING = {
     f"omnisim.{name}"
     for name in (
         "rendering.cube_backend",
+        "rendering.opengl_camera",
         "rendering.truth.deforming_draws",
         "rendering.parallax_camera",
         "rendering.truth.parallax_hits",

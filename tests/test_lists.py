@@ -11,7 +11,7 @@ from omnisim.cameras import CAMERA_MODELS
 from omnisim.cameras.calibration import FORMATS
 from omnisim.rendering.camera import degradations
 from omnisim.rendering.camera.degradations import Degradation
-from omnisim.rendering.stage import BackendName
+from omnisim.rendering.shared_scene import BackendName
 from omnisim.validation.plots import degradation_sheet
 from tests.rendering.camera.degradations.test_gpu_equals_reference import EXAMPLES
 

@@ -110,17 +110,17 @@ def test_a_scene_shows_its_name_and_counts():
 @pytest.mark.usefixtures("needs_opengl")
 def test_renderers_take_names_files_and_lenses(tmp_path):
     (tmp_path / "my.toml").write_text("[camera]\nwidth_px = 24\nheight_px = 24\n")
-    with omnisim.Renderer("rings", str(tmp_path / "my.toml")) as renderer:
+    with omnisim.open_sensor("rings", str(tmp_path / "my.toml")) as renderer:
         assert renderer.camera.model.width_px == 24
         frame = renderer.render(omnisim.pose((0.0, 0.0, 1.0)), also=("range",))
         _check(renderer)
         _check(frame)
     _check(renderer)
     scene = omnisim.load_scene("rings")
-    with omnisim.Stage(scene) as stage, omnisim.Renderer(stage, LENS) as renderer:
+    with omnisim.Stage(scene) as stage, stage.open(LENS) as renderer:
         assert renderer.camera.mesh_polygons is None
         assert renderer.camera.model is LENS
-        with omnisim.LaserRenderer(stage) as scanner:
+        with stage.open(omnisim.LaserScanner()) as scanner:
             for shown in (stage, renderer, scanner, scanner.scan(np.eye(4))):
                 _check(shown)
 

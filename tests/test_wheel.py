@@ -49,7 +49,7 @@ def test_installed_wheel_renders_without_the_checkout(wheel, tmp_path, needs_ope
         "import sys; sys.path.insert(0, 'site')\n"
         "import omnisim; assert 'site' in omnisim.__file__, omnisim.__file__\n"
         "scene = omnisim.load_scene('courtyard')\n"
-        "with omnisim.Renderer(scene, omnisim.OmniCamera().resized(64)) as renderer:\n"
+        "with omnisim.open_sensor(scene, omnisim.OmniCamera().resized(64)) as renderer:\n"
         "    renderer.render(omnisim.pose((0, 0, 1))).save('a.png')\n"
     )
     done = subprocess.run(

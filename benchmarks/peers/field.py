@@ -14,7 +14,8 @@ from benchmarks.peers.peer import SENSOR, ImagePeer, Peer
 from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import Closing, Stage
+from omnisim.rendering.shared_scene import Closing
+from omnisim.rendering.stage import Stage
 from omnisim.validation.oracles import import_failure
 
 FAST, DEFAULT = "omnisim, fast", "omnisim, default"

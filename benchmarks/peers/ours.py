@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from benchmarks.peers.peer import ImagePeer
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.cube_backend import CubeCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 
 
@@ -17,7 +16,7 @@ class Omnisim(ImagePeer):
 
     def __init__(self, stage: Stage, sensor: OmniCamera, name: str, unlit: bool = False):
         self.name = name
-        self._renderer = Renderer(stage, sensor, unlit=unlit)
+        self._renderer = stage.open(sensor, unlit=unlit)
         self._rig_from_base = np.linalg.inv(sensor.base_from_rig)
         with self._renderer._current() as passes:
             assert isinstance(passes, CubeCamera)

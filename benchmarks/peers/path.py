@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.peer import SENSOR
 from omnisim.cameras import pixel_grid
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 
 HEIGHT_M = 1.0  # of the camera above a path's ground
@@ -61,7 +60,7 @@ def _free_way(stage: Stage) -> tuple[float, float]:
     sensor = SENSOR.resized(LOOK_PX)
     camera = sensor.model
     pose = sensor.base_pose(stage.scene.start.position_m)
-    with Renderer(stage, sensor) as renderer:
+    with stage.open(sensor) as renderer:
         ranges_m = renderer.render(pose, also=("range",)).channels["range"]
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     directions = rays.directions @ camera.rig_from_optical.T

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.rendering.camera.omnicamera import PAPER_SIZE_PX, OmniCamera
-from omnisim.rendering.stage import Closing
+from omnisim.rendering.shared_scene import Closing
 
 # The frame that all race for: the paper's camera, 360 × 360 px, rim at 105°.
 CAMERA = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)

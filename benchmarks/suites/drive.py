@@ -157,7 +157,7 @@ def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven
         constant = fill.fill_probes(context, _FILL_SIDE_PX)[-1]
         stage = stack.enter_context(Stage(scene, vehicle.body, device=options.device))
         renderer = stack.enter_context(
-            Renderer(stage, at_setting(mounted.sensor, setting), hidden=mounted.hides)
+            stage.open(at_setting(mounted.sensor, setting), hidden=mounted.hides)
         )
         step = _Step(renderer, poses[drive], watch, collector_s, resident)
         timings = time_interleaved(

@@ -25,11 +25,9 @@ from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.fps_figure import fps_figure
 from benchmarks.timer import Timings, time_interleaved
 from omnisim.cameras.mirrors.mirror_mesh_error import mesh_error
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene
-from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
 from omnisim.validation.fixture import mirror_camera
 from omnisim.validation.report.measure import Measure
 
@@ -147,15 +145,8 @@ def _timings(
     mounted, laser = vehicle.camera(), vehicle.scanner()
     sensor = at_setting(mounted.sensor.resized(size_px), setting)
     with ExitStack() as renderers:
-        view = renderers.enter_context(Renderer(stage, viewport()))
-        scanner = renderers.enter_context(
-            LaserRenderer(
-                stage,
-                laser.scanner,
-                base_from_scanner=laser.base_from_scanner,
-                hidden=laser.hides,
-            )
-        )
+        view = renderers.enter_context(stage.open(viewport()))
+        scanner = renderers.enter_context(stage.open(laser))
         sensors: dict[str, Take | None] = {
             NO_SENSOR: None,
             SCANNER: scanner.scan,
@@ -163,7 +154,7 @@ def _timings(
         covered_px: dict[str, int] = {}
         for polygons in (*POLYGONS, None):
             camera = renderers.enter_context(
-                Renderer(stage, sensor.with_polygons(polygons), hidden=mounted.hides)
+                stage.open(sensor.with_polygons(polygons), hidden=mounted.hides)
             )
             sensors[str(polygons or EXACT)] = camera.render
             covered_px[str(polygons or EXACT)] = int(camera.render(poses[0]).valid.sum())

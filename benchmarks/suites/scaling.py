@@ -143,12 +143,12 @@ def _of_town(triangles: int, options: Options) -> dict[str, Any]:
     scene, sensor = build_town(triangles), _sensor(SIZE_PX)
     with ExitStack() as opened:
         stage = opened.enter_context(Stage(scene, device=options.device))
-        renderer = opened.enter_context(Renderer(stage, sensor))
+        renderer = opened.enter_context(stage.open(sensor))
         variants = {OURS: _frame(stage, [(renderer.render, STREET)])}
         if has_embree():
             rays = EmbreeRays(scene, sensor.model)
             quality = _as_good_as_rays(stage)
-            as_good = opened.enter_context(Renderer(stage, rung(quality["as_good"])))
+            as_good = opened.enter_context(stage.open(rung(quality["as_good"])))
             variants[AS_GOOD] = _frame(stage, [(as_good.render, STREET)])
             variants[EMBREE] = _frame(stage, [(rays.cast, STREET)])
         timings = _time(variants, options, f"{scene.triangle_count} triangles")
@@ -190,7 +190,7 @@ def _of_sizes(
     with ExitStack() as renderers:
         variants = {}
         for size_px in sizes_px:
-            renderer = renderers.enter_context(Renderer(stage, _sensor(size_px)))
+            renderer = renderers.enter_context(stage.open(_sensor(size_px)))
             variants[str(size_px)] = _frame(stage, [(renderer.render, eyes)])
         timings = _time(variants, options, "size of the image")
     return [_row("image", stage, timings, str(size_px), image_px=size_px) for size_px in sizes_px]
@@ -203,7 +203,7 @@ def _of_cameras(
     with ExitStack() as renderers:
         takes = [
             (
-                renderers.enter_context(Renderer(stage, _sensor(SIZE_PX))).render,
+                renderers.enter_context(stage.open(_sensor(SIZE_PX))).render,
                 np.roll(eyes, -camera, axis=0),
             )
             for camera in range(max(cameras))
@@ -218,7 +218,7 @@ def _of_batches(
     stage: Stage, eyes: NDArray[np.float64], batches: Sequence[int], options: Options
 ) -> list[dict[str, Any]]:
     """Small images in batches, and one after the other by the same renderer."""
-    with Renderer(stage, _sensor(BATCH_PX)) as renderer:
+    with stage.open(_sensor(BATCH_PX)) as renderer:
         variants: dict[str, Callable[[], None]] = {}
         for count in batches:
             poses = np.resize(eyes, (count, 4, 4))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from omnisim.rendering.camera.omnicamera import OmniCamera
     from omnisim.rendering.renderer import Renderer
-    from omnisim.rendering.stage import Stage
+    from omnisim.rendering.stage import Stage, open_sensor
     from omnisim.rendering.twist import Twist
 
 # Modules of the names, imported at first use: a camera alone needs neither scenes nor OpenGL.
@@ -14,12 +14,14 @@ _MODULES = {
     "Renderer": "renderer",
     "Stage": "stage",
     "Twist": "twist",
+    "open_sensor": "stage",
 }
 __all__ = [
     "OmniCamera",
     "Renderer",
     "Stage",
     "Twist",
+    "open_sensor",
 ]
 
 

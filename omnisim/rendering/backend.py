@@ -1,7 +1,7 @@
 """Contract of back ends: what makes a scene's images and hits, whatever way.
 
 A back end is two classes and a `HitSource`: the scene's side, of which a stage has one, and each
-camera's. Which there are is in `omnisim.rendering.stage`.
+camera's. `omnisim.rendering.shared_scene` opens them by name.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import OpticsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import HitDetails
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
-from omnisim.rendering.camera.degradations.effect import MAX_EV
+from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
-from omnisim.rendering.readback import Readback, ScenePoses
+from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
 from omnisim.rendering.truth.ground_truth import GroundTruth
+from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 
@@ -46,33 +46,6 @@ class CameraSetup:
     hidden: frozenset[ObjectPart] = frozenset()
     seed: int | str = 0
     vehicles: tuple[str, ...] = (BODY,)
-
-
-@dataclass(frozen=True, eq=False)
-class FrameRequest:
-    """Request of one image; see also `omnisim.rendering.renderer.Renderer.render`.
-
-    Attributes:
-        poses: in the middle of the frame.
-        motion: poses by seconds after the middle of the frame; None: at rest.
-        linear: linear colors are asked for, too.
-        frame_number: noise differs from frame to frame.
-        exposure_ev: of auto-exposure; None: metered.
-
-    Raises:
-        OpticsError: an impossible exposure, also of a camera that has none.
-    """
-
-    poses: ScenePoses
-    motion: Callable[[float], ScenePoses] | None
-    linear: bool
-    frame_number: int
-    exposure_ev: float | None
-
-    def __post_init__(self) -> None:
-        ev = self.exposure_ev
-        if ev is not None and not abs(ev) <= MAX_EV:  # NaN is not, either
-            raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")
 
 
 class LabelCache:
@@ -99,6 +72,7 @@ class CameraBackend(ABC):
 
     def __init__(self, world: SceneBackend, setup: CameraSetup):
         self.world, self.setup = world, setup
+        self._degraded: DegradedCamera | None = None
         self._ground_truth: tuple[HitSource, GroundTruth] | None = None
         self._labels = LabelCache()
 
@@ -106,9 +80,21 @@ class CameraBackend(ABC):
     def refresh(self) -> None:
         """Work on what the scene's side has now, after an `update`."""
 
-    @abstractmethod
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take an image; also return the metadata of its degradation."""
+        if self._degraded is None:
+            return self._take_ideal(request), {}
+        image, metadata = self._degraded.take(request)
+        return image, {"degradation": metadata}
+
+    @abstractmethod
+    def _take_ideal(self, request: FrameRequest) -> Readback:
+        """Take an image without degradation."""
+
+    def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
+        """Degrade all images, which are rendered from sub-frames."""
+        boxes = MovingBoxes(self.world.scene, self.world.objects.values())
+        self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, render, boxes)
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0

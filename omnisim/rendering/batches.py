@@ -17,7 +17,7 @@ from omnisim.rendering.backend import CameraBackend
 from omnisim.rendering.batch_arrays import IMAGES, batch_arrays, check_contents
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.readback import ScenePoses
-from omnisim.rendering.stage import SensorRenderer
+from omnisim.rendering.sensor_renderer import SensorRenderer
 
 # States of the world, or poses (n, 4, 4) of the vehicle, where nothing else moves.
 States = Sequence[WorldState | ArrayLike] | ArrayLike
@@ -47,15 +47,15 @@ class PendingBatch:
         return self._arrays
 
 
-class BatchRenderer(SensorRenderer[CameraBackend]):
-    """Renders batches of a camera.
+class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
+    """Renders batches of a camera."""
 
-    Attributes:
-        camera: the sensor.
-    """
-
-    camera: OmniCamera
     _last_poses: ScenePoses | None
+
+    @property
+    def camera(self) -> OmniCamera:
+        """The sensor, whose near plane suits the scene."""
+        return self.sensor
 
     @overload
     def render_batch(

@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +17,11 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.ground_truth.lidar_beams import LidarBeams
-from omnisim.rendering.backend import (
-    CameraBackend,
-    CameraSetup,
-    FrameRequest,
-    SceneBackend,
-    seen_background,
-)
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.rendering.camera.degradations.random_numbers import key_of
-from omnisim.rendering.camera.degraded_camera import DegradedCamera
+from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import QUALITIES
-from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.near_plane import near_plane_m, scene_size_m
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
+from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
 from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
 from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
@@ -44,7 +34,6 @@ from omnisim.rendering.opengl.context import (
     release_unclosed_context,
     release_unclosed_contexts,
 )
-from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.range_pass import RangePass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
@@ -55,12 +44,11 @@ from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.hit_batches import HitBatches
-from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline, check_image_size
+from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
-from omnisim.rendering.readback import Readback, ScenePoses
+from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
+from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
-from omnisim.rendering.truth.deforming_draws import deforming_draws
-from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.scene import Scene
 
 # A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
@@ -139,11 +127,12 @@ class CubeBackend(SceneBackend):
 
     def camera(self, setup: CameraSetup) -> CameraBackend:
         """Camera in the scene; its context is current, here and in all the camera's methods."""
+        drawn = DrawnScene(self.buffers, self.surface_programs)
         if isinstance(setup.sensor.model, NonCentralCamera):
-            from omnisim.rendering.parallax_camera import Drawn, ParallaxCamera  # seldom needed
+            from omnisim.rendering.parallax_camera import ParallaxCamera  # seldom needed
 
-            return ParallaxCamera(self, Drawn(self.buffers, self.surface_programs), setup)
-        return CubeCamera(self, setup)
+            return ParallaxCamera(self, drawn, setup)
+        return CubeCamera(self, drawn, setup)
 
     def range_finder(
         self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
@@ -188,60 +177,32 @@ def _advice(sensor: OmniCamera, largest_px: int) -> str:
     return ""
 
 
-class CubeCamera(CameraBackend):
-    """GPU passes of one camera; those that only some frames need are made on first use.
+class CubeCamera(OpenGLCamera["CubeHits"]):
+    """Passes of a camera with one viewpoint."""
 
-    Attributes:
-        cube: pass of the virtual cameras.
-    """
-
-    def __init__(self, world: CubeBackend, setup: CameraSetup):
-        super().__init__(world, setup)
-        sensor = setup.sensor
-        self._graphics, self._sensor = world, sensor
-        self._cameras = VirtualCameras(
-            sensor.near_m,
-            sensor.far_m,
-            sensor.samples,
-            setup.unlit,
-            seen_background(world.scene, setup.unlit),
-            setup.hidden,
-        )
-        self._hit_source: CubeHits | None = None
-        camera, is_ideal = sensor.supersampled_model, sensor.degradation.is_ideal
+    def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
+        super().__init__(world, drawn, setup)
+        sensor, context = setup.sensor, drawn.buffers.context
+        camera = sensor.supersampled_model
         try:
-            check_image_size(world.context, camera.width_px, camera.height_px)
+            check_image_size(context, camera.width_px, camera.height_px)
             density = sensor.texels_per_pixel / sensor.supersampling
             plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
             self.cube = self._cube_pass(plan)
         except GraphicsError as reason:
-            largest_px = graphics_info(world.context).max_texture_size_px
+            largest_px = graphics_info(context).max_texture_size_px
             raise GraphicsError(f"{reason}{_advice(sensor, largest_px)}") from None
-        self._pipeline = Pipeline(
-            self.cube,
-            PixelMap(world.context, camera, sensor.mesh_polygons),
-            sensor.supersampling,
-            "f2" if is_ideal else "f4",
-        )
-        self._degraded = None if is_ideal else self._degraded_camera(setup.seed)
+        samples = PixelMap(context, camera, sensor.mesh_polygons)
+        linear_type: Literal["f2", "f4"] = "f2" if sensor.degradation.is_ideal else "f4"
+        self._use(Pipeline(self.cube, samples, sensor.supersampling, linear_type))
 
     def refresh(self) -> None:
         """Draw what the buffers have now."""
-        self.cube.refresh()
+        super().refresh()
         if "whole_cube" in self.__dict__:
             self.whole_cube.refresh()
         if "batches" in self.__dict__ and self.batches is not None:
             self.batches.refresh()
-        if self._hit_source is not None:
-            self._hit_source.refresh()
-        self._refresh_ground_truth()
-
-    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take an image; also return the metadata of its degradation."""
-        if self._degraded is not None:
-            image, metadata = self._degraded.take(request)
-            return image, {"degradation": metadata}
-        return self._pipeline.render(request.poses, request.linear), {}
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
@@ -261,14 +222,8 @@ class CubeCamera(CameraBackend):
         pipeline = self._pipeline
         return BatchPipeline(pipeline.context, self.cube, image_pass, pipeline.size_px)
 
-    def hit_source(self, details: HitDetails) -> CubeHits:
-        """Source of its ground truth, able to give these details."""
-        held = self._hit_source
-        wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
-        if held is None or wanted != held.details:
-            self._hit_source = held = CubeHits(self._graphics, self._sensor, self._cameras, wanted)
-            collect_garbage(self._graphics.context)
-        return held
+    def _make_hits(self, details: HitDetails) -> CubeHits:
+        return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
         """Images (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
@@ -281,65 +236,29 @@ class CubeCamera(CameraBackend):
         """Virtual cameras of whole faces, each in one piece."""
         return self._cube_pass(whole_faces(self.cube.plan))
 
-    def _degraded_camera(self, seed: int | str) -> DegradedCamera:
-        sensor, ideal = self._sensor, self._pipeline
-        degradation, geometry = sensor.degradation, ImageGeometry.of_camera(sensor.model)
-        passes = DegradationPass(
-            ideal.context,
-            (geometry.width_px, geometry.height_px),
-            degradation.optics_steps(geometry),
-            degradation.sensor_steps(geometry, key_of("noise", seed)),
-            degradation.encoding_step(),
-        )
-        boxes = MovingBoxes(self._graphics.scene, self._graphics.objects.values())
-        return DegradedCamera(sensor, seed, DegradedPipeline(ideal, passes), boxes)
 
-    def _cube_pass(self, plan: TilePlan) -> CubePass:
-        graphics = self._graphics
-        return CubePass(graphics.buffers, graphics.surface_programs, plan, self._cameras)
-
-
-class CubeHits(HitSource):
-    """Hits by the triangles that the virtual cameras see; everything on the GPU is made once.
-
-    Args:
-        graphics: its context is current, here and in all methods.
-        sensor: the camera.
-        cameras: depth range and hidden instances count.
-        details: that will be asked for.
-
-    Attributes:
-        details: as given.
-    """
+class CubeHits(DrawnHits):
+    """Hits of rays from one viewpoint."""
 
     def __init__(
         self,
-        graphics: CubeBackend,
+        buffers: SceneBuffers,
         sensor: OmniCamera,
         cameras: VirtualCameras,
         details: HitDetails,
     ):
-        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
-        self._graphics = graphics
-        self._pixels = PixelMap(graphics.context, sensor.model, sensor.mesh_polygons)
+        super().__init__(buffers, sensor, cameras, details)
+        self._pixels = PixelMap(buffers.context, sensor.model, sensor.mesh_polygons)
         plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
-        self._passes = RayHitPass(
-            VisibilityPass(graphics.buffers, plan, cameras, details), self._pixels
-        )
+        self._passes = RayHitPass(VisibilityPass(buffers, plan, cameras, details), self._pixels)
         self.has_ray = self._pixels.valid
-        self._find_draws()
 
     def refresh(self) -> None:
         """Hit what the buffers have now."""
+        super().refresh()
         self._passes.refresh()
         if "_batches" in self.__dict__:
             self._batches.refresh()
-        self._find_draws()
-
-    def _find_draws(self) -> None:
-        items = self._graphics.buffers.draw_items
-        self.draws = [(item.object_index, item.name) for item in items]
-        self.deforming = deforming_draws(self._graphics.buffers)
 
     def rays(self) -> NDArray[np.float32]:
         """Unit rays (height, width, 3), optical frame."""

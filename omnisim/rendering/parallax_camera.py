@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,8 @@ from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.optics.centrality import common_point
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
-from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
-from omnisim.rendering.backend import (
-    CameraBackend,
-    CameraSetup,
-    FrameRequest,
-    SceneBackend,
-    seen_background,
-)
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.rendering.camera.degradations.random_numbers import key_of
-from omnisim.rendering.camera.degraded_camera import DegradedCamera
+from omnisim.ground_truth.hits import HitDetails
+from omnisim.rendering.backend import CameraSetup, SceneBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
 from omnisim.rendering.opengl.capture.chromatic_pass import ChromaticPass
@@ -29,16 +20,9 @@ from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_pass import ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.context import collect_garbage
-from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.parallax_pipeline import ParallaxPipeline
-from omnisim.rendering.opengl.pipeline import DegradedPipeline
-from omnisim.rendering.readback import Readback, ScenePoses
-from omnisim.rendering.truth.moving_boxes import MovingBoxes
+from omnisim.rendering.opengl_camera import DrawnScene, OpenGLCamera
+from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
 from omnisim.rendering.truth.sample_rays import sample_rays
 
 if TYPE_CHECKING:
@@ -48,14 +32,7 @@ if TYPE_CHECKING:
 _RAYS_PER_BATCH = 1 << 12
 
 
-class Drawn(NamedTuple):
-    """Scene on the GPU."""
-
-    buffers: SceneBuffers
-    programs: SurfacePrograms
-
-
-class ParallaxCamera(CameraBackend):
+class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
     """Passes of one optical system.
 
     The virtual cameras stand at the point nearest to all rays; each sample looks up range until it
@@ -66,14 +43,14 @@ class ParallaxCamera(CameraBackend):
         GraphicsError: several samples a texel, or past the GPU's limits.
     """
 
-    def __init__(self, world: SceneBackend, drawn: Drawn, setup: CameraSetup):
-        super().__init__(world, setup)
+    def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
+        super().__init__(world, drawn, setup)
         sensor = setup.sensor
         if sensor.samples > 1:
             raise GraphicsError(
                 f"virtual_cameras.samples: expected 1 for an optical system, got {sensor.samples}"
             )
-        self._sensor, self._drawn, context = sensor, drawn, drawn.buffers.context
+        context = drawn.buffers.context
         self._rays: RayScene | None = None
         colors = _rays_by_color(sensor)
         directions, origins_m = colors[len(colors) // 2].centers()
@@ -82,21 +59,7 @@ class ParallaxCamera(CameraBackend):
         colors = [rays.seen_from(viewpoint_m) for rays in colors]
         self._viewpoint_m = viewpoint_m
         plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
-        self._cameras = VirtualCameras(
-            sensor.near_m,
-            sensor.far_m,
-            1,
-            setup.unlit,
-            seen_background(world.scene, setup.unlit),
-            setup.hidden,
-        )
-        is_ideal = sensor.degradation.is_ideal
-        self._cube = CubePass(
-            drawn.buffers,
-            drawn.programs,
-            plan,
-            self._cameras,
-        )
+        self.cube = self._cube_pass(plan)
         longest_m = max(rays.longest_m for rays in colors)
         pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, longest_m)
         fog = None if setup.unlit else world.scene.lighting.fog
@@ -106,45 +69,31 @@ class ParallaxCamera(CameraBackend):
             else ChromaticPass(context, colors, plan, pyramid, fog)
         )
         self._casts = not missing_packages("rays")
-        self._pipeline = ParallaxPipeline(
-            self._cube,
+        self._parallax = ParallaxPipeline(
+            self.cube,
             PixelMap(context, sensor.supersampled_model),
             parallax,
             viewpoint_m,
             self._cast if self._casts else None,
             sensor.supersampling,
-            "f2" if is_ideal else "f4",
+            "f2" if sensor.degradation.is_ideal else "f4",
         )
-        self._degraded = None if is_ideal else self._degraded_camera()
-        self._hit_source: ParallaxHits | None = None
+        self._use(self._parallax)
 
     def refresh(self) -> None:
         """Draw what the buffers have now."""
-        self._cube.refresh()
         self._rays = None
-        if self._hit_source is not None:
-            self._hit_source.refresh()
-        self._refresh_ground_truth()
+        super().refresh()
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take an image; also return the metadata of its degradation and undecided samples."""
-        self._pipeline.undecided_samples = 0
-        if self._degraded is not None:
-            image, metadata = self._degraded.take(request)
-            found: dict[str, Any] = {"degradation": metadata}
-        else:
-            image, found = self._pipeline.render(request.poses, request.linear), {}
-        undecided = {"samples": self._pipeline.undecided_samples, "cast": self._casts}
-        return image, {**found, "undecided": undecided}
+        self._parallax.undecided_samples = 0
+        image, metadata = super().take(request)
+        undecided = {"samples": self._parallax.undecided_samples, "cast": self._casts}
+        return image, {**metadata, "undecided": undecided}
 
-    def hit_source(self, details: HitDetails) -> ParallaxHits:
-        """Source of its ground truth, able to give these details."""
-        held = self._hit_source
-        wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
-        if held is None or wanted != held.details:
-            self._hit_source = held = self.make_hits(wanted, self._casts)
-            collect_garbage(self._drawn.buffers.context)
-        return held
+    def _make_hits(self, details: HitDetails) -> ParallaxHits:
+        return self.make_hits(details, self._casts)
 
     def make_hits(self, details: HitDetails, casts: bool) -> ParallaxHits:
         """Source of ground truth, with undecided pixels cast as rays or not."""
@@ -197,19 +146,6 @@ class ParallaxCamera(CameraBackend):
         return np.concatenate(
             scene.in_threads(of_batch, range(0, len(footprints), _RAYS_PER_BATCH))
         )
-
-    def _degraded_camera(self) -> DegradedCamera:
-        sensor, seed = self._sensor, self.setup.seed
-        degradation, geometry = sensor.degradation, ImageGeometry.of_camera(sensor.model)
-        passes = DegradationPass(
-            self._pipeline.context,
-            (geometry.width_px, geometry.height_px),
-            degradation.optics_steps(geometry),
-            degradation.sensor_steps(geometry, key_of("noise", seed)),
-            degradation.encoding_step(),
-        )
-        boxes = MovingBoxes(self.world.scene, self.world.objects.values())
-        return DegradedCamera(sensor, seed, DegradedPipeline(self._pipeline, passes), boxes)
 
 
 def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,8 @@ from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
-from omnisim.rendering.backend import CameraBackend, CameraSetup, FrameRequest, SceneBackend
-from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.ground_truth.lidar_beams import LidarBeams
+from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.degradations.development import (
     developed,
     eight_bits,
@@ -26,7 +24,6 @@ from omnisim.rendering.camera.degradations.development import (
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.random_numbers import key_of
-from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.rays.beams import Beams
 from omnisim.rendering.rays.depth_limits import DepthLimits
@@ -35,8 +32,7 @@ from omnisim.rendering.rays.lidar_caster import LidarCaster
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.readback import Exposed, Readback, ScenePoses, SubFrame
-from omnisim.rendering.truth.moving_boxes import MovingBoxes
+from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 
 
@@ -100,13 +96,13 @@ class RayBackend(SceneBackend):
 
     def range_finder(
         self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
-    ) -> RayRangeFinder:
+    ) -> Beams:
         """Beams of a scanner."""
-        return RayRangeFinder(self, angles_rad, max_range_m, hidden)
+        return Beams(lambda: self.rays, angles_rad, max_range_m, hidden)
 
-    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> RayBeamCaster:
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
-        return RayBeamCaster(self, beams, hidden)
+        return LidarCaster(lambda: self.rays, beams, hidden)
 
     def close(self) -> None:
         """Free the memory."""
@@ -126,16 +122,8 @@ class RayCamera(CameraBackend):
         self._limits = DepthLimits(sensor.near_m, sensor.far_m)
         self._hit_source: RayHitSource | None = None
         self._images = self._ray_images()
-        self._degraded = None
         if not sensor.degradation.is_ideal:
-            boxes = MovingBoxes(world.scene, world.objects.values())
-            pipeline = _Development(
-                self._linear,
-                sensor.degradation,
-                ImageGeometry.of_camera(sensor.model),
-                key_of("noise", setup.seed),
-            )
-            self._degraded = DegradedCamera(sensor, setup.seed, pipeline, boxes)
+            self._degrade(self._develop)
 
     def refresh(self) -> None:
         """Cast rays at what the scene has now."""
@@ -158,13 +146,21 @@ class RayCamera(CameraBackend):
             )
         ]
 
-    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take an image; also return the metadata of its degradation."""
-        if self._degraded is not None:
-            image, metadata = self._degraded.take(request)
-            return image, {"degradation": metadata}
-        linear = self._linear(request.poses)
-        return _readback(linear, None, request.linear), {}
+    def _take_ideal(self, request: FrameRequest) -> Readback:
+        return _readback(self._linear(request.poses), None, request.linear)
+
+    def _develop(self, frames: SubFrames) -> Readback:
+        """Render an image from sub-frames, by the references of the degradations in NumPy."""
+        degradation = self._sensor.degradation
+        geometry = ImageGeometry.of_camera(self._sensor.model)
+        ideal = ((self._linear(part.poses), part.row_weights) for part in frames.parts)
+        light = exposed(ideal, degradation, geometry)
+        exposure = frames.expose(mean_luminance(light) if frames.is_metered else None)
+        noise_key = key_of("noise", self.setup.seed)
+        image = developed(
+            light, degradation, geometry, exposure.factors, noise_key, exposure.frame_number
+        )
+        return _readback(image, degradation.encoding, frames.linear)
 
     def hit_source(self, details: HitDetails) -> RayHitSource:
         """Source of its ground truth."""
@@ -191,98 +187,6 @@ class RayCamera(CameraBackend):
         return green
 
 
-class RayRangeFinder:
-    """Beams of a scanner, at what the scene has.
-
-    Args:
-        world: the scene.
-        angles_rad, max_range_m, hidden: see `Beams`.
-    """
-
-    def __init__(
-        self,
-        world: RayBackend,
-        angles_rad: NDArray[np.float64],
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-    ):
-        self._world, self._beams = world, Beams(angles_rad, max_range_m, hidden)
-
-    def refresh(self) -> None:
-        """Cast at what the scene has now: nothing is kept of what it had."""
-
-    def cast(
-        self,
-        world_from_scanner: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
-    ) -> NDArray[np.float64]:
-        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
-        return self._beams.cast(self._world.rays, world_from_scanner, world_from_objects)
-
-
-class RayBeamCaster:
-    """Beams of a spinning lidar, at what the scene has.
-
-    Args:
-        world: the scene.
-        beams, hidden: see `LidarCaster`.
-    """
-
-    def __init__(self, world: RayBackend, beams: LidarBeams, hidden: frozenset[ObjectPart]):
-        self._world, self._caster = world, LidarCaster(beams, hidden)
-
-    @property
-    def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
-        surfaces = self._world.rays.caster.geometry.surfaces
-        return [(one.object_index, one.name) for one in surfaces]
-
-    def refresh(self) -> None:
-        """Cast at what the scene has now: nothing is kept of what it had."""
-
-    def cast(self, revolution: Revolution) -> BeamHits:
-        """Hits of all beams of a revolution."""
-        return self._caster.cast(self._world.rays, revolution)
-
-
-class _Development:
-    """Pipeline of a degraded camera, by the references of its effects in NumPy.
-
-    Args:
-        render_ideal: ideal image of a sub-frame, linear.
-        degradation: of the camera.
-        geometry: of the image.
-        noise_key: of the camera's random numbers.
-    """
-
-    def __init__(
-        self,
-        render_ideal: Callable[[ScenePoses], LinearImage],
-        degradation: Degradation,
-        geometry: ImageGeometry,
-        noise_key: int,
-    ):
-        self._render_ideal, self._degradation = render_ideal, degradation
-        self._geometry, self._noise_key = geometry, noise_key
-
-    def render(
-        self,
-        sub_frames: Iterable[SubFrame],
-        expose: Callable[[float | None], Exposed],
-        metered: bool,
-        linear: bool,
-    ) -> Readback:
-        """Render an image from sub-frames, see `SubFramePipeline`."""
-        degradation, geometry = self._degradation, self._geometry
-        ideal = ((self._render_ideal(part.poses), part.row_weights) for part in sub_frames)
-        light = exposed(ideal, degradation, geometry)
-        exposure = expose(mean_luminance(light) if metered else None)
-        image = developed(
-            light, degradation, geometry, exposure.factors, self._noise_key, exposure.frame_number
-        )
-        return _readback(image, degradation.encoding, linear)
-
-
 class RayHitSource(HitSource):
     """Hits of the pixels' rays by Embree, exact in float64.
 
@@ -296,7 +200,7 @@ class RayHitSource(HitSource):
         sensor = setup.sensor
         self.camera, self.polygons = sensor.model, sensor.mesh_polygons
         surfaces = rays.caster.geometry.surfaces
-        self.draws = [(one.object_index, one.name) for one in surfaces]
+        self.draws = rays.caster.geometry.draws
         self.deforming = {
             one.number: DeformingDraw(
                 one.mesh, surfaces[one.number].object_index, one.instance.world_from_mesh

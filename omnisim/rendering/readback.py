@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from omnisim.core.errors import OpticsError
+from omnisim.rendering.camera.degradations.effect import MAX_EV
 
 
 class Readback(NamedTuple):
@@ -50,3 +54,46 @@ class Exposed(NamedTuple):
 
     factors: tuple[float, float, float]
     frame_number: int
+
+
+class SubFrames(NamedTuple):
+    """Sub-frames of an image, and how they are exposed.
+
+    Attributes:
+        parts: at least one.
+        expose: from the mean luminance to the exposure.
+        is_metered: `expose` is given the luminance.
+        linear: linear colors are asked for, too.
+    """
+
+    parts: Sequence[SubFrame]
+    expose: Callable[[float | None], Exposed]
+    is_metered: bool
+    linear: bool
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRequest:
+    """Request of one image; see also `omnisim.rendering.renderer.Renderer.render`.
+
+    Attributes:
+        poses: in the middle of the frame.
+        motion: poses by seconds after the middle of the frame; None: at rest.
+        linear: linear colors are asked for, too.
+        frame_number: noise differs from frame to frame.
+        exposure_ev: of auto-exposure; None: metered.
+
+    Raises:
+        OpticsError: an impossible exposure, also of a camera that has none.
+    """
+
+    poses: ScenePoses
+    motion: Callable[[float], ScenePoses] | None
+    linear: bool
+    frame_number: int
+    exposure_ev: float | None
+
+    def __post_init__(self) -> None:
+        ev = self.exposure_ev
+        if ev is not None and not abs(ev) <= MAX_EV:  # NaN is not, either
+            raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")

@@ -4,91 +4,48 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import CentralCamera, summary
 from omnisim.core.errors import GraphicsError, OmnisimError
 from omnisim.core.poses import check_pose, inverse
 from omnisim.core.srgb import srgb8_from_linear
-from omnisim.core.version import __version__
 from omnisim.core.world import Motion, ObjectPart, WorldState, time_of
 from omnisim.ground_truth import Labels, check_channels
 from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
 from omnisim.ground_truth.channels import ChannelName
 from omnisim.ground_truth.frame import Frame
-from omnisim.rendering.backend import CameraBackend, CameraSetup, FrameRequest
+from omnisim.rendering.backend import CameraBackend, CameraSetup
 from omnisim.rendering.batches import BatchRenderer, needed_others
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
-from omnisim.rendering.readback import ScenePoses
-from omnisim.rendering.stage import BackendName, Stage
-from omnisim.scene import Scene
-
-if TYPE_CHECKING:
-    from omnisim.cameras.calibration import CalibratedCamera, Calibration
+from omnisim.rendering.readback import FrameRequest, ScenePoses
+from omnisim.rendering.sensor_renderer import Mounting
+from omnisim.rendering.shared_scene import SharedScene
 
 
 class Renderer(BatchRenderer):
-    """Renders a sensor's images of a scene; loads and compiles everything once.
-
-    Use it as a context manager, or `close` it: it holds memory of the GPU.
+    """Renders the images of a camera on a stage; see `SensorRenderer`.
 
     Args:
-        scene: static scene, or its path or built-in name; or a stage that has it and that other
-            sensors share.
-        camera: the sensor, a bare camera model, a calibrated camera, or the path of a sensor file
-            or of a calibration file with one camera; by default the paper's.
-        body: of the vehicle, in its base frame; a stage brings its own.
-        hidden: names of the body's instances that are not drawn.
-        unlit: show plain base colors, without lights.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
-            stage has chosen already.
-        seed: of the camera's noise.
-        vehicle: name of the vehicle that carries the camera, of a stage with several.
-        backend: "cube", virtual cameras by OpenGL; or "rays", cast by Embree, without any GPU. A
-            stage has chosen already.
-
-    Raises:
-        GraphicsError: no OpenGL, too old an OpenGL, or sizes past its limits.
-        SceneError: a hidden name that the body does not have, or a scene that cannot be read.
-        SensorFileError: a sensor file that cannot be read.
-        CalibrationError: a calibration file that cannot be read, or of several cameras.
+        stage: closed after the renderer.
+        sensor: the camera.
+        mounting: on a vehicle of the stage.
     """
 
-    def __init__(
-        self,
-        scene: Scene | Stage | str | Path,
-        camera: OmniCamera
-        | CentralCamera
-        | Calibration
-        | CalibratedCamera
-        | str
-        | Path
-        | None = None,
-        *,
-        body: Scene | None = None,
-        hidden: Collection[str] = (),
-        unlit: bool = False,
-        device: int | None = None,
-        seed: int | str = 0,
-        vehicle: str | None = None,
-        backend: BackendName | None = None,
-    ):
-        self.camera = OmniCamera.of(camera)
-        self._unlit = unlit
+    def __init__(self, stage: SharedScene, sensor: OmniCamera, mounting: Mounting):
+        self._unlit, self._seed = mounting.unlit, mounting.seed
         self._last_poses: ScenePoses | None = None
+        mounted = sensor.mounted(mounting.base_from_sensor)
+        super().__init__(stage, mounted.seeing(scene_size_m(stage.scene)), mounting)
 
-        def make_passes(stage: Stage, hidden: frozenset[ObjectPart]) -> CameraBackend:
-            self.camera = self.camera.seeing(scene_size_m(stage.scene))
-            return stage.backend.camera(
-                CameraSetup(self.camera, unlit, hidden, seed, tuple(stage.vehicles))
-            )
-
-        super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> CameraBackend:
+        vehicles = tuple(self._stage.vehicles)
+        return self._stage.backend.camera(
+            CameraSetup(self.sensor, self._unlit, hidden, self._seed, vehicles)
+        )
 
     def render(
         self,
@@ -152,7 +109,7 @@ class Renderer(BatchRenderer):
                     full = self._boxes_in(poses, labels)
                     boxes = visible_boxes(found["position"], found["instance"], labels, full)
         self._last_poses = poses
-        metadata = self._metadata(now, poses.world_from_rig) | degradation
+        metadata = self._frame_metadata(now, poses.world_from_rig) | degradation
         for other in needed:
             world_from_base = others[other].world_from_object[self.vehicle]
             metadata[f"{other}_world_from_base"] = world_from_base.tolist()
@@ -183,9 +140,6 @@ class Renderer(BatchRenderer):
             linear = passes.faces(self._last_poses)
         return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
 
-    def _sensor_summary(self) -> str:
-        return summary(self.camera.model)
-
     def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
         """Poses in the motion of the world, some seconds after a state of it."""
         time_s = now.time_s + seconds_after
@@ -206,19 +160,19 @@ class Renderer(BatchRenderer):
                 boxes[label.id] = world
         return boxes
 
-    def _metadata(self, state: WorldState, world_from_rig: NDArray[np.float64]) -> dict[str, Any]:
+    def _frame_metadata(
+        self, state: WorldState, world_from_rig: NDArray[np.float64]
+    ) -> dict[str, Any]:
         world_from_optical = world_from_rig.copy()
         world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.model.rig_from_optical
-        return {
-            "omnisim": __version__,
-            "scene": self.scene.name,
-            **self._body_metadata(),
-            "camera": self.camera.model.parameters(),
-            "polygons": self.camera.mesh_polygons or "exact",
-            "supersampling": self.camera.supersampling,
-            "lit": not self._unlit,
-            **({} if self._stage.backend_name == "cube" else {"backend": self._stage.backend_name}),
-            "exposure": self.scene.lighting.exposure,
-            "world_from_base": state.world_from_object[self.vehicle].tolist(),
-            "world_from_optical": world_from_optical.tolist(),
-        }
+        backend_name = self._stage.backend_name
+        return self._metadata(
+            camera=self.camera.model.parameters(),
+            polygons=self.camera.mesh_polygons or "exact",
+            supersampling=self.camera.supersampling,
+            lit=not self._unlit,
+            **({} if backend_name == "cube" else {"backend": backend_name}),
+            exposure=self.scene.lighting.exposure,
+            world_from_base=state.world_from_object[self.vehicle].tolist(),
+            world_from_optical=world_from_optical.tolist(),
+        )

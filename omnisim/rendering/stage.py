@@ -1,89 +1,32 @@
-"""Stages: a scene and its dynamic objects on a back end, for any number of sensors."""
+"""Stages open sensors: a scene on a back end, and the renderers of the sensors in it."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Collection
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, Self, TypeVar, cast, get_args
+from typing import TYPE_CHECKING, Any, cast
 
 from numpy.typing import ArrayLike
 
-from omnisim.core.errors import GraphicsError, SceneError, did_you_mean
-from omnisim.core.extras import require_opengl
-from omnisim.core.short_repr import counted, short_repr
-from omnisim.core.world import ObjectPart, ObjectPoses, WorldState
-from omnisim.rendering.backend import SceneBackend
-from omnisim.rendering.scene_edits import EditableScene
-from omnisim.scene import Scene, load_scene
-from omnisim.scene.labels import BODY
+from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
+from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.sensor_renderer import Mounting, Sensor, SensorRenderer
+from omnisim.rendering.shared_scene import BackendName, SharedScene
+from omnisim.scene import Scene
 
-if TYPE_CHECKING:  # there may be no OpenGL
-    from omnisim.rendering.cube_backend import CubeBackend
-    from omnisim.rendering.opengl.context import Context
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
 
-
-class Closing(ABC):
-    """Base of context managers that free GPU memory when they are closed."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Free the GPU memory; a second time does nothing."""
-
-    def __enter__(self) -> Self:
-        """Enter a `with` block."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close at the end of the block."""
-        self.close()
+    # What is no sensor with a renderer of its own is a camera.
+    Opened = TypeVar("Opened", bound=SensorRenderer[Any, Any], default=Renderer)
 
 
-BackendName = Literal["cube", "rays"]
+class Stage(SharedScene):
+    """Holds a scene and its dynamic objects on a back end, on the GPU or for rays; opens sensors.
 
-
-def open_backend(
-    name: str, scene: Scene, objects: Mapping[str, Scene], device: int | None
-) -> SceneBackend:
-    """Open the back end of a name.
-
-    Args:
-        name: a `BackendName`.
-        scene: static scene.
-        objects: bodies and dynamic objects by name.
-        device: number of the GPU; None takes the first.
-
-    Raises:
-        GraphicsError: there is no such back end, or it does not open, or has no devices.
-        OmnisimError: its packages are not installed.
-    """
-    if name == "cube":
-        require_opengl("back end 'cube'")
-        from omnisim.rendering.cube_backend import CubeBackend
-
-        return CubeBackend(scene, objects, device)
-    if name != "rays":
-        raise GraphicsError(f"backend {name!r}: {did_you_mean(name, get_args(BackendName))}")
-    if device is not None:
-        raise GraphicsError(f"device {device}: back end 'rays' needs no GPU: expected none")
-    from omnisim.rendering.ray_backend import RayBackend  # seldom needed
-
-    return RayBackend(scene, objects)
-
-
-class Stage(Closing, EditableScene):
-    """Holds a scene and its dynamic objects on a back end: on the GPU, or for rays.
-
-    Make the sensors' renderers from it, and close it after them; a renderer whose stage is closed
-    says so. A stage that is dropped and not closed warns, as files do, and is released. Sensors
-    take turns: a stage and its renderers belong to one thread.
+    Closing it frees its renderers' memory, too; a renderer whose stage is closed says so. A stage
+    that is dropped and not closed warns, as files do, and is released. Sensors take turns: a stage
+    and its renderers belong to one thread.
 
     Args:
         scene: static scene in the world frame, with its lights and background; or the path or
@@ -94,14 +37,7 @@ class Stage(Closing, EditableScene):
         dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
             ignored, too.
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
-        backend: makes images and hits.
-
-    Attributes:
-        edits: number of times that the scene became another one.
-        vehicles: bodies by name.
-        objects: bodies and dynamic objects by name, in the order of `poses_in`.
-        backend_name: as given.
-        backend: the scene's side of it.
+        backend: "cube", virtual cameras by OpenGL; or "rays", cast by Embree, without any GPU.
 
     Raises:
         GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits; or an option that
@@ -110,262 +46,68 @@ class Stage(Closing, EditableScene):
         SceneError: a dynamic object of another's or a vehicle's name, or a body beside vehicles.
     """
 
-    def __init__(
+    def open(
         self,
-        scene: Scene | str | Path,
-        body: Scene | None = None,
+        sensor: Sensor[Opened] | CameraLike = None,
+        base_from_sensor: ArrayLike | None = None,
         *,
-        vehicles: Mapping[str, Scene] | None = None,
-        dynamic_objects: Mapping[str, Scene] | None = None,
-        device: int | None = None,
-        backend: BackendName = "cube",
-    ):
-        self._scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        if body is not None and vehicles is not None:
-            raise SceneError("body: expected either the body of one vehicle or vehicles, got both")
-        self.vehicles = dict(vehicles or {}) if body is None else {BODY: body}
-        self.objects = dict(self.vehicles)
-        moving = [(one.name, one.shape) for one in self.scene.objects]
-        for name, shape in (*moving, *(dynamic_objects or {}).items()):
-            if name in self.objects or name == BODY:
-                raise SceneError(f"dynamic object {name!r}: expected each name once")
-            self.objects[name] = shape
-        self.edits = 0
-        self.backend_name = backend
-        self.backend = open_backend(backend, self._scene, self.objects, device)
-
-    def __repr__(self) -> str:
-        vehicles = counted(len(self.vehicles), "vehicle")
-        objects = counted(len(self.objects) - len(self.vehicles), "dynamic object")
-        closed = "" if self.backend.is_open else "closed"
-        return short_repr(self, repr(self.scene.name), vehicles, objects, closed)
-
-    @property
-    def _moving(self) -> Collection[str]:
-        return self.objects
-
-    @property
-    def scene(self) -> Scene:
-        """Static scene; another one with the same lights and background may take its place."""
-        return self._scene
-
-    @scene.setter
-    def scene(self, scene: Scene) -> None:
-        if not isinstance(scene, Scene):
-            raise SceneError(f"scene: expected a Scene, got {type(scene).__name__}")
-        before = self._scene
-        for key in ("lighting", "background", "objects"):
-            if getattr(scene, key) != getattr(before, key):
-                raise SceneError(
-                    f"scene: expected the {key} that the stage was opened with, got others: "
-                    "open a new stage"
-                )
-        with self.current():
-            self.backend.update(scene)
-        self._scene = scene
-        self.edits += 1
-
-    def poses_in(self, state: WorldState) -> ObjectPoses:
-        """Poses (4, 4) of the objects in a state of the world, for the passes.
-
-        The scene's own objects are where they are at the state's time, unless the state has them.
-
-        Raises:
-            SceneError: an object without a pose.
-        """
-        poses = dict(state.world_from_object)
-        for one in self.scene.objects:
-            if one.name not in poses:
-                poses[one.name] = one.motion.pose_at(state.time_s)
-        missing = [name for name in self.objects if name not in poses]
-        if missing:
-            got = ", ".join(poses) or "none"
-            raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {got}")
-        return ObjectPoses((poses[name] for name in self.objects), state.time_s)
-
-    @property
-    def graphics(self) -> CubeBackend:
-        """The OpenGL side.
-
-        Raises:
-            GraphicsError: another back end has none.
-        """
-        if self.backend_name == "cube":
-            return cast("CubeBackend", self.backend)
-        raise GraphicsError("this stage's back end draws nothing by OpenGL: expected 'cube'")
-
-    @property
-    def context(self) -> Context:
-        """The OpenGL context."""
-        return self.graphics.context
-
-    @contextmanager
-    def current(self) -> Iterator[None]:
-        """Make its back end ready for a `with` block, as another stage's may be.
-
-        Raises:
-            GraphicsError: the stage is closed, or another process's, from before a fork.
-        """
-        with self.backend.current():
-            yield
-
-    def collect(self) -> None:
-        """Free the GPU memory of closed renderers, where the stage itself is not closed."""
-        with suppress(GraphicsError), self.current():
-            pass
-
-    def close(self) -> None:
-        """Free the back end's memory: the OpenGL context with everything in it."""
-        self.backend.close()
-
-
-class RefreshedPasses(Protocol):
-    """Passes that follow the edits of their stage."""
-
-    def refresh(self) -> None:
-        """Work on what the stage has now."""
-
-
-Passes = TypeVar("Passes", bound=RefreshedPasses)
-
-
-class SensorRenderer(Closing, EditableScene, Generic[Passes]):
-    """Passes of one sensor on a stage, its own or a shared one, until it is closed.
-
-    Args:
-        scene: becomes a stage of its own, also by its path or built-in name; or a stage that
-            somebody else closes.
-        body: for a stage of its own.
-        hidden: names of its vehicle's instances that this sensor does not see.
-        device: for a stage of its own.
-        make_passes: called once, with the stage's context current, and the hidden parts.
-        vehicle: name of the vehicle that carries the sensor; by default the stage's first.
-        backend: for a stage of its own.
-
-    Attributes:
-        hidden: as given.
-        vehicle: name of its vehicle, which may have no body.
-
-    Raises:
-        GraphicsError: from opening a stage, or a stage and what only it can choose.
-        SceneError: a hidden name that the body does not have.
-    """
-
-    def __init__(
-        self,
-        scene: Scene | Stage | str | Path,
-        body: Scene | None,
-        hidden: Collection[str],
-        device: int | None,
-        make_passes: Callable[[Stage, frozenset[ObjectPart]], Passes],
+        hidden: Collection[str] = (),
         vehicle: str | None = None,
-        backend: BackendName | None = None,
-    ):
-        self.hidden = frozenset(hidden)
-        self._owns_stage = not isinstance(scene, Stage)
-        if not isinstance(scene, Stage):
-            self._stage = Stage(scene, body, device=device, backend=backend or "cube")
-        elif body is None and device is None and backend is None:
-            self._stage = scene
-        else:
-            raise GraphicsError(
-                "a stage has its body, its device and its back end: give them to the stage"
-            )
-        self.vehicle = vehicle or next(iter(self._stage.vehicles), BODY)
-        try:
-            parts = self._hidden_parts()
-            with self._stage.current():
-                self._passes: Passes | None = make_passes(self._stage, parts)
-            self._edits = self._stage.edits
-        except BaseException:
-            if self._owns_stage:
-                self._stage.close()
-            raise
-
-    def __repr__(self) -> str:
-        closed = "closed" if self._passes is None else ""
-        return short_repr(self, repr(self.scene.name), self._sensor_summary(), closed)
-
-    @abstractmethod
-    def _sensor_summary(self) -> str:
-        """Sensor in a few words."""
-
-    @property
-    def _moving(self) -> Collection[str]:
-        return self._stage.objects
-
-    @property
-    def scene(self) -> Scene:
-        """Static scene; another one with the same lights and background may take its place."""
-        return self._stage.scene
-
-    @scene.setter
-    def scene(self, scene: Scene) -> None:
-        self._stage.scene = scene
-
-    @property
-    def body(self) -> Scene | None:
-        """Body of its vehicle; None: invisible."""
-        return self._stage.vehicles.get(self.vehicle)
-
-    def _hidden_parts(self) -> frozenset[ObjectPart]:
-        names = {} if self.body is None else {one.name: None for one in self.body.instances}
-        for name in sorted(self.hidden):
-            if name not in names:
-                there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
-                raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
-        if not names:
-            return frozenset()
-        index = list(self._stage.objects).index(self.vehicle)
-        return frozenset((index, name) for name in self.hidden)
-
-    def _state(
-        self,
-        given: WorldState | ArrayLike,
-        before: WorldState | None = None,
-        time_s: float | None = None,
-    ) -> WorldState:
-        """State of the world that is given, or whose vehicle's pose (4, 4) alone is.
+        seed: int | str = 0,
+        unlit: bool = False,
+    ) -> Opened:
+        """Open a sensor's renderer, which loads and compiles everything once.
 
         Args:
-            given: by the caller.
-            before: state that all else is in, where a pose is given.
-            time_s: of the state, where a pose is given; None: as before.
+            sensor: a camera, that is an `OmniCamera` or what `OmniCamera.of` makes one of, by
+                default the paper's; or a `LaserScanner`, `SpinningLidar`, `DepthCamera`,
+                `RangeSensor`, or a sensor of your own; or one of a vehicle's `sensors`, with its
+                own mount and what it hides.
+            base_from_sensor: (4, 4) its mount on the vehicle, x forward; by default at the base. A
+                camera's own `base_from_rig` comes after it.
+            hidden: names of the body's instances that it does not see, such as its own housing.
+            vehicle: name of the vehicle that carries it, of several; by default the first.
+            seed: of the noise of cameras and depth cameras; other sensors have their own.
+            unlit: show plain base colors, without lights; for cameras.
 
         Raises:
-            OmnisimError: a matrix that is not a pose.
-            SceneError: a state without a pose of the vehicle.
+            GraphicsError: the stage is closed, or sizes past the GPU's limits.
+            SceneError: a hidden name that the body does not have.
+            OmnisimError: a sensor or calibration file that cannot be read, or an invalid pose.
         """
-        if not isinstance(given, WorldState):
-            moved = (before or WorldState({})).moved({self.vehicle: given})
-            return moved if time_s is None else WorldState(moved.world_from_object, time_s)
-        if self.vehicle not in given.world_from_object:
-            got = ", ".join(given.world_from_object) or "none"
-            raise SceneError(f"state: expected a pose of {self.vehicle}, got {got}")
-        return given
+        mounting = Mounting(base_from_sensor, hidden, vehicle, seed, unlit)
+        given: Any = sensor
+        if isinstance(given, Path) or not hasattr(given, "open"):
+            return cast("Opened", Renderer(self, OmniCamera.of(given), mounting))
+        return cast("Opened", given.open(self, mounting))
 
-    @contextmanager
-    def _current(self) -> Iterator[Passes]:
-        """Make the stage's context current for a `with` block that uses the passes."""
-        if self._passes is None:
-            raise GraphicsError("this renderer is closed: open a new one")
-        with self._stage.current():
-            if self._edits != self._stage.edits:
-                self._passes.refresh()
-                self._edits = self._stage.edits
-            yield self._passes
 
-    def close(self) -> None:
-        """Free the passes, and close the stage if it is its own; a second time does nothing."""
-        if self._passes is None:
-            return
-        self._passes = None
-        if self._owns_stage:
-            self._stage.close()
-        else:
-            self._stage.collect()
+def open_sensor(
+    scene: Scene | str | Path,
+    sensor: Sensor[Opened] | CameraLike = None,
+    base_from_sensor: ArrayLike | None = None,
+    *,
+    body: Scene | None = None,
+    device: int | None = None,
+    backend: BackendName = "cube",
+    hidden: Collection[str] = (),
+    seed: int | str = 0,
+    unlit: bool = False,
+) -> Opened:
+    """Open the only sensor of a scene, on a stage that is closed with the renderer.
 
-    def _body_metadata(self) -> dict[str, Any]:
-        if self.body is None:
-            return {}
-        return {"body": self.body.name, "hidden": sorted(self.hidden)}
+    Args:
+        scene, body, device, backend: as for `Stage`.
+        sensor, base_from_sensor, hidden, seed, unlit: as for `Stage.open`.
+
+    Raises:
+        OmnisimError: as `Stage` and `Stage.open`.
+    """
+    stage = Stage(scene, body, device=device, backend=backend)
+    try:
+        renderer = stage.open(sensor, base_from_sensor, hidden=hidden, seed=seed, unlit=unlit)
+    except BaseException:
+        stage.close()
+        raise
+    renderer.owns_stage = True
+    return renderer

@@ -30,7 +30,8 @@ from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.missed_surfaces import near_plane_note
-from omnisim.rendering.stage import BackendName, Stage
+from omnisim.rendering.shared_scene import BackendName
+from omnisim.rendering.stage import Stage
 from omnisim.robots import Chassis, simulate_odometry, with_errors, write_odometry
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.vehicle import Vehicle
@@ -243,7 +244,7 @@ class PlannedDrive:
             instruments = {
                 sensor.name: stack.enter_context(instrument)
                 for sensor in vehicle.sensors
-                if (instrument := sensor.open(stage, settings)) is not None
+                if (instrument := sensor.instrument(stage, settings)) is not None
             }
             content = self._manifest(stage.backend.renderer)
             run = stack.enter_context(open_run(folder, content, force))

@@ -57,7 +57,7 @@ from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import LARGEST_S
 from omnisim.ground_truth import CHANNELS
 from omnisim.runs.run_manifest import Manifest, first_difference, parse_manifest, read_manifest
-from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.sensor import MountedSensor, StepContent
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
@@ -252,12 +252,13 @@ class RunFolder:
     def suffixes(self, sensor: str, index: int) -> tuple[str, ...]:
         """Suffixes of a sensor's files of a measurement."""
         manifest = self.manifest
-        return manifest.sensor_class(sensor).suffixes_of(
+        content = StepContent(
             self.channels_at(index, sensor),
             manifest.channel_format,
             manifest.boxes_3d,
             manifest.sensors[sensor].model_extra or {},
         )
+        return manifest.sensor_class(sensor).suffixes_of(content)
 
     def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
         """Channels of a measurement: the first has no previous one, the last no next."""

@@ -6,32 +6,27 @@ A sensor is a folder here and its entry in `sensor_registry.py`.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from omnisim.sensors.depth_camera.depth_camera import DepthCamera
-    from omnisim.sensors.depth_camera.depth_renderer import DepthRenderer
-    from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
-    from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-    from omnisim.sensors.laser_scanner.scan import Scan
-    from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
-    from omnisim.sensors.lidar.point_cloud import PointCloud
-    from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+    from omnisim.sensors.depth_camera.depth_camera import DepthCamera, DepthRenderer
+    from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner, Scan
+    from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, PointCloud, SpinningLidar
     from omnisim.sensors.range_sensor.range_sensor import (
         RangeReading,
         RangeSensor,
         RangeSensorRenderer,
     )
 
-# Modules of the names, imported at first use: a camera alone needs neither scenes nor OpenGL.
+# Modules of the names, imported at first use.
 _MODULES = {
     "DepthCamera": "depth_camera.depth_camera",
-    "DepthRenderer": "depth_camera.depth_renderer",
-    "LaserRenderer": "laser_scanner.laser_renderer",
+    "DepthRenderer": "depth_camera.depth_camera",
+    "LaserRenderer": "laser_scanner.laser_scanner",
     "LaserScanner": "laser_scanner.laser_scanner",
-    "LidarRenderer": "lidar.lidar_renderer",
-    "PointCloud": "lidar.point_cloud",
+    "LidarRenderer": "lidar.spinning_lidar",
+    "PointCloud": "lidar.spinning_lidar",
     "RangeReading": "range_sensor.range_sensor",
     "RangeSensor": "range_sensor.range_sensor",
     "RangeSensorRenderer": "range_sensor.range_sensor",
-    "Scan": "laser_scanner.scan",
+    "Scan": "laser_scanner.laser_scanner",
     "SpinningLidar": "lidar.spinning_lidar",
 }
 __all__ = [

@@ -1,7 +1,7 @@
 """Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the world's motion.
 
 sensor = MountedCamera(...)                    # by its table in the robot file
-with sensor.open(stage, settings) as instrument:
+with sensor.instrument(stage, settings) as instrument:
     measurement = instrument.measure(moment)   # of the world's motion
 measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
 """
@@ -9,10 +9,11 @@ measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,9 @@ from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Motion
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.stage import Closing, Stage
+from omnisim.rendering.sensor_renderer import Mounting
+from omnisim.rendering.shared_scene import Closing
+from omnisim.rendering.stage import Stage
 from omnisim.sensors.rate import SensorRate
 
 TABLE_SUFFIX = ".csv"
@@ -53,6 +56,22 @@ class Moment:
 
     def __repr__(self) -> str:
         return short_repr(self, f"step {self.number}", f"{self.time_s:g} s")
+
+
+class StepContent(NamedTuple):
+    """Content of a sensor's files of a step.
+
+    Attributes:
+        channels: of ground truth.
+        channel_format: of the run.
+        boxes_3d: of the run.
+        settings: the sensor's own, from the manifest.
+    """
+
+    channels: Collection[str]
+    channel_format: ChannelFormat
+    boxes_3d: bool
+    settings: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -91,38 +110,40 @@ class Measurement(ABC):
         """
 
 
-class CsvTable(Protocol):
-    """Measurement that is a table."""
-
-    def save_csv(self, path: str | Path) -> None:
-        """Write the table."""
-
-
 @dataclass(frozen=True, eq=False)
-class TableMeasurement(Measurement):
-    """Table of a sensor, such as a scan.
+class FileMeasurement(Measurement):
+    """Measurement in one file, such as a scan.
 
     Attributes:
-        table: with its pose.
+        suffix: of the file.
+        write: writes the file to a path.
     """
 
-    table: CsvTable
+    suffix: str
+    write: Callable[[Path], None]
 
     def save(self, stem: Path) -> None:
-        """Write the table where it is missing.
+        """Write the file where it is missing.
 
         Raises:
             OutputError: the file cannot be written.
         """
-        target = stem.with_suffix(TABLE_SUFFIX)
+        target = stem.with_suffix(self.suffix)
         if not is_written(target):
-            self.table.save_csv(target)
+            self.write(target)
 
 
 class Instrument(Closing):
-    """Sensor opened on a stage, until it is closed."""
+    """Sensor opened on a stage, until it is closed.
 
-    @abstractmethod
+    Args:
+        renderer: closed with the instrument.
+        measure: measures the world's motion at a moment.
+    """
+
+    def __init__(self, renderer: Closing, measure: Callable[[Moment], Measurement]):
+        self._renderer, self._measure = renderer, measure
+
     def measure(self, moment: Moment) -> Measurement:
         """Measure the world's motion at a moment.
 
@@ -130,20 +151,7 @@ class Instrument(Closing):
             RunError: the files of the step before are damaged.
             OmnisimError: the instrument is closed.
         """
-
-
-RendererT = TypeVar("RendererT", bound=Closing)
-
-
-class RendererInstrument(Instrument, Generic[RendererT]):
-    """Instrument that measures by a renderer.
-
-    Args:
-        renderer: closed with the instrument.
-    """
-
-    def __init__(self, renderer: RendererT):
-        self._renderer = renderer
+        return self._measure(moment)
 
     def close(self) -> None:
         """Close the renderer."""
@@ -158,6 +166,9 @@ class MountedSensor(ABC):
         type: word of the robot file.
         name: no two sensors of a vehicle have the same.
         hides: nodes of the body that it does not see.
+        sensor: its parameters.
+        base_from_sensor: (4, 4) pose on the vehicle; it looks along x. A camera has its own in
+            `base_from_rig`, beside the identity here.
         rate: of its own, or None: it measures at each step of the drive.
         noun: kind of sensor, for people.
         origin_noun: point that lies at the mount's position, for people.
@@ -170,6 +181,8 @@ class MountedSensor(ABC):
     type: str
     name: str
     hides: tuple[str, ...]
+    sensor: Any
+    base_from_sensor: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     rate: SensorRate | None = field(default=None, kw_only=True)
     noun: ClassVar[str] = "sensor"
     origin_noun: ClassVar[str] = "origin"
@@ -182,18 +195,19 @@ class MountedSensor(ABC):
         return short_repr(self, repr(self.name), self.summary())
 
     @property
-    @abstractmethod
     def origin_m(self) -> NDArray[np.float64]:
         """Origin of its rays (3,), base."""
+        return self.base_from_sensor[:3, 3]
 
     @property
     def near_m(self) -> float:
         """Distance from the origin below which nothing is seen; infinite: it has no eyes."""
         return 0.0
 
-    @abstractmethod
     def summary(self) -> str:
         """Sensor in a few words."""
+        words: str = self.sensor.summary()
+        return words
 
     def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
         """Times (n,) of its measurements in a drive with steps at times (m,).
@@ -210,28 +224,17 @@ class MountedSensor(ABC):
         """Times (m,) at which its measurements at times (n,) depend on the true states."""
         return times_s
 
-    @abstractmethod
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
-        """Open the sensor on a stage, closed after it; None: it has no files of measurements.
+    def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
+        """Open the sensor on a stage for a drive; None: it has no files of measurements.
 
         Raises:
             GraphicsError: sizes past the GPU's limits.
         """
+        return None
 
     @classmethod
-    def suffixes_of(
-        cls,
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-        settings: Mapping[str, Any],
-    ) -> tuple[str, ...]:
-        """Suffixes of its files of a step with these channels of ground truth.
-
-        Args:
-            channels, channel_format, boxes_3d: of the run.
-            settings: the sensor's own, from the manifest.
-        """
+    def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
+        """Suffixes of its files of a step."""
         return cls.suffixes
 
     def settings(self) -> dict[str, Any]:
@@ -263,3 +266,39 @@ class MountedSensor(ABC):
     def note(self, times_s: NDArray[np.float64]) -> str | None:
         """Note on what it leaves out that measures at times (n,), or None: nothing."""
         return None
+
+
+class RenderedSensor(MountedSensor):
+    """Sensor on its vehicle that measures by a renderer of its own."""
+
+    def open(self, stage: Stage, mounting: Mounting) -> Any:
+        """Open its renderer on a stage, mounted as it is on the vehicle, see `Stage.open`."""
+        given = mounting.base_from_sensor
+        return stage.open(
+            self.sensor,
+            self.base_from_sensor if given is None else given,
+            hidden={*self.hides, *mounting.hidden},
+            vehicle=mounting.vehicle,
+            seed=mounting.seed,
+            unlit=mounting.unlit,
+        )
+
+    def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument:
+        """Open its renderer; no two sensors of a vehicle share the seed of their noise."""
+        seed = f"{settings.seed} {self.name}"
+        mounting = Mounting(vehicle=settings.vehicle, seed=seed, unlit=settings.unlit)
+        renderer = self.open(stage, mounting)
+        return Instrument(renderer, partial(self.measure, renderer, settings))
+
+    @abstractmethod
+    def measure(self, renderer: Any, settings: DriveSettings, moment: Moment) -> Measurement:
+        """Measure the world's motion at a moment.
+
+        Args:
+            renderer: opened by the sensor.
+            settings: of the drive.
+            moment: time and number of the measurement.
+
+        Raises:
+            RunError: the files of the step before are damaged.
+        """

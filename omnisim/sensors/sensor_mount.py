@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+import dataclasses
+import re
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core import poses
+from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.files.parameters import Number, Table
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import Name, SensorName
@@ -20,7 +22,11 @@ Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Level = Annotated[Number, Field(ge=0.0)]
 Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    DeviceT = TypeVar("DeviceT", bound=DataclassInstance)
 
 
 class SensorMount(Table):
@@ -60,7 +66,6 @@ class SensorMount(Table):
         """Build the sensors of the table, most often one; see `sensor`."""
         return (self.sensor(folder, source),)
 
-    @abstractmethod
     def sensor(self, folder: Path, source: str) -> MountedSensor:
         """Build the sensor.
 
@@ -72,3 +77,29 @@ class SensorMount(Table):
             RobotFileError: a sensor that cannot be, or a file that is missing.
             SensorFileError: naming the sensor file, key, value and what was expected.
         """
+        try:
+            parameters = self.parameters()
+        except OpticsError as reason:
+            fault = re.sub(r"^\w+\.", "", str(reason).partition("\n")[0])
+            raise RobotFileError(f"{source}: {fault}") from None
+        return self.sensor_class(
+            self.type, self.name, self.hides, parameters, self.base_from_mount, **self.settings()
+        )
+
+    def parameters(self) -> Any:
+        """Parameters of the sensor, where the table has them all.
+
+        Raises:
+            OpticsError: a sensor that cannot be.
+        """
+        raise NotImplementedError
+
+    def settings(self) -> dict[str, Any]:
+        """Fields of the mounted sensor beside the parameters."""
+        return {}
+
+    def overriding(self, device: DeviceT) -> DeviceT:
+        """Parameters of a device, with those that the table gives instead of the device's."""
+        given = {key.name: getattr(self, key.name) for key in dataclasses.fields(device)}
+        given = {key: value for key, value in given.items() if value is not None}
+        return dataclasses.replace(device, **given)

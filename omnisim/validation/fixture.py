@@ -13,8 +13,7 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.core.errors import OpticsError
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import Scene, load_scene
 
 TEXTURED_SCENE = "courtyard"
@@ -46,8 +45,11 @@ class Fixture:
         self, scene: Scene | Stage, camera: OmniCamera, world_from_base: NDArray[np.float64]
     ) -> Frame:
         """One frame in plain base colors, with linear floats."""
-        device = None if isinstance(scene, Stage) else self.device
-        with Renderer(scene, camera, unlit=True, device=device) as renderer:
+        if isinstance(scene, Stage):
+            opened = scene.open(camera, unlit=True)
+        else:
+            opened = open_sensor(scene, camera, unlit=True, device=self.device)
+        with opened as renderer:
             return renderer.render(world_from_base, linear=True)
 
 

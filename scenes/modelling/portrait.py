@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFilter
 from omnisim.core.poses import pose
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Instance, Material, Mesh, Texture, Wrap
 
@@ -65,7 +65,7 @@ def portrait(
     out = pose(yaw_deg=heading_deg, pitch_deg=-elevation_deg)[:3, 0]
     at = pose(middle + distance * out, pitch_deg=elevation_deg, yaw_deg=heading_deg + 180)
     sensor = OmniCamera(face_size_px=FACE_PX)
-    with Renderer(on_floor(scene), sensor) as renderer:
+    with open_sensor(on_floor(scene), sensor) as renderer:
         renderer.render(at)
         face = Image.fromarray(renderer.faces()["front"])
     half = FACE_PX / 2

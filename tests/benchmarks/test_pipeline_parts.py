@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from benchmarks.pipeline_parts import RepeatedFrame
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.scene import load_scene
 
 
@@ -13,7 +13,7 @@ from omnisim.scene import load_scene
 def frame(needs_opengl):
     scene = load_scene("rings")
     camera = OmniCamera(supersampling=1, texels_per_pixel=1.0).resized(64)
-    with Renderer(scene, camera) as renderer:
+    with open_sensor(scene, camera) as renderer:
         yield RepeatedFrame(renderer, camera.base_pose(scene.start.position_m))
 
 

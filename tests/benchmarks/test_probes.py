@@ -7,7 +7,7 @@ from benchmarks.gl_counters import count
 from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.probes import fill, probe, readback, submission, surfaces, triangles
 from benchmarks.settings import at_setting
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.scene import load_scene
 
 
@@ -101,7 +101,7 @@ def test_every_texel_of_the_empty_room_is_shaded_once():
     assert np.all(np.sum(fronts * mesh.normals[mesh.triangles[:, 0]], axis=1) > 0.0)
     camera = at_setting(OmniCamera(), "fast").resized(48)
     samples = []
-    with Renderer(room, camera) as renderer:
+    with open_sensor(room, camera) as renderer:
         for shift_m in (0.0, 0.4 * surfaces.HALF_M):  # the walls are elsewhere, but all around
             x, y, z = room.start.position_m
             at = camera.base_pose((x + shift_m, y, z - shift_m))

@@ -12,7 +12,7 @@ from omnisim.core.package_files import built_in
 from omnisim.core.poses import pose
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene, load_scene
 from tests.cameras.optics.examples import EXAMPLES
 
@@ -67,7 +67,7 @@ def draw_frames(
 ) -> Drawings:
     """Draw images of a camera in a scene, singly, again, and in a batch."""
     scene, sensor = load(), OmniCamera.of(camera)
-    with Renderer(scene, sensor.resized(size_px), body=body) as renderer:
+    with open_sensor(scene, sensor.resized(size_px), body=body) as renderer:
         poses = poses_in(scene, count)
         others = np.roll(poses, 1, axis=0)
 

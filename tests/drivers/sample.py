@@ -18,17 +18,14 @@ from omnisim.rendering.camera.degradations import Degradation, Encoding, preset
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.opengl.geometry import scene_buffers, triangle_windows
-from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Fog, Lighting, Texture
-from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from omnisim.validation import material_chart
 from tests.camera_examples import CAMERA_EXAMPLES, FIRST_EXAMPLES
@@ -119,7 +116,7 @@ def _materials() -> Scene:
 
 def _degraded(degradation: Degradation, size_px: int, count: int) -> Drawings:
     """Frames of a degraded camera in motion, which batches do not have."""
-    with Renderer("soccer", OmniCamera(degradation=degradation).resized(size_px)) as renderer:
+    with open_sensor("soccer", OmniCamera(degradation=degradation).resized(size_px)) as renderer:
         poses = poses_in(renderer.scene, count)
         turn = Twist(angular_radps=(0.0, 0.0, 0.5))
 
@@ -137,7 +134,7 @@ def _skin(count: int) -> Drawings:
     with TemporaryDirectory() as folder:
         scene = load_scene(Figure().write(Path(folder) / "figure.glb"))
     here = pose((-0.7, -1.1, 1.0), yaw_deg=8.0)
-    with Stage(scene) as stage, Renderer(stage, PANORAMA) as camera:
+    with Stage(scene) as stage, stage.open(PANORAMA) as camera:
 
         def single(number: int) -> Channels:
             state = WorldState({camera.vehicle: here}, 0.1 * number)
@@ -150,7 +147,7 @@ def _skin(count: int) -> Drawings:
 def _clouds(count: int) -> Drawings:
     lidar = SpinningLidar().without_errors()
     turn = Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.5))
-    with LidarRenderer("courtyard", lidar) as renderer:
+    with open_sensor("courtyard", lidar) as renderer:
         poses = poses_in(renderer.scene, count)
 
         def single(number: int) -> Channels:
@@ -166,7 +163,7 @@ def _clouds(count: int) -> Drawings:
 
 
 def _scans(count: int) -> Drawings:
-    with LaserRenderer(mixed_scene(), LaserScanner().without_errors()) as renderer:
+    with open_sensor(mixed_scene(), LaserScanner().without_errors()) as renderer:
         poses = poses_in(renderer.scene, count)
 
         def single(number: int) -> Channels:
@@ -215,7 +212,7 @@ def _by_each(cameras: list, size_px: int) -> Drawings:
 
 
 def _by_one(stage: Stage, camera: OmniCamera) -> Drawings:
-    with Renderer(stage, camera) as renderer:
+    with stage.open(camera) as renderer:
         poses = poses_in(stage.scene, 1)
 
         def single(number: int) -> Channels:

@@ -61,10 +61,9 @@ from omnisim.scene import read_scene
 from omnisim.scene.formats.usd import process
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors.calibration_file import calibration_json, read_mount
-from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-from omnisim.sensors.laser_scanner.scan import Scan
-from omnisim.sensors.lidar.point_cloud import POINT, PointCloud
-from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner, Scan
+from omnisim.sensors.lidar.point_files import POINT
+from omnisim.sensors.lidar.spinning_lidar import PointCloud, SpinningLidar
 from tests.baked import write_baked
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.calibration.sample_files import EXACT_SAMPLES

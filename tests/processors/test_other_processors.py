@@ -14,7 +14,7 @@ import pytest
 
 from omnisim.core.files.image_files import read_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import builtin_scenes, read_scene
 from tests.processors.emulation import omnisim_emulated, rounds_otherwise, run_emulated
 
@@ -25,12 +25,12 @@ import sys
 from pathlib import Path
 import numpy as np
 from omnisim.scene import builtin_scenes, read_scene
-from omnisim.rendering import OmniCamera, Renderer
+from omnisim.rendering import OmniCamera, open_sensor
 images = {{}}
 for name in builtin_scenes():
     scene = read_scene(name)
     camera = OmniCamera().resized({SIZE_PX})
-    with Renderer(scene, camera) as renderer:
+    with open_sensor(scene, camera) as renderer:
         base = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
         frame = renderer.render(base, also=("range", "instance"))
     images |= {{name: frame.rgb, **{{f"{{name}} {{k}}": v for k, v in frame.channels.items()}}}}
@@ -56,7 +56,7 @@ def test_built_in_scenes_look_the_same(tmp_path, driver, share):
         given = there[f"{name} given"].tolist()
         assert [scene.given.content, scene.given.light] == given
         camera = OmniCamera().resized(SIZE_PX)
-        with Renderer(scene, camera) as renderer:
+        with open_sensor(scene, camera) as renderer:
             base = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
             frame = renderer.render(base, also=("range", "instance"))
         off = np.abs(frame.rgb.astype(int) - there[name]).max(axis=-1)

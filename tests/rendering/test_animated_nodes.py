@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from omnisim import OmniCamera, Renderer, Stage, load_scene
+from omnisim import OmniCamera, Stage, load_scene
 from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
@@ -38,7 +38,7 @@ def _open(folder, backend, degradation=IDEAL):
     )
     scene = load_scene(gltf.write(folder / "a.glb"))
     stage = Stage(scene, backend=backend)
-    return stage, Renderer(stage, _camera(degradation))
+    return stage, stage.open(_camera(degradation))
 
 
 def _camera(degradation):
@@ -100,7 +100,7 @@ def test_a_image_of_a_rolling_shutter_has_rows_of_their_times(backend, tmp_path)
     """Camera at rest: each row is that of the image at the middle of its sub-frame."""
     shutter = Shutter(readout_s=0.6, sub_frames=6)
     stage, renderer = _open(tmp_path, backend, Degradation(shutter=shutter))
-    instant = Renderer(stage, _camera(IDEAL))
+    instant = stage.open(_camera(IDEAL))
     with stage, renderer, instant:
 
         def state_at(time_s):

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.cameras import HyperbolicCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OpticsError
@@ -120,7 +120,7 @@ def test_ground_truth_lies_on_the_rays_of_the_exact_camera(size_px, polygons, bo
     """Points of the scene, put through the exported camera, come back to their pixels."""
     sensor = OmniCamera(polygons=polygons, supersampling=1, face_size_px=256).resized(size_px)
     world_from_base = pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(world_from_base, also=("position", "valid"))
     valid = frame.channels["valid"] > 0
     optical_from_world = np.linalg.inv(world_from_base @ sensor.base_from_optical)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import Renderer, Stage
+from omnisim import Stage, open_sensor
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.opengl.drawing import tile_renderer
@@ -38,7 +38,7 @@ def furnished(tmp_path):
 
 
 def _linear(scene, backend, state=HERE, **stage):
-    with Stage(scene, backend=backend, **stage) as stage, Renderer(stage, CAMERA) as renderer:
+    with Stage(scene, backend=backend, **stage) as stage, stage.open(CAMERA) as renderer:
         return renderer.render(state, linear=True).linear
 
 
@@ -70,7 +70,7 @@ def test_back_ends_agree(furnished):
     images = []
     for backend in ("cube", "rays"):
         with Stage(furnished, body(), backend=backend) as stage:
-            images.append(Renderer(stage, CAMERA).render(HERE).rgb)
+            images.append(stage.open(CAMERA).render(HERE).rgb)
     assert psnr_of_levels_db(*images) >= 38.0
 
 
@@ -99,7 +99,7 @@ def test_back_ends_agree_on_gloss(tmp_path, sky):
     images = []
     for backend in ("cube", "rays"):
         with Stage(scene, metal, backend=backend) as stage:
-            images.append(Renderer(stage, CAMERA).render(HERE).rgb)
+            images.append(stage.open(CAMERA).render(HERE).rgb)
     assert psnr_of_levels_db(*images) >= 36.0
 
 
@@ -112,7 +112,7 @@ def test_lamps_and_even_light_count_for_nothing(tmp_path, furnished):
 def test_clusters_draw_what_items_do(monkeypatch, furnished):
     """Also glass, which the reference sorts in Python."""
     with Stage(furnished, body()) as stage, reference_stage(monkeypatch, furnished, body()) as one:
-        assert_same(*(Renderer(each, CAMERA).render(HERE).rgba for each in (stage, one)))
+        assert_same(*(each.open(CAMERA).render(HERE).rgba for each in (stage, one)))
 
 
 def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
@@ -120,7 +120,7 @@ def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
     images = []
     for least in ((10**9,) * 2, (0, 10**9), (0, 0)):
         monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", least)
-        with Stage(furnished, body()) as stage, Renderer(stage, CAMERA) as renderer:
+        with Stage(furnished, body()) as stage, stage.open(CAMERA) as renderer:
             poses = np.stack([HERE, HERE])
             images.append((renderer.render(HERE).rgba, renderer.render_batch(poses)))
     for frame, batch in images[1:]:
@@ -130,7 +130,7 @@ def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
 
 def test_batches_are_single_frames(furnished):
     poses = np.stack([HERE @ pose((0.1 * i, 0.0, 0.0), yaw_deg=40.0 * i) for i in range(3)])
-    with Stage(furnished, body()) as stage, Renderer(stage, CAMERA) as renderer:
+    with Stage(furnished, body()) as stage, stage.open(CAMERA) as renderer:
         batch = renderer.render_batch(poses)
         for one, state in zip(batch, poses, strict=True):
             np.testing.assert_array_equal(one, renderer.render(state).rgba[..., : one.shape[-1]])
@@ -142,7 +142,7 @@ def test_ground_truth_and_plain_colors_are_those_without_it(furnished):
     plain = dataclasses.replace(plain, meshes=tuple(split))
     frames = []
     for scene in (furnished, plain):
-        with Renderer(scene, CAMERA) as lit, Renderer(scene, CAMERA, unlit=True) as unlit:
+        with open_sensor(scene, CAMERA) as lit, open_sensor(scene, CAMERA, unlit=True) as unlit:
             frames.append((lit.render(HERE, also=ALSO), unlit.render(HERE)))
     for name in ALSO:
         np.testing.assert_array_equal(*(lit.channels[name] for lit, _ in frames), err_msg=name)
@@ -163,7 +163,7 @@ def test_edits_leave_the_light_of_all_else(tmp_path, backend):
         "moved": scene.moved("object 1", after @ np.linalg.inv(before)),
         "added": empty.added("crate", scene_of([crate]), after),
     }
-    with Stage(scene, backend=backend) as stage, Renderer(stage, CAMERA) as renderer:
+    with Stage(scene, backend=backend) as stage, stage.open(CAMERA) as renderer:
         renderer.render(HERE)
         renderer.scene = edits["moved"]
         image = renderer.render(HERE, linear=True).linear

@@ -13,7 +13,6 @@ from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl import hit_batches
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from tests.rendering.opengl.sheets import mixed_scene
 
@@ -48,7 +47,7 @@ def _assert_same(renderer, batch, states):
 
 @pytest.mark.parametrize("names", [NAMES, ("range",), ("normals",), ("albedo", "instance")])
 def test_channels_drawn_together_are_those_of_single_frames(stage, names, monkeypatch):
-    with Renderer(stage, CAMERA) as renderer:
+    with stage.open(CAMERA) as renderer:
         with monkeypatch.context() as alone:  # nothing is drawn image by image
             alone.setattr(VisibilityPass, "render", None)
             batch = renderer.render_batch(_poses(5), channels=names)
@@ -57,7 +56,7 @@ def test_channels_drawn_together_are_those_of_single_frames(stage, names, monkey
 
 
 def test_slices_are_the_same(stage, monkeypatch):
-    with Renderer(stage, CAMERA) as renderer:
+    with stage.open(CAMERA) as renderer:
         whole = renderer.render_batch(_poses(5), channels=("range", "albedo"))
         monkeypatch.setattr(hit_batches, "MAX_SLICE_BYTES", 3 << 20)
         assert 2 <= renderer._passes.hit_source(NO_DETAILS)._batches.slice_length() < 5
@@ -72,13 +71,13 @@ def test_objects_are_where_each_state_has_them():
             WorldState({"body": one, "other": pose((2.0, 0.1 * number, 0.2))}, 0.1 * number)
             for number, one in enumerate(_poses(3))
         ]
-        with Renderer(stage, CAMERA) as renderer:
+        with stage.open(CAMERA) as renderer:
             batch = renderer.render_batch(states, channels=("range", "normals", "instance"))
             _assert_same(renderer, batch, states)
 
 
 def test_edits_of_the_scene_show(stage):
-    with Stage(mixed_scene()) as stage, Renderer(stage, CAMERA) as renderer:
+    with Stage(mixed_scene()) as stage, stage.open(CAMERA) as renderer:
         before = renderer.render_batch(_poses(2), channels=("range",))["range"]
         stage.scene = dataclasses.replace(stage.scene, instances=stage.scene.instances[1:])
         batch = renderer.render_batch(_poses(2), channels=("range",))
@@ -87,7 +86,7 @@ def test_edits_of_the_scene_show(stage):
 
 
 def test_drivers_without_layers_give_the_same(stage, monkeypatch):
-    with Renderer(stage, CAMERA) as renderer:
+    with stage.open(CAMERA) as renderer:
         together = renderer.render_batch(_poses(3), channels=("range", "normals"))
         monkeypatch.setattr(hit_batches, "EXTENSIONS", {"GL_NONE_such"})
         for name, values in renderer.render_batch(_poses(3), channels=tuple(together)).items():

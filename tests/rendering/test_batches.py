@@ -13,7 +13,6 @@ from omnisim.rendering.camera.degradations import Degradation, Noise
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl import batch_pipeline
 from omnisim.rendering.opengl.drawing import cube_pass
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
@@ -52,14 +51,14 @@ def stage():
 
 @pytest.fixture
 def renderer(stage):
-    with Renderer(stage, PAPER) as renderer:
+    with stage.open(PAPER) as renderer:
         yield renderer
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
 @pytest.mark.parametrize("images_a_slice", [None, 2])
 def test_images_are_those_of_single_frames(stage, camera, images_a_slice, monkeypatch):
-    with Renderer(stage, camera) as renderer:
+    with stage.open(camera) as renderer:
         poses = _poses(5, camera)
         if images_a_slice:
             monkeypatch.setattr(renderer._passes.batches, "slice_length", images_a_slice)
@@ -73,7 +72,7 @@ def test_images_are_those_of_single_frames(stage, camera, images_a_slice, monkey
 
 def test_slices_bound_the_memory(stage, monkeypatch):
     monkeypatch.setattr(batch_pipeline, "MAX_SLICE_BYTES", 1 << 20)
-    with Renderer(stage, PAPER) as renderer:
+    with stage.open(PAPER) as renderer:
         renderer.render_batch(_poses(9))
         batches = renderer._passes.batches
         texels = batches._atlases.width * batches._atlases.height * batches._atlases.layers
@@ -103,14 +102,14 @@ def test_states_of_moving_worlds():
             WorldState({"body": one, "other": pose((2.0, 0.1 * number, 0.2))}, 0.1 * number)
             for number, one in enumerate(_poses(3))
         ]
-        with Renderer(stage, PAPER) as renderer:
+        with stage.open(PAPER) as renderer:
             images = renderer.render_batch(states)
             for state, image in zip(states, images, strict=True):
                 np.testing.assert_array_equal(image, renderer.render(state).rgb)
 
 
 def test_a_body_moves_with_its_poses():
-    with Stage(load_scene("soccer"), mixed_scene()) as stage, Renderer(stage, PAPER) as renderer:
+    with Stage(load_scene("soccer"), mixed_scene()) as stage, stage.open(PAPER) as renderer:
         poses = _poses(2)
         for form in (poses, list(poses), poses.tolist()):
             for one, image in zip(poses, renderer.render_batch(form), strict=True):
@@ -119,7 +118,7 @@ def test_a_body_moves_with_its_poses():
 
 def test_cameras_of_a_stage_are_drawn_together(stage):
     poses = _poses(3)
-    with Renderer(stage, PAPER) as mirror, Renderer(stage, FISHEYE) as lens:
+    with stage.open(PAPER) as mirror, stage.open(FISHEYE) as lens:
         pending = [one.begin_batch(poses) for one in (mirror, lens, mirror)]
         images = [one.result()["rgb"] for one in pending]
         np.testing.assert_array_equal(images[0], images[2])
@@ -137,7 +136,7 @@ def test_what_is_not_drawn_together_is_the_same(stage, camera, monkeypatch):
         sensor = PAPER
     else:
         sensor = dataclasses.replace(PAPER, degradation=Degradation(noise=Noise()))
-    with Renderer(stage, sensor) as renderer:
+    with stage.open(sensor) as renderer:
         assert renderer._passes.batches is None
         images = renderer.render_batch(_poses(2), frame_number=7)
         for number, one in enumerate(_poses(2)):
@@ -247,7 +246,7 @@ def test_an_interrupted_batch_leaves_later_ones_alone(renderer, monkeypatch):
 
 
 def test_sees_edits_of_the_scene(stage):
-    with Stage(load_scene("soccer")) as stage, Renderer(stage, PAPER) as renderer:
+    with Stage(load_scene("soccer")) as stage, stage.open(PAPER) as renderer:
         poses = _poses(2)
         renderer.render_batch(poses)
         stage.scene = mixed_like(stage.scene)
@@ -264,7 +263,7 @@ def mixed_like(scene):
 @pytest.mark.parametrize("name", ["mapping", "courtyard"])
 def test_occlusion_is_that_of_each_camera(name):
     """In `mapping` clusters are tested for occlusion, in the depth of their own camera."""
-    with Stage(name) as stage, Renderer(stage, PAPER) as renderer:
+    with Stage(name) as stage, stage.open(PAPER) as renderer:
         start = stage.scene.start
         poses = np.stack(
             [PAPER.base_pose(start.position_m, start.yaw_deg + 50.0 * k) for k in range(3)]
@@ -281,7 +280,7 @@ def test_lamps_are_near_each_camera():
     position_m = np.array([0.5, 0.3, 1.2])
     lamp = Light(LightKind.POINT, (1.0, 0.8, 0.5), 6.0, position_m=position_m)
     scene = scene_of([room()], lighting=Lighting(ambient=(0.1, 0.1, 0.1), lights=(lamp,)))
-    with Stage(scene) as stage, Renderer(stage, PAPER) as renderer:
+    with Stage(scene) as stage, stage.open(PAPER) as renderer:
         images = renderer.render_batch(_poses(4))
         np.testing.assert_array_equal(images, [renderer.render(one).rgb for one in _poses(4)])
         assert images.max() > 60
@@ -289,7 +288,7 @@ def test_lamps_are_near_each_camera():
 
 def test_layers_drawn_one_after_the_other_are_the_same(stage, monkeypatch):
     """Some drivers cannot draw them together."""
-    with Renderer(stage, PAPER) as renderer:
+    with stage.open(PAPER) as renderer:
         together = renderer.render_batch(_poses(3))
         assert renderer._passes.cube._layers is not None
         monkeypatch.setattr(cube_pass, "EXTENSIONS", {"GL_NONE_such"})

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
+from omnisim import OmniCamera, Stage, open_sensor
 from omnisim.core.poses import pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Lighting, Material
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 def image(scene, world_from_base, **options):
-    with Renderer(scene, CAMERA, **options) as renderer:
+    with _opened(scene, CAMERA, **options) as renderer:
         return renderer.render(world_from_base).rgba
 
 
@@ -39,7 +39,14 @@ def ranges(scene, world_from_base, **options):
 
 
 def _scanner(scene, **options):
-    return LaserRenderer(scene, SCANNER, base_from_scanner=BASE_FROM_SCANNER, **options)
+    return _opened(scene, SCANNER, base_from_sensor=BASE_FROM_SCANNER, **options)
+
+
+def _opened(scene, sensor, **options):
+    """Renderer on a stage, or on one of its own."""
+    if isinstance(scene, Stage):
+        return scene.open(sensor, **options)
+    return open_sensor(scene, sensor, **options)
 
 
 @pytest.mark.parametrize("offset_m", [(0.0, 0.0, 0.0), (4e5, -3e6, 20.0)])
@@ -49,7 +56,7 @@ def test_body_renders_as_the_same_static_geometry(offset_m):
     scene = moved(surroundings(), world_from_scene)
     empty = image(scene, world_from_scene @ POSES["tilted"])
     with Stage(scene, body()) as stage:
-        camera, scanner = Renderer(stage, CAMERA), _scanner(stage)
+        camera, scanner = stage.open(CAMERA), _scanner(stage)
         for name, scene_from_base in POSES.items():
             base = world_from_scene @ scene_from_base
             rgba, scan = camera.render(base).rgba, scanner.scan(base)
@@ -70,7 +77,7 @@ def test_body_moves_with_the_vehicle():
     """Nothing but the body is near: its image is the same wherever the vehicle is."""
     nothing = without(scene_of([room(), box("far", 0)], [Material()]), "object 0")
     nothing = moved(nothing, pose((1e5, 0.0, 0.0)))
-    with Renderer(nothing, CAMERA, body=body()) as renderer:
+    with open_sensor(nothing, CAMERA, body=body()) as renderer:
         at_origin = renderer.render(pose()).rgba
         far = renderer.render(pose((700.0, -3e4, 5.0))).rgba
     assert np.ptp(at_origin[at_origin[..., 3] > 0][:, :3]) > 100
@@ -94,7 +101,7 @@ def test_hidden_instances_are_hidden_from_one_sensor(hidden):
     scene = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
     rest = without(body(), *hidden)
     with Stage(scene, body()) as stage:
-        one, other = Renderer(stage, CAMERA, hidden=hidden), Renderer(stage, CAMERA)
+        one, other = stage.open(CAMERA, hidden=hidden), stage.open(CAMERA)
         frame, whole = one.render(base), other.render(base).rgba
         scan = _scanner(stage, hidden=hidden).scan(base)
     with Stage(scene, rest) as stage:
@@ -121,7 +128,7 @@ def test_glass_of_scene_and_body_blends_back_to_front(is_body_nearer):
     else:  # the window is between the vehicle's tube and its camera
         expected = 0.25 * red + 0.75 * (0.5 * green + 0.5 * np.ones(3))
         base = pose((0.0, 0.0, -2.25))
-    with Renderer(scene, sensor, body=vehicle) as renderer:
+    with open_sensor(scene, sensor, body=vehicle) as renderer:
         color = renderer.render(base, linear=True).linear[45, 45]
     np.testing.assert_allclose(color, expected, atol=2e-3)
 
@@ -133,7 +140,7 @@ def test_lights_and_background_come_from_the_scene():
     scene = moved(scene, pose((50.0, 0.0, 0.0)))
     vehicle = scene_of([square(1.0, 0.0, name="deck")], lighting=Lighting((9.0, 0.0, 0.0), ()))
     sensor = OmniCamera(polygons=None, base_from_rig=pose((0.0, 0.0, 1.0))).resized(91)
-    with Renderer(scene, sensor, body=vehicle) as renderer:
+    with open_sensor(scene, sensor, body=vehicle) as renderer:
         linear = renderer.render(pose(), linear=True).linear
     np.testing.assert_allclose(linear[45, 45], 0.5, atol=1e-3)
     np.testing.assert_allclose(linear[45, 2], (0, 0, 1), atol=1e-3)
@@ -142,12 +149,12 @@ def test_lights_and_background_come_from_the_scene():
 def test_metadata_names_the_body():
     base = pose((0.5, 0.0, 0.0))
     with Stage(scene_of([room()]), body()) as stage:
-        scan = LaserRenderer(stage, SCANNER).scan(base)
-        frame = Renderer(stage, CAMERA, hidden={"tail"}).render(base)
+        scan = stage.open(SCANNER).scan(base)
+        frame = stage.open(CAMERA, hidden={"tail"}).render(base)
     assert scan.metadata["body"] == frame.metadata["body"] == "body"
     assert frame.metadata["hidden"] == ["tail"]
     assert scan.metadata["world_from_base"] == frame.metadata["world_from_base"] == base.tolist()
-    with Renderer(scene_of([room()]), CAMERA) as renderer:
+    with open_sensor(scene_of([room()]), CAMERA) as renderer:
         assert "body" not in renderer.render(base).metadata
 
 
@@ -160,9 +167,9 @@ def test_p2at_is_visible_in_the_middle_only():
     theta_deg = np.full((240, 240), 180.0)
     theta_deg[rays.valid] = np.degrees(np.arccos(-rays.directions[rays.valid][:, 2]))
     scene = load_scene("courtyard", sky="none")
-    with Stage(scene, p2at_body()) as stage, Renderer(scene, camera) as alone:
-        renderer = Renderer(stage, camera)
-        no_scanner = Renderer(stage, camera, hidden={"lms200"})
+    with Stage(scene, p2at_body()) as stage, open_sensor(scene, camera) as alone:
+        renderer = stage.open(camera)
+        no_scanner = stage.open(camera, hidden={"lms200"})
         for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
             ours = renderer.render(base).rgba
             is_body = np.any(ours != alone.render(base).rgba, axis=-1)
@@ -177,12 +184,12 @@ def test_p2at_is_visible_in_the_middle_only():
 def test_p2at_scanner_does_not_hit_the_robot():
     _, base_from_scanner = mounted_on_p2at(64)
     scene = load_scene("courtyard", sky="none")
-    mount = {"base_from_scanner": base_from_scanner}
+    mount = {"base_from_sensor": base_from_scanner}
     with (
         Stage(scene, p2at_body()) as stage,
-        LaserRenderer(stage, SCANNER, hidden={"lms200"}, **mount) as scanner,
-        LaserRenderer(stage, SCANNER, **mount) as blind,
-        LaserRenderer(scene, SCANNER, **mount) as alone,
+        stage.open(SCANNER, hidden={"lms200"}, **mount) as scanner,
+        stage.open(SCANNER, **mount) as blind,
+        open_sensor(scene, SCANNER, **mount) as alone,
     ):
         for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
             scan = scanner.scan(base)

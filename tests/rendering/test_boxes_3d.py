@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from omnisim import OmniCamera, Renderer, Stage, load_scene
+from omnisim import OmniCamera, Stage, load_scene, open_sensor
 from omnisim.cameras import EquirectangularCamera
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
@@ -74,7 +74,7 @@ def frame(needs_opengl):
     crate = scene_of([box("crate", 0, half_m=0.25)])
     there = pose((0.3, 0.2, 0.1), roll_deg=15.0, yaw_deg=30.0)
     stage = Stage(scene_of([room()]), dynamic_objects={"crate": crate})
-    with stage, Renderer(stage, SPHERE) as renderer:
+    with stage, stage.open(SPHERE) as renderer:
         state = WorldState({renderer.vehicle: NOW, "crate": there})
         frame = renderer.render(state, also=("position", "instance"), boxes_3d=True)
         assert not renderer.render(state).channels
@@ -129,7 +129,7 @@ def test_json_has_both_frames(frame, tmp_path):
 def test_boxes_hold_all_that_is_seen_of_their_instances():
     """Pixels of the soccer field's hall."""
     outside_m, ranges_m = [], []
-    with Renderer(load_scene("soccer"), OmniCamera().resized(240)) as renderer:
+    with open_sensor(load_scene("soccer"), OmniCamera().resized(240)) as renderer:
         frame = renderer.render(
             pose((0.3, -0.4, 0.6)), also=("position", "instance", "range"), boxes_3d=True
         )
@@ -157,7 +157,7 @@ def test_boxes_follow_an_edit_and_are_those_of_cast_rays():
     for backend in ("cube", "rays"):
         if backend == "rays":
             pytest.importorskip("embreex", reason="embreex is not installed")
-        with Renderer(scene, SPHERE, backend=backend) as renderer:
+        with open_sensor(scene, SPHERE, backend=backend) as renderer:
             renderer.move("object 1", there)
             found[backend] = renderer.render(NOW, boxes_3d=True).boxes_3d
         assert [one.label.name for one in found[backend]] == ["object 0", "object 1"]

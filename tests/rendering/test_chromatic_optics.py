@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.media import refractive_index
@@ -70,7 +70,7 @@ def test_lateral_color_behind_a_flat_port_is_snells(backend, off_px, radius_m):
     Edges of the virtual cameras are theirs to a fraction of a texel.
     """
     sensor = OmniCamera(CHROMATIC, supersampling=4, texels_per_pixel=4.0)
-    with Renderer(_disc(radius_m), sensor, unlit=True, backend=backend) as renderer:
+    with open_sensor(_disc(radius_m), sensor, unlit=True, backend=backend) as renderer:
         linear = renderer.render(np.eye(4), linear=True).linear
     found = np.sqrt(linear.sum(axis=(0, 1)) / np.pi)
     expected = [_snell_px(radius_m, index) for index in WATER]
@@ -114,7 +114,7 @@ def test_channels_are_those_of_three_cameras(backend, degradation):
         chromatic,
         *(dataclasses.replace(chromatic, model=one) for one in FISHEYE.by_color()),
     ):
-        with Renderer(scene_of([room()]), sensor, backend=backend) as renderer:
+        with open_sensor(scene_of([room()]), sensor, backend=backend) as renderer:
             frames.append(renderer.render(motion(0.0), linear=True, motion=motion, also=("range",)))
     ours, *channels = frames
     np.testing.assert_array_equal(ours.valid, channels[1].valid)
@@ -155,6 +155,6 @@ def test_an_equidistant_lens_keeps_its_circle():
     """The lens's own edge is that of all three colors."""
     lens = EquidistantCamera(60, 60, 20.0, (29.5, 29.5), 1.2)
     system = dataclasses.replace(CHROMATIC, camera=lens)
-    with Renderer(scene_of([room()]), OmniCamera(system)) as renderer:
+    with open_sensor(scene_of([room()]), OmniCamera(system)) as renderer:
         frame = renderer.render(pose((0.2, 0.1, 0.0)))
     assert frame.rgb[frame.valid].min() > 10

@@ -20,8 +20,7 @@ from omnisim.rendering.camera.degradations.development import developed, eight_b
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
 from omnisim.scene.model import Material, Mesh
 from tests.scenes import room, scene_of
@@ -52,7 +51,7 @@ def _edges_px(image):
 
 def _turning_left(shutter):
     sensor = _looking_ahead(Degradation(shutter=shutter))
-    with Renderer(_wall_on_the_right(), sensor, unlit=True) as renderer:
+    with open_sensor(_wall_on_the_right(), sensor, unlit=True) as renderer:
         motion = Twist(angular_radps=(0.0, 0.0, TURN_RADPS)).through(np.eye(4))
         return renderer.render(np.eye(4), linear=True, motion=motion)
 
@@ -92,7 +91,7 @@ def test_exposure_blurs_an_edge_evenly_along_its_motion():
 def test_the_pose_is_that_of_the_middle_of_the_frame():
     """And at rest the shutter does nothing."""
     still = _looking_ahead(Degradation(shutter=Shutter(exposure_s=0.01, readout_s=0.02)))
-    with Renderer(_wall_on_the_right(), still, unlit=True) as renderer:
+    with open_sensor(_wall_on_the_right(), still, unlit=True) as renderer:
         at_rest = renderer.render(np.eye(4), linear=True)
         motion = Twist((0.0, 0.0, 0.0)).through(np.eye(4))
         again = renderer.render(np.eye(4), linear=True, motion=motion)
@@ -127,16 +126,16 @@ def test_a_fast_and_long_motion_is_of_poses(speed_mps, turn_radps):
 def test_an_ideal_camera_has_the_same_image_and_no_more_passes():
     scene, pose = scene_of([room()]), np.eye(4)
     ideal = OmniCamera().resized(90)
-    with Stage(scene) as stage, Renderer(stage, ideal) as plain:
+    with Stage(scene) as stage, stage.open(ideal) as plain:
         expected = plain.render(pose, linear=True)
         assert plain._passes._degraded is None
         assert "degradation" not in expected.metadata
-        with Renderer(stage, ideal.with_degradation(preset("ideal")), seed=5) as other:
+        with stage.open(ideal.with_degradation(preset("ideal")), seed=5) as other:
             same = other.render(pose, linear=True, frame_number=3)
             assert other._passes._degraded is None
         # the default encoding has the same bytes through the chain, too
         encoding = Degradation(encoding=Encoding())
-        with Renderer(stage, ideal.with_degradation(encoding)) as through:
+        with stage.open(ideal.with_degradation(encoding)) as through:
             chain = through.render(pose, linear=True)
     np.testing.assert_array_equal(expected.rgba, same.rgba)
     np.testing.assert_array_equal(expected.linear, same.linear)
@@ -148,13 +147,13 @@ def test_noise_depends_on_seed_and_frame_alone():
     sensor = OmniCamera().resized(90).with_degradation(preset("bad-day"))
     pose = np.eye(4)
     with Stage(scene_of([room()])) as stage:
-        with Renderer(stage, sensor, seed=1) as one, Renderer(stage, sensor, seed=1) as same:
+        with stage.open(sensor, seed=1) as one, stage.open(sensor, seed=1) as same:
             first = one.render(pose, frame_number=4)
             one.render(pose, frame_number=9)
             np.testing.assert_array_equal(first.rgba, one.render(pose, frame_number=4).rgba)
             np.testing.assert_array_equal(first.rgba, same.render(pose, frame_number=4).rgba)
             assert np.mean(first.rgba != same.render(pose, frame_number=5).rgba) > 0.3
-        with Renderer(stage, sensor, seed=2) as other:
+        with stage.open(sensor, seed=2) as other:
             assert np.mean(first.rgba != other.render(pose, frame_number=4).rgba) > 0.3
 
 
@@ -165,9 +164,9 @@ def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
     sensor = ideal.with_degradation(degradation)
     geometry = ImageGeometry.of_camera(sensor.model)
     with Stage(scene_of([room()])) as stage:
-        with Renderer(stage, ideal) as renderer:
+        with stage.open(ideal) as renderer:
             perfect = renderer.render(np.eye(4), linear=True)
-        with Renderer(stage, sensor, seed=3) as renderer:
+        with stage.open(sensor, seed=3) as renderer:
             frame = renderer.render(np.eye(4), linear=True, frame_number=2)
     alpha = perfect.valid[..., None].astype(np.float32)
     whole = np.concatenate((perfect.linear, alpha), axis=-1)
@@ -197,9 +196,7 @@ def test_exposure_doubles_light_and_auto_exposure_reaches_its_target():
     with Stage(scene) as stage:
 
         def linear(exposure, **options):
-            with Renderer(
-                stage, sensor.with_degradation(Degradation(exposure=exposure))
-            ) as renderer:
+            with stage.open(sensor.with_degradation(Degradation(exposure=exposure))) as renderer:
                 frame = renderer.render(pose, linear=True, **options)
             return frame.linear, frame.valid, frame.metadata["degradation"]["exposure"]
 
@@ -236,7 +233,7 @@ def test_defocus_comes_before_noise_and_motion_through_the_whole_chain():
     with Stage(scene_of([room()])) as stage:
         images = []
         for degradation in (both, blurred):
-            with Renderer(stage, sensor.with_degradation(degradation)) as renderer:
+            with stage.open(sensor.with_degradation(degradation)) as renderer:
                 images.append(renderer.render(np.eye(4), linear=True))
     difference = (images[0].linear - images[1].linear)[30:60, 30:60, 1]
     shot = np.sqrt(images[1].linear[30:60, 30:60, 1].mean() / 500.0)
@@ -248,7 +245,7 @@ def test_a_motion_that_is_no_pose_is_refused():
         Degradation(shutter=Shutter(exposure_s=0.01)), supersampling=1, samples=1
     )
     with (
-        Renderer(_wall_on_the_right(), sensor) as renderer,
+        open_sensor(_wall_on_the_right(), sensor) as renderer,
         pytest.raises(OmnisimError, match="pose: expected"),
     ):
         renderer.render(np.eye(4), motion=lambda time_s: np.eye(3))
@@ -260,7 +257,7 @@ def test_a_motion_that_is_no_pose_is_refused():
 def test_an_impossible_exposure_is_refused(exposure_ev, degradation):
     sensor = OmniCamera().resized(16).with_degradation(degradation)
     with (
-        Renderer(scene_of([room()]), sensor) as renderer,
+        open_sensor(scene_of([room()]), sensor) as renderer,
         pytest.raises(OmnisimError, match=r"exposure_ev: expected −30 to 30 stops, got \w+"),
     ):
         renderer.render(np.eye(4), exposure_ev=exposure_ev)
@@ -272,9 +269,9 @@ def test_ground_truth_is_that_of_the_ideal_camera():
     also = ("range", "instance", "normals", "flow")
     pose, after = np.eye(4), poses.pose((0.1, 0.0, 0.0), yaw_deg=3.0)
     with Stage(scene_of([room()])) as stage:
-        with Renderer(stage, ideal) as renderer:
+        with stage.open(ideal) as renderer:
             truth = renderer.render(pose, also=also, next_state=after)
-        with Renderer(stage, ideal.with_degradation(preset("bad-day"))) as renderer:
+        with stage.open(ideal.with_degradation(preset("bad-day"))) as renderer:
             motion = Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.5)).through(pose)
             frame = renderer.render(pose, also=also, next_state=after, motion=motion)
             faces = renderer.faces()

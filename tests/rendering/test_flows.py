@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer, Stage
+from omnisim import OmniCamera, Stage
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, HyperbolicCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.bilinear import corner_and_weights
@@ -38,7 +38,7 @@ def _frame(stage, lens, now, other, also):
     """Frame at one of the two times, with the other as its next and its previous one."""
     crates = {NOW.tobytes(): CRATE_NOW, AFTER.tobytes(): CRATE_AFTER}
     sensor = OmniCamera(lens, polygons=None, supersampling=1)
-    with Renderer(stage, sensor) as renderer:
+    with stage.open(sensor) as renderer:
         state, there = (
             WorldState({renderer.vehicle: base, "crate": crates[base.tobytes()]})
             for base in (now, other)

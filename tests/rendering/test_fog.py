@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.cameras import pixel_grid
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import AlphaMode, Fog, Material
 from tests.cameras.optics.examples import SYSTEMS
 from tests.scenes import room, room_color, room_hit, scene_of, square
@@ -26,7 +26,7 @@ def _foggy(scene, fog=FOG):
 def _frame(scene, camera, backend, **options):
     if backend == "rays":
         pytest.importorskip("embreex")
-    with Renderer(scene, camera, backend=backend, **options) as renderer:
+    with open_sensor(scene, camera, backend=backend, **options) as renderer:
         pose = renderer.camera.base_pose(VIEWPOINT_M, yaw_deg=25.0)
         return renderer.render(pose, linear=True), pose
 

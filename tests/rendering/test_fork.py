@@ -10,7 +10,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has
 
 HEAD = """
 import multiprocessing, os, sys
-from omnisim import LaserRenderer, OmniCamera, Renderer
+from omnisim import LaserScanner, OmniCamera, open_sensor
 from omnisim.core.errors import GraphicsError
 from tests.scenes import room, scene_of
 
@@ -29,8 +29,8 @@ def expect_error(task):
 """
 IN_THE_CHILD = {
     "inherited": "expect_error(lambda: render(renderer))",
-    "new": "expect_error(lambda: Renderer(scene, camera))",
-    "closed": "renderer.close()\nexpect_error(lambda: LaserRenderer(scene))",
+    "new": "expect_error(lambda: open_sensor(scene, camera))",
+    "closed": "renderer.close()\nexpect_error(lambda: open_sensor(scene, LaserScanner()))",
     "dropped": "del renderer",
     "nothing": "pass",
 }
@@ -54,7 +54,7 @@ def test_a_forked_process_says_that_it_cannot_render(task):
     """At once, and so that its parent can render on."""
     lines = "".join(f"    {line}\n" for line in task.splitlines())
     run(
-        "renderer = Renderer(scene, camera)\n"
+        "renderer = open_sensor(scene, camera)\n"
         "before = render(renderer).rgba\n"
         f"child = os.fork()\nif child == 0:\n{lines}    sys.exit()\n"
         "assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0\n"
@@ -68,7 +68,7 @@ def test_a_process_that_was_forked_before_it_rendered_can_render():
     """As each worker of a data loader does that opens a renderer of its own."""
     run(
         "def work(number):\n"
-        "    with Renderer(scene, camera) as renderer:\n"
+        "    with open_sensor(scene, camera) as renderer:\n"
         "        return render(renderer).rgba.mean()\n"
         "with multiprocessing.get_context('fork').Pool(2) as pool:\n"
         "    first, second = pool.map(work, range(2))\n"

@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer, Stage
+from omnisim import OmniCamera, Stage, open_sensor
 from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.poses import pose
@@ -70,7 +70,9 @@ def test_both_back_ends_degrade_alike(system, name):
     motion = _motion(Twist((0.3, 0.0, 0.0), (0.0, 0.0, 0.5)))
     frames = []
     for backend in BACKENDS:
-        with Renderer(_world(), _sensor(system, degradation), seed=5, backend=backend) as renderer:
+        with open_sensor(
+            _world(), _sensor(system, degradation), seed=5, backend=backend
+        ) as renderer:
             frames.append(renderer.render(motion(0.0), motion=motion))
             again = renderer.render(motion(0.0), motion=motion)
         np.testing.assert_array_equal(again.rgb, frames[-1].rgb)
@@ -90,9 +92,9 @@ def test_rows_of_a_rolling_shutter_are_those_of_their_instants(system, backend):
     motion = _motion(Twist((0.4, 0.2, 0.0), (0.0, 0.0, 0.7)))
     rolling = _sensor(system, Degradation(shutter=Shutter(readout_s=readout_s)))
     with Stage(_world(), backend=backend) as stage:
-        with Renderer(stage, rolling, unlit=True) as renderer:
+        with stage.open(rolling, unlit=True) as renderer:
             ours = renderer.render(motion(0.0), linear=True, motion=motion)
-        with Renderer(stage, _sensor(system, Degradation()), unlit=True) as still:
+        with stage.open(_sensor(system, Degradation()), unlit=True) as still:
             rows = np.arange(2, height, 9)
             times_s = ((rows + 0.5) / height - 0.5) * readout_s
             instants = [still.render(motion(time_s), linear=True) for time_s in times_s]
@@ -113,9 +115,9 @@ def test_blur_is_the_mean_of_its_instants(system, backend):
     blurred = _sensor(system, Degradation(shutter=Shutter(exposure_s=exposure_s)))
     times_s = ((np.arange(24) + 0.5) / 24 - 0.5) * exposure_s
     with Stage(_world(), backend=backend) as stage:
-        with Renderer(stage, blurred, unlit=True) as renderer:
+        with stage.open(blurred, unlit=True) as renderer:
             ours = renderer.render(motion(0.0), linear=True, motion=motion)
-        with Renderer(stage, _sensor(system, Degradation()), unlit=True) as still:
+        with stage.open(_sensor(system, Degradation()), unlit=True) as still:
             frames = [still.render(motion(time_s), linear=True) for time_s in times_s]
             sharp = still.render(motion(0.0), linear=True)
     mean = np.mean([frame.linear for frame in frames], axis=0)
@@ -137,7 +139,7 @@ def test_what_moves_is_where_it_is_at_the_time(system):
     for backend in BACKENDS:
         with (
             Stage(_world(), vehicles={"body": body, "other": other}, backend=backend) as stage,
-            Renderer(stage, _sensor(system, Degradation()), hidden=("object 1",)) as renderer,
+            stage.open(_sensor(system, Degradation()), hidden=("object 1",)) as renderer,
         ):
             for time_s in (0.0, 1.0):
                 there = NOW @ pose((1.2 - 0.4 * time_s, 0.1, 0.0))
@@ -163,9 +165,9 @@ def test_supersampling(backend, supersampling):
     sensor = _sensor(BALL, Degradation(), supersampling=supersampling)
     fine = _sensor(BALL, Degradation(), supersampling=8)
     with Stage(_world(), backend=backend) as stage:
-        with Renderer(stage, sensor, unlit=True) as renderer:
+        with stage.open(sensor, unlit=True) as renderer:
             ours = renderer.render(NOW, linear=True)
-        with Renderer(stage, fine, unlit=True) as renderer:
+        with stage.open(fine, unlit=True) as renderer:
             expected = renderer.render(NOW, linear=True)
     both = ours.valid & expected.valid
     assert (ours.valid != expected.valid).mean() < 0.02
@@ -180,9 +182,9 @@ def test_every_camera_behind_a_concentric_dome_takes_its_own_image(camera, backe
     bare = OmniCamera(camera, polygons=None, supersampling=1).resized(48)
     dome = dataclasses.replace(bare, model=behind_a_dome(bare.model, 0.05))
     with Stage(_world(), backend=backend) as stage:
-        with Renderer(stage, bare, unlit=True) as renderer:
+        with stage.open(bare, unlit=True) as renderer:
             expected = renderer.render(NOW, linear=True)
-        with Renderer(stage, dome, unlit=True) as renderer:
+        with stage.open(dome, unlit=True) as renderer:
             ours = renderer.render(NOW, linear=True)
     both = ours.valid & expected.valid
     assert both.sum() > 0.3 * ours.valid.sum() > 10
@@ -195,7 +197,7 @@ def test_every_camera_behind_a_concentric_dome_takes_its_own_image(camera, backe
 def test_batches(backend):
     moved = [NOW, NOW @ pose((0.2, 0.1, 0.0), yaw_deg=10.0)]
     names = ("rgb", "range", "instance")
-    with Renderer(_world(), _sensor(BALL, Degradation()), backend=backend) as renderer:
+    with open_sensor(_world(), _sensor(BALL, Degradation()), backend=backend) as renderer:
         batch = renderer.render_batch(np.array(moved), channels=names)
         for number, one in enumerate(moved):
             frame = renderer.render(one, also=names[1:])

@@ -12,7 +12,7 @@ from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.scenes import room, room_color, room_hit, scene_of
 
@@ -94,7 +94,7 @@ def test_scaled_model_has_the_same_rays(camera):
 def test_lens_renders_the_room():
     pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=25.0)
     sensor = OmniCamera(LENS, polygons=None)
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(pose)
     rays = LENS.ray_from_pixel(pixel_grid(LENS.width_px, LENS.height_px))
     optical = np.array(frame.metadata["world_from_optical"])

@@ -10,11 +10,10 @@ import trimesh
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh
-from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
-from omnisim.sensors.lidar.point_cloud import POINT
+from omnisim.sensors.lidar.point_files import POINT
 from omnisim.sensors.lidar.revolution import MAX_SKEW_M
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from tests.ray_casting import opaque_part
@@ -87,7 +86,7 @@ def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
     origins_m = np.broadcast_to(poses[:, :3, 3], directions.shape)
     expected_m = _embree_ranges(scene, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
     expected_m[expected_m > EXACT.range_max_m] = 0.0
-    with LidarRenderer(scene, EXACT, backend=backend) as renderer:
+    with open_sensor(scene, EXACT, backend=backend) as renderer:
         cloud = renderer.scan(motion)
     error_m = np.abs(_grid(cloud).ravel() - expected_m)
     assert (error_m <= 1e-3).mean() >= (0.997 if speed_mps and backend == "cube" else 0.999)
@@ -97,7 +96,7 @@ def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
 @needs_opengl
 def test_a_cloud_is_skewed_by_the_motion():
     """Each point, moved by the pose at its own time, lies on a wall of the room."""
-    with LidarRenderer(scene_of([room()]), SMALL) as renderer:
+    with open_sensor(scene_of([room()]), SMALL) as renderer:
         cloud = renderer.scan(_drive, time_s=0.05)
     assert len(cloud.points) == SMALL.rings * SMALL.firings
     times_s = 0.05 - SMALL.period_s + cloud.points["time"].astype(np.float64)
@@ -128,7 +127,7 @@ def test_objects_move_while_the_lidar_turns(backend):
 
     with (
         Stage(scene_of([room()]), dynamic_objects={"wall": wall}, backend=backend) as stage,
-        LidarRenderer(stage, SMALL) as renderer,
+        stage.open(SMALL) as renderer,
     ):
         cloud = renderer.scan(motion, time_s=0.5)
         cloud_at_rest = renderer.scan(motion(0.4))
@@ -149,11 +148,11 @@ def test_surfaces_reflect_on_both_sides(backend, x_m):
     corners = np.array([[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9]], dtype=np.float32)
     mesh = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), 0)
     wall, here = scene_of([mesh], [Material()]), pose((x_m, 0.0, 0.0))
-    with LidarRenderer(wall, SMALL, backend=backend) as renderer:
+    with open_sensor(wall, SMALL, backend=backend) as renderer:
         static = renderer.scan(here).points
     with (
         Stage(scene_of([], []), dynamic_objects={"wall": wall}, backend=backend) as stage,
-        LidarRenderer(stage, SMALL) as renderer,
+        stage.open(SMALL) as renderer,
     ):
         dynamic = renderer.scan(WorldState({"body": here, "wall": np.eye(4)})).points
     for points in (static, dynamic):
@@ -163,7 +162,7 @@ def test_surfaces_reflect_on_both_sides(backend, x_m):
 
 @needs_opengl
 def test_firings_turn_clockwise_from_behind():
-    with LidarRenderer(scene_of([room()]), SMALL) as renderer:
+    with open_sensor(scene_of([room()]), SMALL) as renderer:
         cloud = renderer.scan(np.eye(4))
     points = cloud.points
     assert np.all(np.diff(points["time"]) >= 0.0)
@@ -183,7 +182,7 @@ def test_firings_turn_clockwise_from_behind():
 @needs_opengl
 def test_limits_and_an_edited_scene():
     lidar = dataclasses.replace(SMALL, range_min_m=2.5, range_max_m=3.2)
-    with LidarRenderer(scene_of([room()]), lidar) as renderer:
+    with open_sensor(scene_of([room()]), lidar) as renderer:
         ranges_m = renderer.scan(np.eye(4)).points["range"]
         assert 2.5 <= ranges_m.min() < ranges_m.max() <= 3.2
         renderer.scene = dataclasses.replace(renderer.scene, instances=())
@@ -193,7 +192,7 @@ def test_limits_and_an_edited_scene():
 @needs_opengl
 def test_one_that_turns_too_fast_is_refused():
     with (
-        LidarRenderer(scene_of([room()]), SMALL) as renderer,
+        open_sensor(scene_of([room()]), SMALL) as renderer,
         pytest.raises(OmnisimError, match=r"^lidar: expected to be turned by at most 0.06 rad in"),
     ):
         renderer.scan(lambda time_s: pose(yaw_deg=6000.0 * time_s))
@@ -241,7 +240,7 @@ def test_lidars_that_cannot_be(changes, words):
 
 @pytest.fixture
 def cloud(needs_opengl):
-    with LidarRenderer(scene_of([room()]), SpinningLidar.vlp16()) as renderer:
+    with open_sensor(scene_of([room()]), SpinningLidar.vlp16()) as renderer:
         return renderer.scan(_drive, time_s=0.05, revolution=3)
 
 

@@ -24,7 +24,7 @@ EVEN = Lighting((1.0, 1.0, 1.0), ())
 def _truth(scene, backend="cube", names=NAMES):
     if backend == "rays":
         pytest.importorskip("embreex")
-    with omnisim.Renderer(scene, CAMERA, backend=backend) as renderer:
+    with omnisim.open_sensor(scene, CAMERA, backend=backend) as renderer:
         return renderer.render(_looking_down(), also=names).channels
 
 
@@ -148,7 +148,7 @@ def test_batches_have_the_materials_of_single_frames():
     pose[0, 3] += 0.3
     names = ("roughness", "metallic", "emissive", "albedo", "normals")
     poses = [omnisim.pose((0.1 * x, 0.0, UP_M), pitch_deg=80.0) for x in range(3)]
-    with omnisim.Renderer(scene, CAMERA) as renderer:
+    with omnisim.open_sensor(scene, CAMERA) as renderer:
         renderer.render(poses[0], also=("albedo",))
         for edited in (scene, scene.moved("object 1", pose)):
             renderer.scene = edited

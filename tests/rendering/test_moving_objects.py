@@ -11,8 +11,7 @@ from omnisim.core.trajectories import Trajectory
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.degradations import Degradation, Shutter
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
 from omnisim.scene.model import DynamicObject, Material, Mesh
 from omnisim.scene.motion.object_motion import Along, Orbit, Shuttle
@@ -55,7 +54,7 @@ def test_rolling_shutter_slants_an_object_that_passes(exposure_s):
 
     with (
         Stage(scene_of([], []), dynamic_objects={"curtain": _curtain()}) as stage,
-        Renderer(stage, sensor, unlit=True) as renderer,
+        stage.open(sensor, unlit=True) as renderer,
     ):
         frame = renderer.render(motion(10.0), linear=True, motion=motion)
     rows = np.arange(SIZE_PX[1])
@@ -85,7 +84,7 @@ def test_blur_of_a_ball_and_a_turning_robot_is_the_mean_of_its_instants():
         return WorldState({"body": turn(time_s - 3.0), "ball": orbit.pose_at(time_s)}, time_s)
 
     with Stage(world) as stage:
-        with Renderer(stage, _camera(Shutter(exposure_s=exposure_s)), unlit=True) as renderer:
+        with stage.open(_camera(Shutter(exposure_s=exposure_s)), unlit=True) as renderer:
             ours = renderer.render(motion(3.0), linear=True, motion=motion)
             # the scene moves its own objects where a motion is of poses alone
             by_pose = renderer.render(
@@ -93,7 +92,7 @@ def test_blur_of_a_ball_and_a_turning_robot_is_the_mean_of_its_instants():
                 linear=True,
                 motion=lambda time_s: turn(time_s - 3.0),
             )
-        with Renderer(stage, _camera(), unlit=True) as still:
+        with stage.open(_camera(), unlit=True) as still:
             times_s = 3.0 + ((np.arange(64) + 0.5) / 64 - 0.5) * exposure_s
             mean = np.mean([still.render(motion(t), linear=True).linear for t in times_s], axis=0)
             sharp = still.render(motion(3.0), linear=True).linear
@@ -117,11 +116,11 @@ def test_a_pose_stands_for_the_time_0():
     world = dataclasses.replace(world, objects=(DynamicObject("ball", shape, shuttle),))
     still = Along(Trajectory(np.zeros(1), shuttle.pose_at(1.0)[None]))
     stopped = dataclasses.replace(world, objects=(DynamicObject("ball", shape, still),))
-    with Renderer(world, _camera(), unlit=True) as moving:
+    with open_sensor(world, _camera(), unlit=True) as moving:
         at_start = moving.render(np.eye(4)).rgba
         later = moving.render(WorldState({"body": np.eye(4)}, 1.0)).rgba
         there = WorldState({"body": np.eye(4), "ball": shuttle.pose_at(1.0)})
         np.testing.assert_array_equal(moving.render(there).rgba, later)
-    with Renderer(stopped, _camera(), unlit=True) as renderer:
+    with open_sensor(stopped, _camera(), unlit=True) as renderer:
         np.testing.assert_array_equal(renderer.render(np.eye(4)).rgba, later)
     assert np.any(at_start != later)

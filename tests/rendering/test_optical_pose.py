@@ -7,7 +7,7 @@ from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from tests.scenes import room, scene_of
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 @pytest.fixture(scope="module")
 def renderer():
     lens = EquidistantCamera(32, 24, 12.0, (15.5, 11.5), theta_max_rad=1.6)
-    with Renderer(scene_of([room()]), OmniCamera(lens)) as renderer:
+    with open_sensor(scene_of([room()]), OmniCamera(lens)) as renderer:
         yield renderer
 
 

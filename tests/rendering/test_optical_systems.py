@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer, load_scene
+from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.cameras import UnifiedCamera, pixel_grid
 from omnisim.cameras.calibration import calibration_of
 from omnisim.cameras.calibration.fit import fit_camera
@@ -67,7 +67,7 @@ def test_image_and_channels(embree, name):
     expected = room_hit(origins, directions)
     sensor = OmniCamera(system, supersampling=1)
     channels = ("range", "z", "position", "normals", "normals_camera", "albedo", "instance")
-    with Renderer(scene_of([room()]), sensor, backend="rays") as renderer:
+    with open_sensor(scene_of([room()]), sensor, backend="rays") as renderer:
         frame = renderer.render(NOW, linear=True, also=channels)
     np.testing.assert_array_equal(frame.has_ray, valid)
     assert valid.mean() > 0.2
@@ -87,7 +87,7 @@ def test_image_and_channels(embree, name):
 def test_flow_leads_to_the_pixel_whose_ray_meets_the_point(embree, name):
     system = _small(name)
     meshes, poses = [room(), box("box", 0, half_m=0.4)], [np.eye(4), pose((1.0, 0.6, 0.1))]
-    with Renderer(scene_of(meshes, poses=poses), system, backend="rays") as renderer:
+    with open_sensor(scene_of(meshes, poses=poses), system, backend="rays") as renderer:
         frame = renderer.render(NOW, also=("flow", "position"), next_state=AFTER)
     points, status = frame.channels["position"], frame.channels["occluded"]
     flow = frame.channels["flow"].astype(np.float64)
@@ -123,7 +123,7 @@ def test_what_is_near_is_seen_from_where_the_mirror_is(embree):
     )
     origins, directions, valid = _world_rays(system, NOW, pixel_grid(180, 180))
     near = pose((0.4, -0.1, 0.35), yaw_deg=20.0)
-    with Renderer(
+    with open_sensor(
         scene_of([room(), box("box", 0, half_m=0.05)], poses=[np.eye(4), near]),
         OmniCamera(system, near_m=0.01),
         backend="rays",
@@ -149,7 +149,7 @@ def _hits_box(origins, directions, world_from_box, half_m=0.05):
 def test_degraded(embree):
     system = _small("sphere")
     sensor = OmniCamera(system, degradation=preset("webcam"))
-    with Renderer(scene_of([room()]), sensor, backend="rays") as renderer:
+    with open_sensor(scene_of([room()]), sensor, backend="rays") as renderer:
         frame = renderer.render(NOW, motion=lambda now_s: NOW)
         again = renderer.render(NOW, motion=lambda now_s: NOW)
     assert frame.rgb[frame.valid].std() > 5.0
@@ -180,7 +180,7 @@ def _near_boxes():
 def _frames(system, **options):
     frames = []
     for backend in ("cube", "rays"):
-        with Renderer(_near_boxes(), system, backend=backend) as renderer:
+        with open_sensor(_near_boxes(), system, backend=backend) as renderer:
             frames.append(renderer.render(NOW, **options))
     return frames
 
@@ -209,7 +209,7 @@ def test_nothing_shines_through_beside_edges(embree):
     scene = markers_on_rays(system, pixels, world_from_optical)
     middles = []
     for backend in ("cube", "rays"):
-        with Renderer(scene, system, backend=backend) as renderer:
+        with open_sensor(scene, system, backend=backend) as renderer:
             linear = renderer.render(NOW, linear=True).linear[..., 1]
         middles.append(centroids(linear.astype(np.float64), pixels))
     assert len(pixels) > 10
@@ -220,7 +220,7 @@ def test_no_seam_shows_in_the_sky():
     """Pixels at a ball's limb are many texels wide: their samples may be past a tile's gutter."""
     system, ground = SYSTEMS["sphere"].scaled(0.5), pose((0.0, 0.0, -101.0))
     scene = scene_of([box("ground", 0, half_m=100.0)], poses=[ground], background=(0.6, 0.7, 0.9))
-    with Renderer(scene, system) as renderer:
+    with open_sensor(scene, system) as renderer:
         frame = renderer.render(NOW, linear=True)
     directions = _world_rays(system, NOW, pixel_grid(180, 180))[1]
     is_sky = frame.valid & (directions[..., 2] > 0.1)
@@ -280,7 +280,7 @@ def test_the_robot_itself_is_right(embree, monkeypatch, casts):
     for backend in ("cube", "rays"):
         with (
             Stage(scene_of([room()]), p2at_body(), backend=backend) as stage,
-            Renderer(stage, sensor, hidden=OWN_CAMERA) as renderer,
+            stage.open(sensor, hidden=OWN_CAMERA) as renderer,
             renderer._current() as camera,
         ):
             frames.append(renderer.render(base, also=("range", "instance")))
@@ -305,7 +305,7 @@ def test_ground_truth_without_rays(embree, monkeypatch, name):
     expected = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS[:-2], **STATES)[1].channels
     monkeypatch.setattr("omnisim.rendering.parallax_camera.missing_packages", lambda extra: ["a"])
     monkeypatch.setitem(sys.modules, "embreex", None)
-    with Renderer(_near_boxes(), SYSTEMS[name].scaled(0.3)) as renderer:
+    with open_sensor(_near_boxes(), SYSTEMS[name].scaled(0.3)) as renderer:
         frame = renderer.render(NOW, also=CHANNELS[:-2], **STATES)
     for channel in ("range", "position", "normals", "instance"):
         off = _off(frame.channels[channel], expected[channel])
@@ -342,7 +342,7 @@ def test_ground_truth_follows_an_edit(embree):
     scene = _near_boxes()
     edited = dataclasses.replace(scene, instances=(*scene.instances[:2], *scene.instances[3:]))
     for backend in ("cube", "rays"):
-        with Renderer(scene, system, backend=backend) as renderer:
+        with open_sensor(scene, system, backend=backend) as renderer:
             before = renderer.render(NOW, also=("range", "instance"))
             renderer.scene = edited
             frames.append(renderer.render(NOW, also=("range", "instance")))

@@ -11,7 +11,13 @@ import weakref
 import numpy as np
 import pytest
 
-from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer, Stage, load_scene
+from omnisim import (
+    LaserScanner,
+    OmniCamera,
+    Stage,
+    load_scene,
+    open_sensor,
+)
 from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import GraphicsError, OmnisimError
 from omnisim.core.poses import pose
@@ -63,7 +69,7 @@ def _by_both(scene, sensor, **options):
     frames = []
     now, after = _poses(sensor, scene)
     for backend in ("cube", "rays"):
-        with Renderer(scene, sensor, backend=backend) as renderer:
+        with open_sensor(scene, sensor, backend=backend) as renderer:
             frames.append(renderer.render(now, next_state=after, previous_state=after, **options))
     return frames
 
@@ -71,7 +77,7 @@ def _by_both(scene, sensor, **options):
 def _hits(scene, sensor, backend):
     """Name and number of the triangle in each pixel, and the pixels that have a ray."""
     with (
-        Renderer(scene, sensor, backend=backend) as renderer,
+        open_sensor(scene, sensor, backend=backend) as renderer,
         renderer._current() as camera,
     ):
         state = renderer._state(_poses(sensor, scene)[0])
@@ -186,7 +192,7 @@ def test_degraded_images_are_those_of_the_gpu(name):
 
     frames = []
     for backend in ("cube", "rays"):
-        with Renderer(scene, sensor, seed=4, backend=backend) as renderer:
+        with open_sensor(scene, sensor, seed=4, backend=backend) as renderer:
             frames.append(renderer.render(now, motion=motion, frame_number=3, linear=True))
     cube, rays = frames
     assert _psnr_db(cube, rays) >= 30.0
@@ -204,7 +210,7 @@ def test_objects_and_hidden_parts_are_where_they_are():
     found = []
     for backend in ("cube", "rays"):
         stage = Stage(scene_of([room()]), body(), dynamic_objects={"crate": crate}, backend=backend)
-        with stage, Renderer(stage, CAMERA, hidden=("box",)) as renderer:
+        with stage, stage.open(CAMERA, hidden=("box",)) as renderer:
             states = [
                 WorldState({renderer.vehicle: base, "crate": pose((1.0, 0.3 * step, 0.8))})
                 for step, base in enumerate((NOW, AFTER))
@@ -233,7 +239,7 @@ def test_scans_are_those_of_the_gpu():
     scanner = LaserScanner().without_errors()
     scans = []
     for backend in ("cube", "rays"):
-        with LaserRenderer("courtyard", scanner, backend=backend) as renderer:
+        with open_sensor("courtyard", scanner, backend=backend) as renderer:
             scans.append(renderer.scan(pose((1.0, 0.5, 0.4), roll_deg=3.0, yaw_deg=50.0)).ranges_m)
     cube, rays = scans
     assert np.isfinite(cube).sum() > 100
@@ -250,10 +256,10 @@ def test_rays_need_no_opengl(monkeypatch):
     monkeypatch.setattr("omnisim.rendering.cube_backend.open_context", refuse)
     sensor = FISHEYE.resized(60).with_degradation(preset("webcam"))
     with Stage(scene_of([room()]), backend="rays") as stage:
-        with Renderer(stage, sensor) as renderer:
+        with stage.open(sensor) as renderer:
             frame = renderer.render(np.eye(4), also=("range", "flow"), next_state=AFTER)
             assert np.isfinite(frame.channels["range"][frame.has_ray]).all()
-        with LaserRenderer(stage, LaserScanner()) as scanner:
+        with stage.open(LaserScanner()) as scanner:
             assert np.isfinite(scanner.scan(np.eye(4)).ranges_m).all()
 
 
@@ -262,7 +268,7 @@ def test_the_room_has_the_colors_of_its_formula():
     from tests.scenes import room_color, room_hit
 
     sensor = OmniCamera(FISHEYE.model, supersampling=1)
-    with Renderer(scene_of([room()]), sensor, backend="rays") as renderer:
+    with open_sensor(scene_of([room()]), sensor, backend="rays") as renderer:
         frame = renderer.render(NOW, linear=True, also=("position",))
     position = frame.channels["position"][frame.has_ray]
     hits = room_hit(NOW[:3, 3], position - NOW[:3, 3])
@@ -273,20 +279,18 @@ def test_the_room_has_the_colors_of_its_formula():
 def test_what_rays_cannot_do_is_refused_by_name():
     scene = scene_of([square()])
     with Stage(scene, backend="rays") as stage:
-        with Renderer(stage, CAMERA) as renderer:
+        with stage.open(CAMERA) as renderer:
             renderer.render(np.eye(4))
             with pytest.raises(GraphicsError, match="faces: back end 'rays' has none"):
                 renderer.faces()
         with pytest.raises(GraphicsError, match="back end draws nothing by OpenGL"):
             _ = stage.context
-        with pytest.raises(GraphicsError, match="give them to the stage"):
-            Renderer(stage, CAMERA, backend="cube")
     with pytest.raises(GraphicsError, match="this stage is closed"):
-        Renderer(stage, CAMERA)
+        stage.open(CAMERA)
     with pytest.raises(GraphicsError, match="device 0: back end 'rays' needs no GPU"):
-        Renderer(scene, CAMERA, backend="rays", device=0)
+        open_sensor(scene, CAMERA, backend="rays", device=0)
     with pytest.raises(GraphicsError, match="backend 'ray': did you mean 'rays'"):
-        Renderer(scene, CAMERA, backend="ray")
+        open_sensor(scene, CAMERA, backend="ray")
 
 
 def test_memory_is_freed_when_a_renderer_is_closed():
@@ -294,7 +298,7 @@ def test_memory_is_freed_when_a_renderer_is_closed():
     gc.collect()
     gc.disable()
     try:
-        with Renderer(scene_of([room()]), CAMERA, backend="rays") as renderer:
+        with open_sensor(scene_of([room()]), CAMERA, backend="rays") as renderer:
             renderer.render(np.eye(4), also=("range",))
             scene = weakref.ref(renderer._stage.backend.rays)
         assert scene() is None
@@ -305,4 +309,4 @@ def test_memory_is_freed_when_a_renderer_is_closed():
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr("omnisim.core.extras.is_installed", lambda module: module != "embreex")
     with pytest.raises(OmnisimError, match=r"needs embreex: pip install 'omnisim-camera\[rays\]'"):
-        Renderer(scene_of([square()]), CAMERA, backend="rays")
+        open_sensor(scene_of([square()]), CAMERA, backend="rays")

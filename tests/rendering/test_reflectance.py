@@ -99,7 +99,7 @@ def _spheres(lighting, **values):
 
 
 def _image(scene, camera, backend="cube", pose=None):
-    with omnisim.Renderer(scene, camera, backend=backend) as renderer:
+    with omnisim.open_sensor(scene, camera, backend=backend) as renderer:
         return renderer.render(omnisim.pose((0, 0, 0)) if pose is None else pose).rgba
 
 
@@ -183,7 +183,7 @@ def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
     pose = omnisim.pose((0.3, -0.2, 0.1), roll_deg=20.0, pitch_deg=-10.0, yaw_deg=15.0)
     images = []
     for backend in ("cube", "rays"):
-        with omnisim.Renderer(scene, camera, backend=backend) as renderer:
+        with omnisim.open_sensor(scene, camera, backend=backend) as renderer:
             images.append(renderer.render(pose, linear=True).linear)
     apart = np.abs(images[0] - images[1]).max(axis=-1)
     rays = lens.ray_from_pixel(pixel_grid(256, 128)).directions @ lens.rig_from_optical.T
@@ -229,7 +229,7 @@ def test_an_edited_instance_looks_as_in_a_new_scene():
     pose = scene.pose_of("sphere 4")
     pose[:3, :3] = omnisim.pose((0, 0, 0), yaw_deg=40.0)[:3, :3]
     moved = scene.moved("sphere 4", pose)
-    with omnisim.Renderer(scene, camera) as renderer:
+    with omnisim.open_sensor(scene, camera) as renderer:
         renderer.render(omnisim.pose((0, 0, 0)))
         renderer.scene = moved
         edited = renderer.render(omnisim.pose((0, 0, 0))).rgba
@@ -251,7 +251,7 @@ def test_batches_have_the_sky_and_the_gloss_of_single_images():
     scene = _spheres(LIGHTINGS["sky"], **MATERIALS["normal map"])
     camera = OmniCamera().resized(80)
     poses = [omnisim.pose((x, 0.2, 0.1), yaw_deg=30.0 * x) for x in (0.0, 1.0, 2.0)]
-    with omnisim.Renderer(scene, camera) as renderer:
+    with omnisim.open_sensor(scene, camera) as renderer:
         batch = renderer.render_batch(poses)
         for one, pose in zip(batch, poses, strict=True):
             assert (one[..., :3] == renderer.render(pose).rgba[..., :3]).all()

@@ -10,7 +10,7 @@ from omnisim.core.poses import pose as make_pose
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.context import graphics_info, open_context
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture, Wrap
 from tests.scenes import NO_LIGHT, room, scene_of, square
 
@@ -24,7 +24,7 @@ def quad(z_m, half_m=5.0, **options):
 def center_color(scene, viewpoint=(0.0, 0.0, 0.0), **options):
     """Linear color straight below the viewpoint."""
     sensor = OmniCamera(polygons=None).resized(91)
-    with Renderer(scene, sensor, **options) as renderer:
+    with open_sensor(scene, sensor, **options) as renderer:
         frame = renderer.render(sensor.base_pose(viewpoint), linear=True)
     return frame.linear[45, 45]
 
@@ -48,7 +48,7 @@ def test_directions_of_the_image():
         poses.append(pose)
     materials = [material(*color) for color in colors.values()]
     sensor = OmniCamera(polygons=None)
-    with Renderer(scene_of(meshes, materials, poses), sensor) as renderer:
+    with open_sensor(scene_of(meshes, materials, poses), sensor) as renderer:
         ahead = renderer.render(np.eye(4)).rgb
         turned = renderer.render(sensor.base_pose((0, 0, 0), yaw_deg=90.0)).rgb
     middle, near, far = 180, 40, 319
@@ -170,7 +170,7 @@ def test_near_and_far_planes_clip():
         {"mirror": {"polygons": "exact"}, "virtual_cameras": {"near_m": 0.5, "far_m": 2.0}}
     ).resized(91)
     for distance, seen in ((0.49, False), (0.51, True), (1.99, True), (2.01, False)):
-        with Renderer(scene_of([quad(-distance)], [material(1, 0, 0)]), sensor) as renderer:
+        with open_sensor(scene_of([quad(-distance)], [material(1, 0, 0)]), sensor) as renderer:
             red = renderer.render(np.eye(4)).rgb[45, 45, 0]
         assert (red > 0) == seen, distance
 
@@ -183,7 +183,9 @@ def test_far_surfaces_do_not_shine_through_each_other(distance_m, gap_m):
     poses = [np.eye(4), np.eye(4)]
     tilt = make_pose((0.0, 0.0, -distance_m), roll_deg=7.0, pitch_deg=11.0)
     sensor = OmniCamera(polygons=None, samples=1)
-    with Renderer(scene_of(meshes, materials, [tilt @ pose for pose in poses]), sensor) as renderer:
+    with open_sensor(
+        scene_of(meshes, materials, [tilt @ pose for pose in poses]), sensor
+    ) as renderer:
         rgb = renderer.render(np.eye(4)).rgb
     assert (rgb[..., 1] > 0).sum() > 10_000
     assert not rgb[..., 0].any()
@@ -192,7 +194,7 @@ def test_far_surfaces_do_not_shine_through_each_other(distance_m, gap_m):
 def test_viewpoint_inside_a_wall_is_a_image():
     scene = scene_of([room()])
     sensor = OmniCamera()
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         frame = renderer.render(sensor.base_pose((3.0, 0.0, 0.0)))
     assert frame.rgb[frame.valid].std() > 1.0
 
@@ -200,8 +202,8 @@ def test_viewpoint_inside_a_wall_is_a_image():
 def test_two_renderers_side_by_side():
     """Each has its own context; neither disturbs the other, nor does one that is closed."""
     sensor = OmniCamera(polygons=None).resized(91)
-    one = Renderer(scene_of([quad(-1.0)], [material(1, 0, 0)]), sensor)
-    other = Renderer(scene_of([quad(-1.0)], [material(0, 1, 0)]), sensor)
+    one = open_sensor(scene_of([quad(-1.0)], [material(1, 0, 0)]), sensor)
+    other = open_sensor(scene_of([quad(-1.0)], [material(0, 1, 0)]), sensor)
     pose = np.eye(4)
     assert one.render(pose).rgb[45, 45].tolist() == [255, 0, 0]
     assert other.render(pose).rgb[45, 45].tolist() == [0, 255, 0]
@@ -229,7 +231,7 @@ def test_textures_are_upright_and_wrap(wrap):
     mesh = quad(-1.0, texture_coordinates=coordinates)
     textured = Material(texture=Texture(pixels, wrap, wrap))
     sensor = OmniCamera(polygons=None, samples=1).resized(361)
-    with Renderer(scene_of([mesh], [textured]), sensor) as renderer:
+    with open_sensor(scene_of([mesh], [textured]), sensor) as renderer:
         rgb = renderer.render(np.eye(4)).rgb.astype(int)
 
     def at(x, y):  # a point of the floor
@@ -272,7 +274,7 @@ def test_impossible_sensors_are_refused(options, words):
 
 
 def test_images_can_be_written_to():
-    with Renderer(scene_of([room()])) as renderer:
+    with open_sensor(scene_of([room()])) as renderer:
         frame = renderer.render(np.eye(4), linear=True)
         frame.rgb[0, 0] = 1
         frame.linear[0, 0] = 1.0
@@ -281,11 +283,11 @@ def test_images_can_be_written_to():
 
 def test_sizes_that_do_not_fit_are_refused():
     with pytest.raises(GraphicsError, match=r"smaller$"):
-        Renderer(scene_of([room()]), OmniCamera(face_size_px=7000))
+        open_sensor(scene_of([room()]), OmniCamera(face_size_px=7000))
 
 
 def test_closed_renderers_refuse_to_render():
-    renderer = Renderer(scene_of([room()]))
+    renderer = open_sensor(scene_of([room()]))
     with pytest.raises(GraphicsError, match="render a frame first"):
         renderer.faces()
     renderer.close()
@@ -299,7 +301,7 @@ def test_closed_renderers_refuse_to_render():
 def test_frames_of_a_loop_do_not_depend_on_each_other():
     sensor = OmniCamera()
     poses = [sensor.base_pose((x, 0.0, 0.0), yaw_deg=40.0 * x) for x in (0.0, 0.5, 1.0)]
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         forth = [renderer.render(pose).rgba for pose in poses]
         back = [renderer.render(pose).rgba for pose in reversed(poses)]
     for one, other in zip(forth, reversed(back), strict=True):
@@ -308,7 +310,7 @@ def test_frames_of_a_loop_do_not_depend_on_each_other():
 
 def test_linear_and_encoded_image_agree():
     sensor = OmniCamera()
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(np.eye(4), linear=True)
         assert renderer.render(np.eye(4)).linear is None
     expected = 255.0 * srgb_from_linear(frame.linear)
@@ -324,7 +326,7 @@ def test_srgb_reference_is_its_own_inverse():
 
 def test_faces_and_their_unfolding():
     sensor = OmniCamera(face_size_px=64)
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         renderer.render(np.eye(4))
         faces = renderer.faces()
     assert list(faces) == ["front", "left", "back", "right", "down"]
@@ -342,16 +344,16 @@ def test_faces_and_their_unfolding():
 
 def test_limits_of_the_gpu_are_named():
     with pytest.raises(GraphicsError, match="a capture of 90000 × 90000 px: this GPU takes at"):
-        Renderer(scene_of([room()]), OmniCamera().resized(30000))
+        open_sensor(scene_of([room()]), OmniCamera().resized(30000))
     with pytest.raises(GraphicsError, match="size_px smaller"):
-        Renderer(scene_of([room()]), OmniCamera(face_size_px=20000))
+        open_sensor(scene_of([room()]), OmniCamera(face_size_px=20000))
     context = open_context()
     too_large_px = graphics_info(context).max_texture_size_px // 3 + 1
     context.release()
     with pytest.raises(GraphicsError, match=r"smaller, or choose --quality fast$"):
-        Renderer(scene_of([room()]), OmniCamera().resized(too_large_px))
+        open_sensor(scene_of([room()]), OmniCamera().resized(too_large_px))
     with pytest.raises(GraphicsError, match="device 99: there is no such device"):
-        Renderer(scene_of([room()]), device=99)
+        open_sensor(scene_of([room()]), device=99)
 
 
 @pytest.mark.parametrize(
@@ -360,7 +362,7 @@ def test_limits_of_the_gpu_are_named():
 )
 def test_matrices_that_are_no_poses_are_refused(matrix):
     with (
-        Renderer(scene_of([room()], lighting=NO_LIGHT)) as renderer,
+        open_sensor(scene_of([room()], lighting=NO_LIGHT)) as renderer,
         pytest.raises(OmnisimError, match="pose: expected"),
     ):
         renderer.render(matrix)
@@ -368,7 +370,7 @@ def test_matrices_that_are_no_poses_are_refused(matrix):
 
 def test_metadata_describes_camera_and_pose():
     sensor = OmniCamera()
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         metadata = renderer.render(make_pose((1.0, 0.5, 0.0), yaw_deg=30.0)).metadata
     assert metadata["camera"]["k"] == 11.546
     assert metadata["camera"]["focal_length_px"] == sensor.model.focal_length_px
@@ -388,7 +390,7 @@ def test_supersampling_is_the_mean_of_a_finer_image(polygons):
     # so few texels that neither asks for mip levels, which differ between one sample and many
     coarse = OmniCamera(polygons=polygons, supersampling=3, face_size_px=48).resized(120)
     fine = OmniCamera(polygons=polygons, supersampling=1, face_size_px=48).resized(360)
-    with Renderer(scene, coarse) as one, Renderer(scene, fine) as other:
+    with open_sensor(scene, coarse) as one, open_sensor(scene, fine) as other:
         mean = one.render(np.eye(4), linear=True)
         blocks = other.render(np.eye(4), linear=True)
     colors = blocks.linear.reshape(120, 3, 120, 3, 3)
@@ -414,7 +416,7 @@ def test_texels_per_pixel_have_bounds(texels_per_pixel):
 
 def test_faces_are_whole_although_a_frame_draws_only_tiles():
     scene = scene_of([room()])
-    with Renderer(scene, OmniCamera().resized(120)) as renderer:
+    with open_sensor(scene, OmniCamera().resized(120)) as renderer:
         renderer.render(np.eye(4))
         faces = renderer.faces()
     for pixels in faces.values():

@@ -14,12 +14,11 @@ from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.scene_edits import EditableScene
 from omnisim.rendering.sensor_tiles import sensor_tiles
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import Scene
-from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
+from omnisim.sensors import LaserScanner
 
 CHANNELS = ("range", "position", "normals", "albedo", "semantic", "instance")
 LENS = EquidistantCamera(96, 96, 30.0, (47.5, 47.5), theta_max_rad=1.6)
@@ -95,11 +94,11 @@ def assert_same(frame, expected):
 
 @pytest.mark.parametrize("edit", EDITS.values(), ids=EDITS)
 def test_the_next_frame_is_that_of_a_fresh_renderer(edit):
-    with Renderer(yard(), LENS) as renderer:
+    with open_sensor(yard(), LENS) as renderer:
         before = draw(renderer)
         edit(renderer)
         frame = draw(renderer)
-        with Renderer(renderer.scene, LENS) as fresh:
+        with open_sensor(renderer.scene, LENS) as fresh:
             assert_same(frame, draw(fresh))
     changed = (frame.rgb != before.rgb).any(axis=-1)
     assert changed.sum() > 20
@@ -108,7 +107,7 @@ def test_the_next_frame_is_that_of_a_fresh_renderer(edit):
 def test_many_edits_are_as_good_as_one():
     rng = np.random.default_rng(5)
     scene, part = yard(), box(half_m=0.15, base_color=(0.8, 0.2, 0.6))
-    with Renderer(scene, LENS) as renderer:
+    with open_sensor(scene, LENS) as renderer:
         before = draw(renderer)
         for step in range(40):
             names = renderer.scene.instance_names
@@ -126,7 +125,7 @@ def test_many_edits_are_as_good_as_one():
             if step % 7 == 0:
                 draw(renderer)
         frame = draw(renderer)
-        with Renderer(renderer.scene, LENS) as fresh:
+        with open_sensor(renderer.scene, LENS) as fresh:
             assert_same(frame, draw(fresh))
         renderer.scene = scene
         after = draw(renderer)
@@ -164,37 +163,37 @@ def test_items_drawn_one_by_one_are_equal_byte_for_byte(context, edit):
 
 def test_all_renderers_of_a_stage_see_an_edit():
     with Stage(yard()) as stage:
-        eye, other = Renderer(stage, LENS), Renderer(stage, LENS)
-        laser = LaserRenderer(stage)
+        eye, other = stage.open(LENS), stage.open(LENS)
+        laser = stage.open(LaserScanner())
         scanner = pose((0.0, 0.0, 0.4))
         before, ranges = other.render(HERE), laser.scan(scanner).ranges_m
         eye.move("box_0", pose((0.0, -1.5, 0.4)))
         assert stage.scene is eye.scene is other.scene
         assert (other.render(HERE).rgb != before.rgb).any()
         moved = laser.scan(scanner).ranges_m
-    with LaserRenderer(stage.scene) as fresh:
+    with open_sensor(stage.scene, LaserScanner()) as fresh:
         np.testing.assert_allclose(moved, fresh.scan(scanner).ranges_m, atol=1e-5)
     assert (moved != ranges).sum() > 5
 
 
 def test_what_an_edit_moves_has_no_flow():
-    with Renderer(yard(), LENS) as renderer:
+    with open_sensor(yard(), LENS) as renderer:
         draw(renderer)
         renderer.move("box_0", pose((1.0, 0.5, 1.0)))
         flow = renderer.render(HERE, also=("flow",), next_state=HERE).channels["flow"]
-        with Renderer(renderer.scene, LENS) as fresh:
+        with open_sensor(renderer.scene, LENS) as fresh:
             expected = fresh.render(HERE, also=("flow",), next_state=HERE).channels["flow"]
     np.testing.assert_allclose(flow, expected, atol=1e-3)
 
 
 def test_a_scene_may_be_empty_for_a_while():
     part = box()
-    with Renderer(part, LENS) as renderer:
+    with open_sensor(part, LENS) as renderer:
         draw(renderer)
         renderer.remove("box")
         frame = draw(renderer)
         assert not frame.channels["instance"].any()
-        with Renderer(renderer.scene, LENS) as fresh:
+        with open_sensor(renderer.scene, LENS) as fresh:
             np.testing.assert_array_equal(draw(fresh).rgb, frame.rgb)
             fresh.add("box", part, pose((1.0, 0.0, 1.0)))
             found = draw(fresh)
@@ -203,7 +202,7 @@ def test_a_scene_may_be_empty_for_a_while():
 
 @pytest.mark.slow
 def test_memory_is_bounded():
-    with Renderer(yard(), LENS) as renderer:
+    with open_sensor(yard(), LENS) as renderer:
         draw(renderer)
         buffers = renderer._stage.graphics.buffers
         sizes = []
@@ -224,12 +223,12 @@ def test_memory_is_bounded():
                 renderer.remove("part")
         assert max(sizes) < 40_000_000
         assert sizes[-1] <= max(sizes[:40])
-        with Renderer(renderer.scene, LENS) as fresh:
+        with open_sensor(renderer.scene, LENS) as fresh:
             assert_same(frame, draw(fresh))
 
 
 def test_frames_without_edits_refresh_nothing(monkeypatch):
-    with Renderer(yard(), LENS) as renderer:
+    with open_sensor(yard(), LENS) as renderer:
         renderer.move("box_0", pose((1.0, 0.0, 1.0)))
         renderer.move("box_0", pose((1.0, 0.0, 2.0)))
         calls, refresh = [], CubePass.refresh
@@ -240,7 +239,7 @@ def test_frames_without_edits_refresh_nothing(monkeypatch):
 
 
 def test_another_world_is_refused():
-    with Renderer(yard(), LENS) as renderer:
+    with open_sensor(yard(), LENS) as renderer:
         before = renderer.render(HERE)
         with pytest.raises(SceneError, match="scene: expected the background"):
             renderer.scene = dataclasses.replace(yard(), background=(1.0, 0.0, 0.0))
@@ -254,21 +253,24 @@ def test_another_world_is_refused():
 def test_a_vehicle_is_moved_by_the_state():
     body = Scene.from_arrays("body", np.eye(3), [[0, 1, 2]])
     expected = r"moves with the state of each frame: .*WorldState"
-    with Renderer(yard(), LENS, body=body) as renderer, pytest.raises(SceneError, match=expected):
+    with (
+        open_sensor(yard(), LENS, body=body) as renderer,
+        pytest.raises(SceneError, match=expected),
+    ):
         renderer.move("body", HERE)
 
 
 @pytest.mark.slow
 def test_rays_see_edits_too():
     pytest.importorskip("embreex")
-    with Renderer(yard(), LENS, backend="rays") as renderer:
+    with open_sensor(yard(), LENS, backend="rays") as renderer:
         draw(renderer)
         for edit in EDITS.values():
             edit(renderer)
             renderer.scene = yard() if "glass" in renderer.scene.instance_names else renderer.scene
         renderer.move("box_1", pose((1.0, 0.2, 1.1), 10.0, 20.0, 30.0))
         frame = draw(renderer)
-        with Renderer(renderer.scene, LENS, backend="rays") as fresh:
+        with open_sensor(renderer.scene, LENS, backend="rays") as fresh:
             expected = draw(fresh)
     np.testing.assert_array_equal(frame.linear, expected.linear)
     for name in CHANNELS:

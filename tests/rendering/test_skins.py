@@ -5,12 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer, Stage, load_scene
+from omnisim import (
+    LaserScanner,
+    OmniCamera,
+    Stage,
+    load_scene,
+    open_sensor,
+)
 from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.degradations import Degradation, Shutter
-from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from tests.cameras.optics.examples import SYSTEMS
 from tests.skinned_figure import Figure
@@ -31,7 +36,7 @@ def _open(folder, backend, **options):
     if backend == "rays":
         pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
     stage = Stage(load_scene(FIGURE.write(folder / "a.glb", **options)), backend=backend)
-    return stage, Renderer(stage, _camera())
+    return stage, stage.open(_camera())
 
 
 def _nearest(points_m, vertices_m):
@@ -164,7 +169,7 @@ def test_shadows_follow_the_figure(tmp_path):
     scene = load_scene(tmp_path / "scene.toml")
     images = {}
     for backend in ("cube", "rays"):
-        with Renderer(scene, _camera(), backend=backend) as renderer:
+        with open_sensor(scene, _camera(), backend=backend) as renderer:
             for time_s in (0.1, 0.9):
                 state = WorldState({renderer.vehicle: HERE}, time_s)
                 frame = renderer.render(state, also=("instance",))
@@ -188,7 +193,7 @@ def test_a_laser_scanner_sees_the_shins_where_they_are(tmp_path):
     )
     at = pose((0.2, -1.0, 0.3))
     time_s = 0.6
-    with LaserRenderer(scene, scanner) as renderer:
+    with open_sensor(scene, scanner) as renderer:
         still = renderer.scan(WorldState({renderer.vehicle: at}, 0.0))
         scan = renderer.scan(WorldState({renderer.vehicle: at}, time_s))
     corners_m = FIGURE.vertices_m(time_s)[FIGURE.triangles] - scan.world_from_scanner[:3, 3]
@@ -235,7 +240,7 @@ def test_a_rolling_shutter_has_rows_of_their_times(tmp_path):
     """A camera at rest: sub-frames are chosen by how far joints move."""
     shutter = Shutter(readout_s=0.3)
     stage, renderer = _open(tmp_path, "cube")
-    rolling = Renderer(stage, _camera(degradation=Degradation(shutter=shutter)))
+    rolling = stage.open(_camera(degradation=Degradation(shutter=shutter)))
     with stage, renderer, rolling:
 
         def state_at(time_s):
@@ -261,7 +266,7 @@ def test_a_lidar_meets_the_figure_where_it_is_at_each_firing(backend, bound_m, t
     scene = load_scene(FIGURE.write(tmp_path / "a.glb"))
     lidar = SpinningLidar.vlp16().without_errors()
     at = pose((-0.2, -0.9, 0.9))
-    with LidarRenderer(scene, lidar, backend=backend) as renderer:
+    with open_sensor(scene, lidar, backend=backend) as renderer:
 
         def state_at(time_s):
             return WorldState({renderer.vehicle: at}, time_s)
@@ -290,7 +295,7 @@ def test_flow_through_optics_without_a_viewpoint(tmp_path):
     model = SYSTEMS["sphere"].scaled(0.4)
     found = []
     for backend in ("cube", "rays"):
-        with Renderer(scene, OmniCamera(model, supersampling=1), backend=backend) as renderer:
+        with open_sensor(scene, OmniCamera(model, supersampling=1), backend=backend) as renderer:
             base = pose((0.6, -0.9, 0.9), yaw_deg=20.0)
             now, after = (WorldState({renderer.vehicle: base}, time_s) for time_s in (0.4, 0.45))
             also = ("instance", "flow", "occluded", "scene_flow")

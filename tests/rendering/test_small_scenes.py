@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim import OmniCamera, Renderer, Scene
+from omnisim import OmniCamera, Scene, open_sensor
 from omnisim.cameras import EquirectangularCamera, PerspectiveCamera
 from omnisim.core.poses import pose
 from omnisim.rendering.missed_surfaces import near_plane_note, surfaces_too_near
 from omnisim.sensors.depth_camera.depth_camera import DepthCamera
-from omnisim.sensors.depth_camera.depth_renderer import DepthRenderer
-from omnisim.sensors.lidar.lidar_renderer import LidarRenderer
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 
@@ -19,7 +17,7 @@ from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 def test_a_small_object_is_seen_at_its_range(radius_m):
     ball = trimesh.creation.icosphere(4, radius_m)
     scene = Scene.from_arrays("ball", ball.vertices, ball.faces)
-    with Renderer(scene, EquirectangularCamera(128, 64)) as renderer:
+    with open_sensor(scene, EquirectangularCamera(128, 64)) as renderer:
         base = renderer.camera.base_pose(scene.start.position_m, scene.start.yaw_deg)
         ranges_m = renderer.render(base, also=("range",)).channels["range"]
     distance_m = np.linalg.norm(scene.start.position_m)
@@ -55,11 +53,11 @@ def test_depth_cameras_and_lidars_see_small_scenes():
         width_px=32, height_px=24, focal_length_px=40.0, baseline_m=1e-4,
         range_min_m=0.002, range_max_m=0.1,
     ).without_noise()  # fmt: skip
-    with DepthRenderer(scene, small) as renderer:
+    with open_sensor(scene, small) as renderer:
         depths_m = renderer.measure(np.eye(4))
     np.testing.assert_allclose(depths_m[4:-4, 4:-4], 0.008, rtol=1e-3)
     lidar = SpinningLidar(firings=60, range_min_m=0.001, step_m=0.0, sigma_m=0.0)
-    with LidarRenderer(scene, lidar) as renderer:
+    with open_sensor(scene, lidar) as renderer:
         points_m = renderer.scan(np.eye(4)).points["x"]
     # 16 rings, and each 6° up to 42° to either side: the plate ends at 45°
     assert len(points_m) == 16 * 15

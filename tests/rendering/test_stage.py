@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim import LaserRenderer, OmniCamera, Renderer, Stage
+from omnisim import OmniCamera, Stage, Vehicle, open_sensor
 from omnisim.core.errors import GraphicsError, OmnisimError, SceneError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
+from omnisim.rendering.sensor_renderer import SensorRenderer
+from omnisim.sensors import LaserScanner
 from tests.scenes import room, scene_of
 from tests.vehicles import (
     BASE_FROM_SCANNER,
@@ -17,6 +19,7 @@ from tests.vehicles import (
     POSES,
     SCANNER,
     body,
+    box,
     mounted_on_p2at,
     p2at_body,
     surroundings,
@@ -30,17 +33,17 @@ def test_shared_stage_renders_as_separate_ones():
     scene = surroundings()
     small = OmniCamera(polygons=64).resized(90)
     bases = list(POSES.values())
-    with Renderer(scene, CAMERA, body=body()) as renderer:
+    with open_sensor(scene, CAMERA, body=body()) as renderer:
         large_alone = [renderer.render(base).rgba for base in bases]
-    with Renderer(scene, small, body=body(), unlit=True) as renderer:
+    with open_sensor(scene, small, body=body(), unlit=True) as renderer:
         small_alone = [renderer.render(base).rgba for base in bases]
-    mount = {"base_from_scanner": BASE_FROM_SCANNER}
-    with LaserRenderer(scene, SCANNER, body=body(), **mount) as scanner:
+    mount = {"base_from_sensor": BASE_FROM_SCANNER}
+    with open_sensor(scene, SCANNER, body=body(), **mount) as scanner:
         scans_alone = [scanner.scan(base).ranges_m for base in bases]
-    with Stage(scene, body()) as stage, Renderer(scene_of([room()])) as stranger:
-        large_one = Renderer(stage, CAMERA)
-        small_one = Renderer(stage, small, unlit=True)
-        scanner = LaserRenderer(stage, SCANNER, **mount)
+    with Stage(scene, body()) as stage, open_sensor(scene_of([room()])) as stranger:
+        large_one = stage.open(CAMERA)
+        small_one = stage.open(small, unlit=True)
+        scanner = stage.open(SCANNER, **mount)
         for index, base in enumerate(bases):
             np.testing.assert_array_equal(large_one.render(base).rgba, large_alone[index])
             stranger.render(np.eye(4))
@@ -70,10 +73,8 @@ def test_memory_is_constant_over_a_drive():
     frames = 300
     camera, base_from_scanner = mounted_on_p2at(90)
     with Stage(surroundings(), p2at_body()) as stage:
-        eye = Renderer(stage, camera)
-        scanner = LaserRenderer(
-            stage, SCANNER, base_from_scanner=base_from_scanner, hidden={"lms200"}
-        )
+        eye = stage.open(camera)
+        scanner = stage.open(SCANNER, base_from_sensor=base_from_scanner, hidden={"lms200"})
 
         def drive(steps):
             for step in range(steps):
@@ -95,14 +96,14 @@ def test_closed_renderer_frees_its_memory():
     break it. Measured: 12 MB of 71, from there on less with each, as freed memory is used again."""
     times = 40
     with Stage(surroundings(), body()) as stage:
-        first = Renderer(stage, CAMERA)
+        first = stage.open(CAMERA)
         before = first.render(pose()).rgba
         width_px, height_px = first._passes.cube.atlas.size
         atlas_bytes = 8 * width_px * height_px  # four half floats
 
         def open_and_close(count):
             for _ in range(count):
-                with Renderer(stage, CAMERA) as renderer, LaserRenderer(stage, SCANNER) as scanner:
+                with stage.open(CAMERA) as renderer, stage.open(SCANNER) as scanner:
                     renderer.render(pose())
                     scanner.scan(pose())
 
@@ -118,7 +119,7 @@ def test_closed_renderer_frees_its_memory():
 def test_closing_in_any_order():
     scene = scene_of([room()])
     stage = Stage(scene)
-    camera, scanner = Renderer(stage, CAMERA), LaserRenderer(stage, SCANNER)
+    camera, scanner = stage.open(CAMERA), stage.open(SCANNER)
     camera.render(np.eye(4))
     stage.close()
     stage.close()
@@ -126,8 +127,8 @@ def test_closing_in_any_order():
         lambda: camera.render(np.eye(4)),
         camera.faces,
         lambda: scanner.scan(np.eye(4)),
-        lambda: Renderer(stage),
-        lambda: LaserRenderer(stage),
+        lambda: stage.open(),
+        lambda: stage.open(LaserScanner()),
     ):
         with pytest.raises(GraphicsError, match="this stage is closed: open a new one"):
             use()
@@ -140,26 +141,23 @@ def test_closing_in_any_order():
 
 def test_failed_renderer_leaves_the_stage_unchanged():
     with Stage(surroundings()) as stage:
-        first = Renderer(stage, CAMERA)
+        first = stage.open(CAMERA)
         before = first.render(pose()).rgba
         with pytest.raises(GraphicsError, match="this GPU takes at most"):
-            Renderer(stage, CAMERA.resized(30000))
+            stage.open(CAMERA.resized(30000))
         np.testing.assert_array_equal(first.render(pose()).rgba, before)
 
 
 def test_invalid_arguments_are_refused():
     scene = scene_of([room()])
     with pytest.raises(SceneError, match="'hul': no part of the body: it has box, cage, hull"):
-        Renderer(scene, body=body(), hidden={"hul"})
+        open_sensor(scene, body=body(), hidden={"hul"})
     with pytest.raises(SceneError, match="hidden: 'lms200': no part of the body: there is no body"):
-        LaserRenderer(scene, hidden={"lms200"})
+        open_sensor(scene, LaserScanner(), hidden={"lms200"})
     with Stage(scene, body()) as stage:
         with pytest.raises(SceneError, match="'object 0': no part of the body"):
-            Renderer(stage, CAMERA, hidden={"object 0"})  # of the scene
-        for options in ({"body": body()}, {"device": 0}):
-            with pytest.raises(GraphicsError, match="give them to the stage"):
-                Renderer(stage, CAMERA, **options)
-        scanner = LaserRenderer(stage)
+            stage.open(CAMERA, hidden={"object 0"})  # of the scene
+        scanner = stage.open(LaserScanner())
         with pytest.raises(SceneError, match="state: expected a pose of body, got crate"):
             scanner.scan(WorldState({"crate": np.eye(4)}))
         with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
@@ -171,3 +169,59 @@ def test_invalid_arguments_are_refused():
         Stage(scene, vehicles={"one": body()}, dynamic_objects={"one": body()})
     with pytest.raises(GraphicsError, match="there is no such device"):
         Stage(scene, device=99)
+
+
+class _Plumb:
+    """Sensor of a user: the height over the ground."""
+
+    def summary(self):
+        return "plumb line"
+
+    def open(self, stage, mounting):
+        return _PlumbRenderer(stage, self, mounting)
+
+
+class _PlumbRenderer(SensorRenderer):
+    def _open_passes(self, hidden):
+        return self._stage.backend.range_finder(np.zeros(1), np.inf, hidden)
+
+    def height_m(self, state):
+        now = self._state(state)
+        down = self._world_from_sensor(now) @ pose(pitch_deg=90.0)
+        with self._current() as passes:
+            return float(passes.cast(down, self._stage.poses_in(now))[0])
+
+
+def test_a_stage_opens_sensors_of_a_users_own():
+    floor = scene_of([box("floor", 0)])
+    top_m = floor.bounds_m()[1, 2]
+    with open_sensor(floor, _Plumb(), pose((0.0, 0.0, 0.5)), backend="rays") as renderer:
+        height_m = renderer.height_m(pose((0.0, 0.0, top_m + 1.0)))
+        assert height_m == pytest.approx(1.5, abs=1e-6)
+        assert "plumb line" in repr(renderer)
+    with pytest.raises(GraphicsError, match="this renderer is closed"):
+        renderer.height_m(pose())
+
+
+def test_a_cameras_mount_comes_after_the_one_it_is_opened_on():
+    mount = pose((0.1, 0.2, 0.3), yaw_deg=40.0)
+    with Stage(scene_of([room()]), backend="rays") as stage:
+        camera = stage.open(CAMERA, mount).camera
+        np.testing.assert_array_equal(camera.base_from_rig, mount @ CAMERA.base_from_rig)
+        with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
+            stage.open(CAMERA, 2.0 * np.eye(4))
+
+
+def test_a_vehicles_sensors_are_opened_as_they_are_mounted():
+    robot = Vehicle.load("p2at")
+    laser = robot.scanner()
+    with Stage(scene_of([room()]), robot.body, backend="rays") as stage:
+        mounted, given = (
+            stage.open(laser),
+            stage.open(laser.sensor, laser.base_from_sensor, hidden=laser.hides),
+        )
+        scan = mounted.scan(pose())
+        np.testing.assert_array_equal(scan.ranges_m, given.scan(pose()).ranges_m)
+        np.testing.assert_array_equal(scan.world_from_scanner, laser.base_from_sensor)
+        eye = robot.camera()
+        assert stage.open(eye).camera.base_from_rig is eye.sensor.base_from_rig

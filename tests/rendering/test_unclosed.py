@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from omnisim import OmniCamera, Renderer, Stage
+from omnisim import OmniCamera, Stage, open_sensor
 from omnisim.rendering.opengl.context import _MAX_IDLE as MAX_IDLE
 from tests.scenes import room, scene_of
 
@@ -25,18 +25,18 @@ def drop(held):
 
 
 def test_a_dropped_renderer_warns_and_a_closed_one_does_not():
-    held = [Renderer(scene_of([room()]), CAMERA)]
+    held = [open_sensor(scene_of([room()]), CAMERA)]
     with pytest.warns(ResourceWarning, match="unclosed") as caught:
         drop(held)
     assert caught[0].filename == __file__
-    Renderer(scene_of([room()]), CAMERA).close()  # a warning is an error in tests
+    open_sensor(scene_of([room()]), CAMERA).close()  # a warning is an error in tests
     gc.collect()
 
 
 def test_dropped_beside_another_renderer():
-    with Renderer(scene_of([room()]), CAMERA) as renderer:
+    with open_sensor(scene_of([room()]), CAMERA) as renderer:
         before = render(renderer)
-        held = [Renderer(scene_of([room()]), CAMERA)]
+        held = [open_sensor(scene_of([room()]), CAMERA)]
         render(held[0])
         with renderer._stage.current():
             with pytest.warns(ResourceWarning, match="unclosed"):
@@ -46,9 +46,9 @@ def test_dropped_beside_another_renderer():
 
 
 def test_renderers_dropped_from_a_shared_stage_are_freed_by_its_next_frame():
-    with Stage(scene_of([room()])) as stage, Renderer(stage, CAMERA) as kept:
+    with Stage(scene_of([room()])) as stage, stage.open(CAMERA) as kept:
         before = render(kept)
-        held = [Renderer(stage, CAMERA)]
+        held = [stage.open(CAMERA)]
         render(held[0])
         drop(held)
         garbage = set(stage.context.objects)
@@ -58,14 +58,14 @@ def test_renderers_dropped_from_a_shared_stage_are_freed_by_its_next_frame():
 
 
 def test_garbage_of_another_thread_is_released_by_its_own():
-    held = [Renderer(scene_of([room()]), CAMERA)]
+    held = [open_sensor(scene_of([room()]), CAMERA)]
     render(held[0])
     context = held[0]._stage.context
     with pytest.warns(ResourceWarning, match="unclosed"):
         run_in_a_thread(lambda: drop(held))
     with ExitStack() as stack:  # other tests' contexts may wait before it
         others = [
-            stack.enter_context(Renderer(scene_of([room()]), CAMERA)) for _ in range(MAX_IDLE)
+            stack.enter_context(open_sensor(scene_of([room()]), CAMERA)) for _ in range(MAX_IDLE)
         ]
         (again,) = (one for one in others if one._stage.context is context)  # emptied
         render(again)
@@ -73,7 +73,7 @@ def test_garbage_of_another_thread_is_released_by_its_own():
 
 def test_garbage_of_a_thread_that_has_ended_is_released_at_once():
     held = []
-    run_in_a_thread(lambda: held.append(Renderer(scene_of([room()]), CAMERA)))
+    run_in_a_thread(lambda: held.append(open_sensor(scene_of([room()]), CAMERA)))
     context = held[0]._stage.context
     with pytest.warns(ResourceWarning, match="unclosed"):
         drop(held)

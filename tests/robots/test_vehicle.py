@@ -71,8 +71,8 @@ def test_the_pioneer():
     assert pioneer.camera("omnicam").origin_m.tolist() == [-0.08, 0.0, 0.65]
     assert pioneer.camera().sensor.supersampling == 3
     laser = pioneer.scanner("lms200")
-    assert laser.scanner == LaserScanner.lms200()
-    np.testing.assert_array_equal(laser.base_from_scanner, pose((0.160, 0.0, 0.361)))
+    assert laser.sensor == LaserScanner.lms200()
+    np.testing.assert_array_equal(laser.base_from_sensor, pose((0.160, 0.0, 0.361)))
     assert laser.hides == ("lms200",)
     assert pioneer.camera().hides == ()
 
@@ -105,10 +105,10 @@ def test_scanners_are_as_asked_for():
     }
     vehicle = vehicle_of(*robot.values())
     lms, usarsim = vehicle.scanners
-    assert lms.scanner == LaserScanner.lms200(0.25, "cm", 3).without_noise()
-    assert usarsim.scanner == LaserScanner.usarsim()
+    assert lms.sensor == LaserScanner.lms200(0.25, "cm", 3).without_noise()
+    assert usarsim.sensor == LaserScanner.usarsim()
     assert vehicle.body is None
-    around = vehicle_of({**robot["usarsim"], "scan_fov_rad": 6.2832}).scanner().scanner
+    around = vehicle_of({**robot["usarsim"], "scan_fov_rad": 6.2832}).scanner().sensor
     assert around.field_of_view_deg == 360.0
 
 

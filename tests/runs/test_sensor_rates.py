@@ -83,7 +83,7 @@ def test_sensors_of_a_trigger_fire_together():
     times = [one.times_s(steps_s, 4) for one in (sonar, camera, lidar)]
     assert np.array_equal(times[0], times[1])
     assert np.array_equal(times[0], times[2])
-    assert lidar.lidar.rate_hz == 12.0
+    assert lidar.sensor.rate_hz == 12.0
 
 
 def test_without_a_rate_it_measures_at_each_step():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.model import AlphaMode, Material, Texture
 from tests.scenes import scene_of, square
@@ -50,7 +50,7 @@ def test_far_fence_is_still_there():
     share = []
     for material in (fence, plain):
         sensor = OmniCamera(polygons=None).resized(120)
-        with Renderer(scene_of([mesh], [material]), sensor) as renderer:
+        with open_sensor(scene_of([mesh], [material]), sensor) as renderer:
             frame = renderer.render(np.eye(4), linear=True)
         share.append(frame.linear[frame.valid].mean())
     assert 0.2 < share[0] / share[1] < 0.6

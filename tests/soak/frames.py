@@ -63,7 +63,7 @@ def frames(times: int, scene: str = "sheets", print_line=print) -> Growth:
     objects = [Counter(), Counter(), Counter()]
     cameras = [OmniCamera().resized(size).with_quality("fast") for size in SIZES_PX]
     with Stage(*SCENES[scene]()) as stage:
-        renderers = [Renderer(stage, camera) for camera in cameras]
+        renderers = [stage.open(camera) for camera in cameras]
         while done < times:
             third = 3 * done // times
             for renderer in renderers:

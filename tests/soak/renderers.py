@@ -5,7 +5,7 @@ import os
 import warnings
 from pathlib import Path
 
-from omnisim import LaserRenderer, LaserScanner, OmniCamera, Renderer
+from omnisim import LaserScanner, OmniCamera, open_sensor
 from omnisim.core.poses import pose
 from tests.scenes import room, scene_of
 
@@ -36,12 +36,12 @@ def renderers(times: int, print_line=print) -> float:
         scene = scene_of([room()])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ResourceWarning)
-            renderer = Renderer(scene, CAMERA)
+            renderer = open_sensor(scene, CAMERA)
             renderer.render(pose())
             if number % 2:
                 renderer.close()
             if number % 10 == 0:
-                LaserRenderer(scene, LaserScanner()).scan(pose())
+                open_sensor(scene, LaserScanner()).scan(pose())
             del renderer
             gc.collect()
         if number == WARM:

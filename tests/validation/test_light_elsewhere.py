@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.scenes import WAREHOUSE
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.validation.fixture import linear_image
@@ -39,7 +39,7 @@ def scene():
 
 
 def _ours(scene):
-    with Renderer(scene, SENSOR) as renderer:
+    with open_sensor(scene, SENSOR) as renderer:
         return linear_image(renderer.render(AT, linear=True))
 
 

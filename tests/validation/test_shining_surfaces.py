@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Lighting, Material
 from omnisim.validation.fixture import linear_image
 from omnisim.validation.psnr import psnr_db
@@ -39,7 +39,7 @@ def scene():
 def test_light_of_a_panel(scene):
     """With soft shadows, and colors that bounce between the walls; measured: 41.7 dB and 0.991."""
     lit = in_baked_light(scene, BakeSettings(texel_m=0.08, samples=64))
-    with Renderer(lit, SENSOR) as renderer:
+    with open_sensor(lit, SENSOR) as renderer:
         ours = linear_image(renderer.render(AT, linear=True))
     traced, inside = traced_light(scene, SENSOR, AT, 16, bounces=True), inside_rim(SENSOR)
     assert psnr_db(traced, ours, inside) > BOUND_DB

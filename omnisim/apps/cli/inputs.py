@@ -35,7 +35,7 @@ from omnisim.core.poses import pose
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.degradations import Degradation, preset
 from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
-from omnisim.rendering.stage import BackendName
+from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 

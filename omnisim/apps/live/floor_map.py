@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from omnisim.cameras import PerspectiveCamera
 from omnisim.core.poses import pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import floor_height_m
@@ -66,7 +65,7 @@ def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap
     middle_m = 0.5 * (low_m + high_m)
     base = pose_from_rotation(looking, (*middle_m, ground_m + distance_m))
     hidden = {one.name for body in stage.vehicles.values() for one in body.instances}
-    with Renderer(stage, sensor, hidden=hidden) as renderer:
+    with stage.open(sensor, hidden=hidden) as renderer:
         frame = renderer.render(base)
     half_m = 0.5 * np.array((width_px, height_px)) / pixels_per_m
     return FloorMap(frame.rgb, middle_m - half_m, middle_m + half_m, ground_m)

@@ -230,8 +230,8 @@ class LiveSource:
                 shorter_px = min(camera.model.width_px, camera.model.height_px)
                 if scale < 1.0:
                     camera = camera.resized(max(1, round(shorter_px * scale)))
-            self._renderers[scale] = Renderer(
-                self.stage, camera, hidden=self._hidden, unlit=self._settings.unlit
+            self._renderers[scale] = self.stage.open(
+                camera, hidden=self._hidden, unlit=self._settings.unlit
             )
         return self._renderers[scale]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
 from omnisim.datasets.export.file_headers import FileHeader
-from omnisim.sensors.lidar.point_cloud import POINT
+from omnisim.sensors.lidar.point_files import POINT
 
 _ENDS = {".ply": b"end_header\n", ".pcd": b"DATA binary\n"}
 _COMMENTS = {".ply": "comment ", ".pcd": "# "}
@@ -23,7 +23,7 @@ class StoredCloud:
 
     Attributes:
         header: parameters and poses of the lidar.
-        points: (n,) of `omnisim.sensors.lidar.point_cloud.POINT`.
+        points: (n,) of `omnisim.sensors.lidar.point_files.POINT`.
     """
 
     header: FileHeader

@@ -167,7 +167,7 @@ class _OpenRig:
     def __init__(self, stage: Stage, cameras: PlanRig, setup: int, seed: int):
         self._stage, self.cameras, self.setup = stage, cameras, setup
         self.renderers = {
-            name: Renderer(stage, camera, seed=f"{seed} {name}")
+            name: stage.open(camera, seed=f"{seed} {name}")
             for name, camera in cameras.cameras.items()
         }
         self._shares: dict[str, VisibleShares] = {}
@@ -183,7 +183,7 @@ class _OpenRig:
         """Renderer of small ranges, which judge samples whose plan has none."""
         camera = self.cameras.first
         size_px = min(PROBE_PX, camera.model.width_px, camera.model.height_px)
-        return Renderer(self._stage, camera.resized(size_px))
+        return self._stage.open(camera.resized(size_px))
 
     def close(self) -> None:
         """Close the renderers."""

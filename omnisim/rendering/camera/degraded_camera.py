@@ -2,34 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
-from omnisim.rendering.backend import FrameRequest
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import Exposed, Readback, SubFrame
+from omnisim.rendering.readback import Exposed, FrameRequest, Readback, SubFrame, SubFrames
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.rendering.twist import moved_px
-
-
-class SubFramePipeline(Protocol):
-    """Renders a degraded image from ideal ones of its sub-frames."""
-
-    def render(
-        self,
-        sub_frames: Iterable[SubFrame],
-        expose: Callable[[float | None], Exposed],
-        metered: bool,
-        linear: bool,
-    ) -> Readback:
-        """Render an image.
-
-        Args:
-            sub_frames: at least one.
-            expose: from the mean luminance to the exposure.
-            metered: whether `expose` is given the luminance.
-            linear: whether linear colors are asked for.
-        """
 
 
 class DegradedCamera:
@@ -38,7 +17,7 @@ class DegradedCamera:
     Args:
         sensor: the camera.
         seed: of its noise.
-        pipeline: of its sub-frames.
+        render: renders an image from sub-frames.
         boxes: around all that moves.
     """
 
@@ -46,11 +25,10 @@ class DegradedCamera:
         self,
         sensor: OmniCamera,
         seed: int | str,
-        pipeline: SubFramePipeline,
+        render: Callable[[SubFrames], Readback],
         boxes: MovingBoxes,
     ):
-        self._sensor, self._seed, self._boxes = sensor, seed, boxes
-        self._pipeline = pipeline
+        self._sensor, self._seed, self._render, self._boxes = sensor, seed, render, boxes
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Take an image; also return its metadata."""
@@ -70,7 +48,7 @@ class DegradedCamera:
                 metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
             return Exposed(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
-        image = self._pipeline.render(sub_frames, expose, degradation.is_metered, request.linear)
+        image = self._render(SubFrames(sub_frames, expose, degradation.is_metered, request.linear))
         if degradation.noise is not None:
             metadata["noise"] = {"seed": self._seed, "frame_number": request.frame_number}
         if degradation.jpeg is not None:

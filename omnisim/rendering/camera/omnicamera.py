@@ -7,7 +7,7 @@ import warnings
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,10 @@ if TYPE_CHECKING:
     from omnisim.cameras.calibration import CalibratedCamera, Calibration
     from omnisim.rendering.camera.sensor_file import SensorSettings
 
+# What `OmniCamera.of` makes a sensor of; None: the paper's.
+CameraLike: TypeAlias = (
+    "OmniCamera | CentralCamera | Calibration | CalibratedCamera | str | Path | None"
+)
 Polygons = int | Literal["auto", "default"] | None  # of a mirror's mesh; None: exact
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
@@ -129,15 +133,13 @@ class OmniCamera:
     def __repr__(self) -> str:
         return short_repr(
             self,
-            summary(self.model),
+            self.summary(),
             self.mesh_summary,
             "" if self.degradation.is_ideal else f"degraded by {', '.join(self.degradation.parts)}",
         )
 
     @classmethod
-    def of(
-        cls, camera: OmniCamera | CentralCamera | Calibration | CalibratedCamera | str | Path | None
-    ) -> OmniCamera:
+    def of(cls, camera: CameraLike) -> OmniCamera:
         """Sensor of whatever names one.
 
         Args:
@@ -224,6 +226,21 @@ class OmniCamera:
         return dataclasses.replace(
             self, model=old.scaled(scale), degradation=self.degradation.scaled(scale)
         )
+
+    def summary(self) -> str:
+        """Camera model and size."""
+        return summary(self.model)
+
+    def mounted(self, base_from_mount: ArrayLike | None) -> OmniCamera:
+        """The same sensor on a mount with a pose (4, 4) on the vehicle; None: at its base.
+
+        Raises:
+            OmnisimError: an invalid pose.
+        """
+        if base_from_mount is None or np.array_equal(base_from_mount, np.eye(4)):
+            return self
+        base_from_rig = poses.check_pose(base_from_mount) @ self.base_from_rig
+        return dataclasses.replace(self, base_from_rig=base_from_rig)
 
     def seeing(self, size_m: float) -> OmniCamera:
         """The same camera for a scene of a size, to which a near plane by default adapts.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from typing import Literal
 
 import moderngl
@@ -17,7 +16,7 @@ from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.fences import clear_target
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.readback import Exposed, Readback, ScenePoses, SubFrame
+from omnisim.rendering.readback import Readback, ScenePoses, SubFrames
 
 
 class Pipeline:
@@ -102,30 +101,17 @@ class DegradedPipeline:
     def __init__(self, ideal: Pipeline, degradation: DegradationPass):
         self._ideal, self._degradation = ideal, degradation
 
-    def render(
-        self,
-        sub_frames: Iterable[SubFrame],
-        expose: Callable[[float | None], Exposed],
-        metered: bool = False,
-        linear: bool = False,
-    ) -> Readback:
-        """Render an image from sub-frames.
-
-        Args:
-            sub_frames: at least one.
-            expose: maps the mean luminance to the exposure.
-            metered: measure the luminance for `expose`.
-            linear: also keep the linear image.
-        """
+    def render(self, frames: SubFrames) -> Readback:
+        """Render an image from sub-frames."""
         ideal, degradation = self._ideal, self._degradation
-        for sub_frame in sub_frames:
+        for sub_frame in frames.parts:
             ideal.draw(sub_frame.poses, linear=True)
             degradation.add(ideal.linear, sub_frame.row_weights)
-        exposed = expose(degradation.mean_luminance() if metered else None)
+        exposed = frames.expose(degradation.mean_luminance() if frames.is_metered else None)
         degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
         degradation.encode(ideal.encoded_target)
         rgba = ideal.read_encoded()
-        floats = np.ascontiguousarray(degradation.read()[..., :3]) if linear else None
+        floats = np.ascontiguousarray(degradation.read()[..., :3]) if frames.linear else None
         return Readback(rgba, floats)
 
 

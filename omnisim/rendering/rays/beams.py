@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ class Beams:
     hide less than half of what is behind, a beam goes on.
 
     Args:
+        scene: what to cast at now; nothing is kept of what it was.
         angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
         max_range_m: surfaces farther away are not found; may be infinite.
         hidden: parts of dynamic objects that beams go through.
@@ -27,22 +28,25 @@ class Beams:
 
     def __init__(
         self,
+        scene: Callable[[], RayScene],
         angles_rad: NDArray[np.float64],
         max_range_m: float,
         hidden: frozenset[ObjectPart],
     ):
-        self._max_range_m, self._hidden = max_range_m, hidden
+        self._scene, self._max_range_m, self._hidden = scene, max_range_m, hidden
         flat = np.zeros_like(angles_rad)
         self._directions = np.stack((np.cos(angles_rad), np.sin(angles_rad), flat), axis=1)
 
+    def refresh(self) -> None:
+        """Do nothing: each cast takes what the scene has now."""
+
     def cast(
         self,
-        scene: RayScene,
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in a scene in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
-        count = len(self._directions)
+        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
+        scene, count = self._scene(), len(self._directions)
         rays = Rays(
             np.tile(world_from_scanner[:3, 3], (count, 1)),
             np.einsum("nj,ij->ni", self._directions, world_from_scanner[:3, :3]),

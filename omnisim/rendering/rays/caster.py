@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.bounds import bounds_of
 from omnisim.core.world import ObjectPart, ObjectPoses, time_of
-from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh
+from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh, put_rows
 from omnisim.rendering.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
 
@@ -45,19 +45,11 @@ class RayHits(NamedTuple):
 
     def take(self, indices: NDArray[np.intp]) -> RayHits:
         """Some of the hits."""
-        return RayHits(
-            self.triangles[indices],
-            self.ranges_m[indices],
-            self.weights[indices],
-            self.planes[indices],
-        )
+        return RayHits._make(values[indices] for values in self)
 
     def put(self, indices: NDArray[np.intp], hits: RayHits) -> None:
         """Overwrite some of the hits."""
-        self.triangles[indices] = hits.triangles
-        self.ranges_m[indices] = hits.ranges_m
-        self.weights[indices] = hits.weights
-        self.planes[indices] = hits.planes
+        put_rows(self, indices, hits)
 
 
 class _PartMesh(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,14 @@ from omnisim.core.extras import require_extra
 
 NO_TRIANGLE = -1
 _FAR_M = np.float32(1e37)  # Embree's own
+
+
+def put_rows(
+    columns: tuple[NDArray[Any], ...], rows: NDArray[np.intp], values: tuple[NDArray[Any], ...]
+) -> None:
+    """Overwrite some rows of columns (n, …)."""
+    for column, some in zip(columns, values, strict=True):
+        column[rows] = some
 
 
 class EmbreeHits(NamedTuple):
@@ -24,21 +32,11 @@ class EmbreeHits(NamedTuple):
 
     def take(self, indices: NDArray[np.intp]) -> EmbreeHits:
         """Some of the hits."""
-        return EmbreeHits(
-            self.triangles[indices],
-            self.ranges_m[indices],
-            self.u[indices],
-            self.v[indices],
-            self.normals[indices],
-        )
+        return EmbreeHits._make(values[indices] for values in self)
 
     def put(self, indices: NDArray[np.intp], hits: EmbreeHits) -> None:
         """Overwrite some of the hits."""
-        self.triangles[indices] = hits.triangles
-        self.ranges_m[indices] = hits.ranges_m
-        self.u[indices] = hits.u
-        self.v[indices] = hits.v
-        self.normals[indices] = hits.normals
+        put_rows(self, indices, hits)
 
 
 class EmbreeMesh:

@@ -117,6 +117,11 @@ class Geometry:
     is_double_sided: NDArray[np.bool_]
     deforming: tuple[DeformingSurface, ...] = ()
 
+    @property
+    def draws(self) -> list[ObjectPart]:
+        """Dynamic object and name of each instance."""
+        return [(one.object_index, one.name) for one in self.surfaces]
+
     def triangles_of_part(
         self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False
     ) -> NDArray[np.intp]:

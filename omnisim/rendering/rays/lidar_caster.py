@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +25,28 @@ class LidarCaster:
     firing.
 
     Args:
+        scene: what to cast at now; nothing is kept of what it was.
         beams: of the lidar.
         hidden: parts of dynamic objects that beams go through.
     """
 
-    def __init__(self, beams: LidarBeams, hidden: frozenset[ObjectPart]):
-        self._beams, self._hidden = beams, hidden
+    def __init__(
+        self, scene: Callable[[], RayScene], beams: LidarBeams, hidden: frozenset[ObjectPart]
+    ):
+        self._scene, self._beams, self._hidden = scene, beams, hidden
         self._directions = beams.directions
 
-    def cast(self, scene: RayScene, revolution: Revolution) -> BeamHits:
+    @property
+    def draws(self) -> Sequence[ObjectPart]:
+        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+        return self._scene().caster.geometry.draws
+
+    def refresh(self) -> None:
+        """Do nothing: each cast takes what the scene has now."""
+
+    def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""
+        scene = self._scene()
         size = self._directions.shape[:2]
         hits = BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32))
         parts = [

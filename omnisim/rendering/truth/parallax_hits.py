@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
-from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
@@ -27,12 +26,12 @@ from omnisim.rendering.opengl.ground_truth.parallax_hit_pass import (
     ParallaxHitPass,
 )
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl_camera import DrawnHits
 from omnisim.rendering.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
 from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState
 from omnisim.rendering.readback import ScenePoses
-from omnisim.rendering.truth.deforming_draws import deforming_draws
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.ray_scene import RayScene
@@ -44,22 +43,19 @@ _TEXELS_PER_PIXEL, _MAX_TEXELS_PER_PIXEL = 1.5, 6.0
 _USUAL_PIXELS = 90_000
 
 
-class ParallaxHits(HitSource):
+class ParallaxHits(DrawnHits):
     """Hits of rays with origins of their own; everything on the GPU is made once.
 
     What the viewpoint does not see is cast as rays, where those are installed; else it is as if
     what hides it were thin.
 
     Args:
-        buffers: the scene; its context is current, here and in all methods.
+        buffers, cameras, details: see `DrawnHits`.
         sensor: the camera, whose model is an optical system.
-        cameras: depth range and hidden instances count.
         viewpoint_m: (3,) rig frame, of the virtual cameras.
-        details: that will be asked for.
         ray_scene: gives the scene to cast rays at; None: there is none.
 
     Attributes:
-        details: as given.
         undecided: (height, width) pixels of the last hits that the viewpoint does not tell.
     """
 
@@ -72,9 +68,8 @@ class ParallaxHits(HitSource):
         details: HitDetails,
         ray_scene: Callable[[], RayScene] | None,
     ):
-        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
-        self._buffers, self._cameras, self._ray_scene = buffers, cameras, ray_scene
-        self._viewpoint_m = viewpoint_m
+        super().__init__(buffers, sensor, cameras, details)
+        self._viewpoint_m, self._ray_scene = viewpoint_m, ray_scene
         self._rays = _joined(PixelRays(sensor.model, sensor.mesh_polygons))
         self.has_ray = self._rays.valid
         self.undecided = np.zeros_like(self.has_ray)
@@ -91,7 +86,6 @@ class ParallaxHits(HitSource):
         optical_from_rig = sensor.model.rig_from_optical.T
         assert self._rays.origins_m is not None
         self._origins_m = self._placed(self._rays.origins_m - optical_from_rig @ viewpoint_m)
-        self._find_draws()
 
     def _center_rays(self) -> ParallaxRays:
         """Rays of the pixels' centers from the viewpoint, rig frame."""
@@ -109,12 +103,8 @@ class ParallaxHits(HitSource):
 
     def refresh(self) -> None:
         """Hit what the buffers have now."""
+        super().refresh()
         self._passes.refresh()
-        self._find_draws()
-
-    def _find_draws(self) -> None:
-        self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
-        self.deforming = deforming_draws(self._buffers)
         self.__dict__.pop("_draw_of_surface", None)
 
     def rays(self) -> NDArray[np.float64]:

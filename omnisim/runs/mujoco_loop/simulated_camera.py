@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,15 +14,12 @@ from omnisim.core.poses import check_pose
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import Labels
 from omnisim.ground_truth.frame import Frame
-from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import BackendName, Closing, Stage
+from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
+from omnisim.rendering.shared_scene import BackendName, Closing
+from omnisim.rendering.stage import Stage
 
 if TYPE_CHECKING:
     import mujoco
-
-    from omnisim.cameras import CentralCamera
-    from omnisim.cameras.calibration import CalibratedCamera, Calibration
 
 VISIBLE_GROUPS = (0, 1, 2)  # that MuJoCo's own renderer shows
 NO_GEOM = -1
@@ -43,13 +39,13 @@ class Camera(Closing):
     Args:
         model, data: `mujoco.MjModel` and `mujoco.MjData`; the poses of the data are computed, as
             after `mj_forward` or `mj_step`.
-        sensor: the camera, as for `omnisim.Renderer`; None: the lens of the model's camera that it
-            is mounted on, or else the paper's.
+        sensor: the camera, as for `omnisim.Stage.open`; None: the lens of the model's camera that
+            it is mounted on, or else the paper's.
         body, site, camera: name of the mount; at most one of them.
         pose: (4, 4) mount_from_base, or world_from_base without a mount; None: the identity.
         groups: of the geoms that are drawn.
         hidden: names of geoms that are not drawn, such as the camera's own housing; see `geoms`.
-        unlit, device, seed, backend: as for `omnisim.Renderer`.
+        unlit, device, seed, backend: as for `omnisim.open_sensor`.
 
     Attributes:
         sensor: the camera.
@@ -57,20 +53,14 @@ class Camera(Closing):
 
     Raises:
         SceneError: a mount or hidden geom that the model does not have, or several mounts.
-        OmnisimError: a pose that is none, or as `omnisim.Renderer`.
+        OmnisimError: an invalid pose, or as `omnisim.open_sensor`.
     """
 
     def __init__(
         self,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        sensor: OmniCamera
-        | CentralCamera
-        | Calibration
-        | CalibratedCamera
-        | str
-        | Path
-        | None = None,
+        sensor: CameraLike = None,
         *,
         body: str | None = None,
         site: str | None = None,
@@ -105,7 +95,7 @@ class Camera(Closing):
             backend=backend,
         )
         try:
-            self._renderer = Renderer(self._stage, self.sensor, unlit=unlit, seed=seed)
+            self._renderer = self._stage.open(self.sensor, unlit=unlit, seed=seed)
         except BaseException:
             self._stage.close()
             raise

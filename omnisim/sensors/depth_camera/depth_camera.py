@@ -19,18 +19,27 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.core.files.parameters import NotNegative, Parameters, Positive
+from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
+from omnisim.core.world import ObjectPart, WorldState
+from omnisim.rendering.backend import CameraBackend, CameraSetup
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX
+from omnisim.rendering.near_plane import scene_size_m
+from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.shared_scene import SharedScene
 
 MAX_RANGE_M = 65.535  # millimeters in 16 bits
 # Share of the depth by which a surface has to be nearer to the second view to cast a shadow.
@@ -68,11 +77,16 @@ class DepthCamera(Parameters, name="depth_camera"):
     disparity_step_px: NotNegative = 1.0 / 8.0
 
     def __repr__(self) -> str:
-        return short_repr(
-            self,
-            f"{self.width_px} × {self.height_px} px",
-            f"{self.range_min_m:g} to {self.range_max_m:g} m",
-        )
+        return short_repr(self, self.summary())
+
+    def summary(self) -> str:
+        """Size and range."""
+        size = f"{self.width_px} × {self.height_px} px"
+        return f"{size}, {self.range_min_m:.3g} to {self.range_max_m:g} m"
+
+    def open(self, stage: SharedScene, mounting: Mounting) -> DepthRenderer:
+        """Open a renderer of depths on a stage."""
+        return DepthRenderer(stage, self, mounting)
 
     def _check(self) -> None:
         if self.range_min_m >= self.range_max_m:
@@ -211,3 +225,85 @@ class DepthCamera(Parameters, name="depth_camera"):
         in_image = (second_u >= -0.5) & (second_u <= self.second_width_px - 0.5)
         seen: NDArray[np.bool_] = in_image & (z_m <= limit_m)
         return seen
+
+
+class _Views:
+    """Views of the camera and of what is beside it.
+
+    Args:
+        backends: of the two.
+    """
+
+    def __init__(self, backends: Iterable[CameraBackend]):
+        self.first, self.second = backends
+
+    def refresh(self) -> None:
+        """Work on what the stage has now."""
+        self.first.refresh()
+        self.second.refresh()
+
+
+def _channels(
+    view: CameraBackend,
+    names: Sequence[str],
+    world_from_base: NDArray[np.float64],
+    world_from_objects: Sequence[NDArray[np.float64]],
+) -> dict[str, NDArray[np.float32]]:
+    """Channels of ground truth of a view, at poses of the vehicle and of all objects."""
+    world_from_rig = world_from_base @ view.setup.sensor.base_from_rig
+    poses = ScenePoses(world_from_rig, world_from_objects)
+    return view.ground_truth(names).channels(names, poses)
+
+
+class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
+    """Takes a depth camera's images of a scene."""
+
+    def __init__(self, stage: SharedScene, sensor: DepthCamera, mounting: Mounting):
+        self._seed = mounting.seed
+        super().__init__(stage, sensor, mounting)
+
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> _Views:
+        stage, camera, mount = self._stage, self.sensor, self._base_from_sensor
+        # to the right, as seen along x
+        beside = mount @ pose((0.0, -camera.baseline_m, 0.0))
+        size_m, vehicles = scene_size_m(stage.scene), tuple(stage.vehicles)
+        cameras = (
+            OmniCamera(camera.model, base_from_rig=mount).seeing(size_m),
+            OmniCamera(camera.second_model, base_from_rig=beside).seeing(size_m),
+        )
+        setups = (CameraSetup(one, True, hidden, 0, vehicles) for one in cameras)
+        return _Views(stage.backend.camera(setup) for setup in setups)
+
+    def measure(self, state: WorldState | ArrayLike, frame_number: int = 0) -> NDArray[np.float32]:
+        """Depths (height, width) along the optical axis in meters, 0 in holes.
+
+        Args:
+            state: of the world; or, where nothing else moves, the (4, 4) pose of the vehicle.
+            frame_number: noise differs from frame to frame.
+
+        Raises:
+            OmnisimError: an invalid pose, an object without one, or the renderer or its stage is
+                closed.
+        """
+        now = self._state(state)
+        world_from_base = now.world_from_object[self.vehicle]
+        stage_poses = self._stage.poses_in(now)
+        with self._current() as views:
+            names = ("z", "normals_camera")
+            first = _channels(views.first, names, world_from_base, stage_poses)
+            second_z_m = _channels(views.second, ("z",), world_from_base, stage_poses)["z"]
+        return self.sensor.measure(
+            first["z"],
+            second_z_m,
+            self._incidence_cosines(first["normals_camera"]),
+            self._seed,
+            frame_number,
+        )
+
+    def _incidence_cosines(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Cosines (height, width) of normals (height, width, 3), optical frame, with rays."""
+        model = self.sensor.model
+        u, v = np.meshgrid(np.arange(model.width_px), np.arange(model.height_px))
+        rays = model.ray_from_pixel(np.stack((u, v), axis=-1)).directions.astype(np.float32)
+        cosines: NDArray[np.float32] = np.abs(np.einsum("hwc,hwc->hw", normals, rays))
+        return cosines

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -11,22 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.files.parameters import Number
-from omnisim.core.files.written_files import is_written
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import Stage
 from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
-from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M, DepthCamera, Size
-from omnisim.sensors.depth_camera.depth_renderer import DepthRenderer
+from omnisim.sensors.depth_camera.depth_camera import (
+    MAX_RANGE_M,
+    DepthCamera,
+    DepthRenderer,
+    Size,
+)
 from omnisim.sensors.sensor import (
     DriveSettings,
-    Instrument,
-    Measurement,
+    FileMeasurement,
     Moment,
     MountedSensor,
-    RendererInstrument,
+    RenderedSensor,
 )
 from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
 
@@ -35,59 +34,40 @@ STEPS_PER_M = 1000.0
 DEVICES = {"kinect_v1": DepthCamera.kinect_v1, "d435": DepthCamera.d435}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class MountedDepthCamera(MountedSensor):
-    """Depth camera on its vehicle.
+class MountedDepthCamera(RenderedSensor):
+    """Depth camera on its vehicle."""
 
-    Attributes:
-        camera: geometry and error model.
-        base_from_camera: (4, 4); it looks along x.
-    """
-
-    camera: DepthCamera
-    base_from_camera: NDArray[np.float64]
+    sensor: DepthCamera
     noun: ClassVar[str] = "depth"
     origin_noun: ClassVar[str] = "viewpoint"
     suffixes: ClassVar[tuple[str, ...]] = (DEPTH_SUFFIX,)
     document_names: ClassVar[tuple[str, ...]] = (CALIBRATION,)
 
     @property
-    def origin_m(self) -> NDArray[np.float64]:
-        """Viewpoint (3,), base."""
-        return self.base_from_camera[:3, 3]
-
-    @property
     def near_m(self) -> float:
         """Distance below which nothing is seen."""
-        return self._as_sensor.near_m
-
-    def summary(self) -> str:
-        """Size and range."""
-        camera = self.camera
-        return (
-            f"{camera.width_px} × {camera.height_px} px, "
-            f"{camera.range_min_m:.3g} to {camera.range_max_m:g} m"
-        )
+        return self._camera.near_m
 
     def documents(self) -> dict[str, str]:
         """Calibration."""
-        return {CALIBRATION: calibration_json(self._as_sensor)}
-
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open a renderer of depths; no two cameras of a vehicle share the seed of their noise."""
-        renderer = DepthRenderer(
-            stage,
-            self.camera,
-            base_from_camera=self.base_from_camera,
-            hidden=self.hides,
-            seed=f"{settings.seed} {self.name}",
-            vehicle=settings.vehicle,
-        )
-        return DepthInstrument(renderer)
+        return {CALIBRATION: calibration_json(self._camera)}
 
     @property
-    def _as_sensor(self) -> OmniCamera:
-        return OmniCamera(self.camera.model, base_from_rig=self.base_from_camera)
+    def _camera(self) -> OmniCamera:
+        return OmniCamera(self.sensor.model, base_from_rig=self.base_from_sensor)
+
+    def measure(
+        self, renderer: DepthRenderer, settings: DriveSettings, moment: Moment
+    ) -> FileMeasurement:
+        """Take the depths of a moment: a shutter that takes no time."""
+        depths_m = renderer.measure(moment.motion(moment.time_s), moment.number)
+        return FileMeasurement(DEPTH_SUFFIX, partial(_write_depths, depths_m))
+
+
+def _write_depths(depths_m: NDArray[np.float32], path: Path) -> None:
+    """Write millimeters in 16 bits, 0 in holes (ROS, REP 118)."""
+    steps = np.round(depths_m * STEPS_PER_M).astype(np.uint16)
+    write_numbers(path, steps, {"unit_m": 1.0 / STEPS_PER_M})
 
 
 class DepthCameraMount(SensorMount):
@@ -121,44 +101,7 @@ class DepthCameraMount(SensorMount):
     disparity_step_px: Level | None = None
     """Step of the disparity; 0: none."""
 
-    def sensor(self, folder: Path, source: str) -> MountedSensor:
-        """Mount the camera."""
-        names = [field.name for field in dataclasses.fields(DepthCamera)]
-        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-        try:
-            camera = dataclasses.replace(DEVICES[self.device](), **given)
-        except OpticsError as reason:
-            raise RobotFileError(f"{source}: {str(reason).removeprefix('depth_camera.')}") from None
-        camera = camera if self.noise else camera.without_noise()
-        return MountedDepthCamera(self.type, self.name, self.hides, camera, self.base_from_mount)
-
-
-class DepthInstrument(RendererInstrument[DepthRenderer]):
-    """Takes a depth camera's images."""
-
-    def measure(self, moment: Moment) -> DepthMeasurement:
-        """Take the depths of a moment: a shutter that takes no time."""
-        depths_m = self._renderer.measure(moment.motion(moment.time_s), moment.number)
-        return DepthMeasurement(depths_m)
-
-
-@dataclass(frozen=True, eq=False)
-class DepthMeasurement(Measurement):
-    """Depths of a depth camera.
-
-    Attributes:
-        depths_m: (height, width) along the optical axis, 0 in holes.
-    """
-
-    depths_m: NDArray[np.float32]
-
-    def save(self, stem: Path) -> None:
-        """Write millimeters in 16 bits, 0 in holes (ROS, REP 118), where they are missing.
-
-        Raises:
-            OutputError: the file cannot be written.
-        """
-        target = stem.with_suffix(DEPTH_SUFFIX)
-        if not is_written(target):
-            steps = np.round(self.depths_m * STEPS_PER_M).astype(np.uint16)
-            write_numbers(target, steps, {"unit_m": 1.0 / STEPS_PER_M})
+    def parameters(self) -> DepthCamera:
+        """Build the camera."""
+        camera = self.overriding(DEVICES[self.device]())
+        return camera if self.noise else camera.without_noise()

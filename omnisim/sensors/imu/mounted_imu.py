@@ -5,10 +5,8 @@ Noise and bias follow from the drive's seed, the sensor's name and the number of
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -21,12 +19,10 @@ from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.degradations.random_numbers import key_of
-from omnisim.rendering.stage import Stage
 from omnisim.sensors.imu.imu import DEVICES, STANDARD_GRAVITY_MPS2, ImuErrors, true_readings
 from omnisim.sensors.rate import SensorRate
-from omnisim.sensors.sensor import DriveSettings, MountedSensor
+from omnisim.sensors.sensor import DriveSettings, MountedSensor, StepContent
 from omnisim.sensors.sensor_mount import Level, Rate, SensorMount
 
 READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
@@ -43,22 +39,14 @@ class MountedImu(MountedSensor):
     Attributes:
         rate_hz: readings a second.
         gravity_mps2: along the world's −z.
-        errors: of each axis.
-        base_from_imu: (4, 4).
     """
 
-    rate_hz: float
-    gravity_mps2: float
-    errors: ImuErrors
-    base_from_imu: NDArray[np.float64]
+    sensor: ImuErrors
+    rate_hz: float = field(kw_only=True)
+    gravity_mps2: float = field(kw_only=True)
     noun: ClassVar[str] = "IMU"
     suffixes: ClassVar[tuple[str, ...]] = (READINGS_SUFFIX,)
     document_names: ClassVar[tuple[str, ...]] = (PARAMETERS, READINGS, BIASES)
-
-    @property
-    def origin_m(self) -> NDArray[np.float64]:
-        """Place of its accelerometers (3,), base."""
-        return self.base_from_imu[:3, 3]
 
     @property
     def near_m(self) -> float:
@@ -71,7 +59,7 @@ class MountedImu(MountedSensor):
 
     def documents(self) -> dict[str, str]:
         """Mount, rate and noise, with the keys of EuRoC's sensor.yaml; the body is the base."""
-        errors = self.errors
+        errors = self.sensor
         numbers = {
             "rate_hz": self.rate_hz,
             "gyroscope_noise_density": errors.gyro_noise_radps_per_sqrt_hz,
@@ -80,7 +68,7 @@ class MountedImu(MountedSensor):
             "accelerometer_random_walk": errors.accel_bias_walk_mps3_per_sqrt_hz,
             "gravity_mps2": self.gravity_mps2,
         }
-        pose = ", ".join(map(_yaml_number, self.base_from_imu.ravel()))
+        pose = ", ".join(map(_yaml_number, self.base_from_sensor.ravel()))
         lines = ("sensor_type: imu", "T_BS:", "  cols: 4", "  rows: 4", f"  data: [{pose}]")
         rest = (f"{key}: {_yaml_number(number)}" for key, number in numbers.items())
         return {PARAMETERS: "\n".join((*lines, *rest)) + "\n"}
@@ -107,22 +95,13 @@ class MountedImu(MountedSensor):
         return rate.times_s(start_s, end_s, seed, self.name)
 
     @classmethod
-    def suffixes_of(
-        cls,
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-        settings: Mapping[str, Any],
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
         """None: all readings are in one file; runs of older versions have one a step."""
-        return () if "readings" in settings else cls.suffixes
+        return () if "readings" in content.settings else cls.suffixes
 
     def settings(self) -> dict[str, Any]:
         """File of its readings."""
         return {"readings": READINGS}
-
-    def open(self, stage: Stage, settings: DriveSettings) -> None:
-        """Do nothing: it needs no stage."""
 
     def write_readings(
         self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
@@ -133,7 +112,7 @@ class MountedImu(MountedSensor):
             OutputError: a file cannot be written.
         """
         key = key_of("imu", settings.seed, self.name)
-        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        biases = self.sensor.biases(len(times_s), self.rate_hz, key)
         parts = [slice(first, first + BLOCK) for first in range(0, len(times_s), BLOCK)]
         if not is_written(folder / READINGS):
             blocks = (self._block(settings.motion, times_s, biases, key, part) for part in parts)
@@ -147,7 +126,7 @@ class MountedImu(MountedSensor):
     ) -> NDArray[np.float64]:
         """Readings (n, 6) at times (n,): angular rates in rad/s, then specific forces in m/s²."""
         key = key_of("imu", seed, self.name)
-        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        biases = self.sensor.biases(len(times_s), self.rate_hz, key)
         return self._block(motion, times_s, biases, key, slice(None))[:, 1:]
 
     def _block(
@@ -161,9 +140,9 @@ class MountedImu(MountedSensor):
         """Rows (n, 7) of a part of the readings, times first."""
         times, indices = times_s[part], np.arange(len(times_s))[part]
         ideal = true_readings(
-            motion, self.base_from_imu, self.gravity_mps2, times, 1.0 / self.rate_hz
+            motion, self.base_from_sensor, self.gravity_mps2, times, 1.0 / self.rate_hz
         )
-        noise = self.errors.noise(indices, self.rate_hz, key)
+        noise = self.sensor.noise(indices, self.rate_hz, key)
         return np.column_stack((times, ideal + biases[part] + noise))
 
 
@@ -192,20 +171,13 @@ class ImuMount(SensorMount):
     accel_bias_sigma_mps2: Level = 0.0
     """Standard deviation of the specific force's bias at the start."""
 
-    def sensor(self, folder: Path, source: str) -> MountedSensor:
-        """Mount the unit."""
-        names = [field.name for field in dataclasses.fields(ImuErrors)]
-        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-        errors = dataclasses.replace(DEVICES[self.device], **given)
-        return MountedImu(
-            self.type,
-            self.name,
-            self.hides,
-            self.rate_hz or 200.0,
-            self.gravity_mps2,
-            errors,
-            self.base_from_mount,
-        )
+    def parameters(self) -> ImuErrors:
+        """Build the errors of each axis."""
+        return self.overriding(DEVICES[self.device])
+
+    def settings(self) -> dict[str, Any]:
+        """Rate and gravity."""
+        return {"rate_hz": self.rate_hz or 200.0, "gravity_mps2": self.gravity_mps2}
 
 
 def _yaml_number(number: float) -> str:

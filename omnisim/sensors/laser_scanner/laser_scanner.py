@@ -1,4 +1,4 @@
-"""Laser range scanners: beams, limits and errors. By default a SICK LMS200.
+"""Laser range scanners: beams, limits, errors, and the scans that they take of a scene.
 
 Frame of the scanner: x forward, y left, z up (REP 103); the beams lie in its plane z = 0 and start
 at its origin. They count from right to left, counter-clockwise seen from above, as ROS's LaserScan
@@ -9,22 +9,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive
 from omnisim.core.short_repr import short_repr
+from omnisim.core.world import ObjectPart, WorldState
+from omnisim.rendering.backend import RangeFinder
+from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.shared_scene import SharedScene
+from omnisim.sensors.commented_csv import write_commented_csv
+from omnisim.sensors.device_noise import DeviceSeed, check_number, rounded
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
 _LMS200_FIELDS_DEG = {1.0: 180.0, 0.5: 180.0, 0.25: 100.0}  # by resolution
 MAX_BEAMS = 100_000
-MAX_SEED = 2**32 - 1  # one word of NumPy's seeds each, so that no two runs of words are alike
 _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 
@@ -56,11 +62,19 @@ class LaserScanner(Parameters, name="scanner"):
     sigma_m: NotNegative = 0.005
     sigma_per_m: NotNegative = 0.0
     systematic_error_m: NotNegative = 0.015
-    seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = 0
+    seed: DeviceSeed = 0
 
     def __repr__(self) -> str:
         beams = f"{len(self.angles_deg)} beams over {self.field_of_view_deg:g}°"
         return short_repr(self, beams, f"{self.range_min_m:g} to {self.range_max_m:g} m")
+
+    def summary(self) -> str:
+        """Beams and range."""
+        return f"{self.beams} beams at {self.resolution_deg:.4g}° to {self.range_max_m:g} m"
+
+    def open(self, stage: SharedScene, mounting: Mounting) -> LaserRenderer:
+        """Open a renderer of scans on a stage."""
+        return LaserRenderer(stage, self, mounting)
 
     def _check(self) -> None:
         if self.field_of_view_deg >= MAX_BEAMS * self.resolution_deg:
@@ -146,15 +160,20 @@ class LaserScanner(Parameters, name="scanner"):
         steps = np.arange(self.beams, dtype=np.float64)
         return -0.5 * self.field_of_view_deg + self.resolution_deg * steps
 
+    @cached_property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """Angles (beams,) from straight ahead, positive to the left."""
+        return np.radians(self.angles_deg)
+
     @property
     def angle_min_rad(self) -> float:
         """Angle of the first beam, the rightmost."""
-        return float(np.radians(self.angles_deg[0]))
+        return float(self.angles_rad[0])
 
     @property
     def angle_max_rad(self) -> float:
         """Angle of the last beam."""
-        return float(np.radians(self.angles_deg[-1]))
+        return float(self.angles_rad[-1])
 
     @property
     def angle_increment_rad(self) -> float:
@@ -189,11 +208,7 @@ class LaserScanner(Parameters, name="scanner"):
         Raises:
             OpticsError: a scan number that is not a whole number of 32 bits.
         """
-        is_whole = isinstance(scan_number, int | np.integer) and not isinstance(scan_number, bool)
-        if not (is_whole and 0 <= scan_number <= MAX_SEED):
-            raise OpticsError(
-                f"scanner: scan_number: expected a whole number of 32 bits, got {scan_number!r}"
-            )
+        check_number("scanner: scan_number", scan_number)
         hit = np.isfinite(true_ranges_m)
         ranges = np.asarray(true_ranges_m, dtype=np.float64)[hit]
         if self.sigma_m or self.sigma_per_m:
@@ -201,11 +216,97 @@ class LaserScanner(Parameters, name="scanner"):
             noise = random.standard_normal(self.beams)[hit]  # the same for a beam, hit or not
             ranges = ranges + noise * np.hypot(self.sigma_m, self.sigma_per_m * ranges)
         ranges = ranges + self.device_error_m
-        if self.step_m:
-            # divided, not multiplied: 8190 steps are then 8.19, to the last bit
-            steps_a_meter = 1.0 / self.step_m
-            ranges = np.rint(ranges * steps_a_meter) / steps_a_meter
+        ranges = rounded(ranges, self.step_m)
         measured = np.full(len(true_ranges_m), np.inf)
         measured[hit] = np.where(ranges > self.range_max_m, np.inf, ranges)
         measured[measured < self.range_min_m] = -np.inf
         return measured
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Ranges of a scanner, beam by beam from right to left.
+
+    Attributes:
+        angles_rad: (beams,) counter-clockwise from straight ahead.
+        ranges_m: (beams,) +inf: out of range; −inf: too near (REP 117).
+        scanner: that took it.
+        world_from_scanner: (4, 4) its pose.
+        metadata: omnisim's version, the scene, the number of the scan.
+    """
+
+    angles_rad: NDArray[np.float64]
+    ranges_m: NDArray[np.float64]
+    scanner: LaserScanner
+    world_from_scanner: NDArray[np.float64]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        beams, scene = len(self.angles_rad), self.metadata.get("scene")
+        where = "" if scene is None else f"scene {scene!r}"
+        return short_repr(self, f"{beams} beams", f"{np.count_nonzero(self.hit)} hits", where)
+
+    @property
+    def hit(self) -> NDArray[np.bool_]:
+        """Mask (beams,) of the beams that have a range."""
+        return np.isfinite(self.ranges_m)
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """Points (k, 3) in the scanner's frame, of the beams that have a range."""
+        angles, ranges = self.angles_rad[self.hit], self.ranges_m[self.hit]
+        return np.stack(
+            (ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)), axis=-1
+        )
+
+    def save_csv(self, path: str | Path) -> None:
+        """Write columns beam, angle_deg and range_m; the file is written atomically.
+
+        Lines that start with `#` come first, `# key: value` with the value in JSON: the metadata,
+        the scanner's parameters under their own names, and `world_from_scanner`, the pose by rows.
+        Ranges are `inf` out of range and `-inf` too near, as NumPy reads them.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        header = {
+            **self.metadata,
+            **dataclasses.asdict(self.scanner),
+            "world_from_scanner": self.world_from_scanner.tolist(),
+        }
+        rows = (
+            f"{beam},{angle:.6f},{range_m:.6f}"
+            for beam, (angle, range_m) in enumerate(
+                zip(np.degrees(self.angles_rad), self.ranges_m, strict=True)
+            )
+        )
+        write_commented_csv(path, header, "beam,angle_deg,range_m", rows)
+
+
+class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
+    """Takes a scanner's scans of a scene."""
+
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
+        angles_rad, reach_m = self.sensor.angles_rad, self.sensor.reach_m
+        return self._stage.backend.range_finder(angles_rad, reach_m, hidden)
+
+    def scan(self, state: WorldState | ArrayLike, scan_number: int = 0) -> Scan:
+        """Take one scan.
+
+        Args:
+            state: of the world; or, where nothing else moves, the (4, 4) pose of the vehicle.
+            scan_number: of the drive; the noise depends on it and on the scanner's seed alone.
+
+        Raises:
+            OmnisimError: an invalid pose, an object without one, an invalid scan number, or the
+                renderer or its stage is closed.
+        """
+        now = self._state(state)
+        world_from_scanner = self._world_from_sensor(now)
+        with self._current() as ranges:
+            true_ranges_m = ranges.cast(world_from_scanner, self._stage.poses_in(now))
+        ranges_m = self.sensor.measure(true_ranges_m, scan_number)
+        metadata = self._metadata(scan_number=int(scan_number))
+        if self.body is not None:
+            metadata["world_from_base"] = now.world_from_object[self.vehicle].tolist()
+        return Scan(self.sensor.angles_rad, ranges_m, self.sensor, world_from_scanner, metadata)

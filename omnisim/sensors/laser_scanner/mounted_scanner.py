@@ -3,89 +3,37 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.files.parameters import Number
-from omnisim.rendering.stage import Stage
-from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
-from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.device_noise import DeviceSeed
+from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
     DriveSettings,
-    Instrument,
+    FileMeasurement,
     Moment,
     MountedSensor,
-    RendererInstrument,
-    TableMeasurement,
+    RenderedSensor,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, Seed, SensorMount
+from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class MountedScanner(MountedSensor):
-    """Laser scanner on its vehicle.
+class MountedScanner(RenderedSensor):
+    """Laser scanner on its vehicle."""
 
-    Attributes:
-        scanner: range and error model.
-        base_from_scanner: (4, 4).
-    """
-
-    scanner: LaserScanner
-    base_from_scanner: NDArray[np.float64]
+    sensor: LaserScanner
     noun: ClassVar[str] = "scanner"
     suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
 
-    @property
-    def origin_m(self) -> NDArray[np.float64]:
-        """Origin of its beams (3,), base."""
-        return self.base_from_scanner[:3, 3]
-
-    def summary(self) -> str:
-        """Beams and range."""
-        scanner = self.scanner
-        return (
-            f"{scanner.beams} beams at {scanner.resolution_deg:.4g}° to {scanner.range_max_m:g} m"
-        )
-
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open a renderer of scans."""
-        renderer = LaserRenderer(
-            stage,
-            self.scanner,
-            base_from_scanner=self.base_from_scanner,
-            hidden=self.hides,
-            vehicle=settings.vehicle,
-        )
-        return ScannerInstrument(renderer)
-
-
-class _ScannerMount(SensorMount):
-    """Keys of all laser scanners."""
-
-    sensor_class: ClassVar[type[MountedSensor]] = MountedScanner
-
-    def scanner(self) -> LaserScanner:
-        """Build the range and error model.
-
-        Raises:
-            OpticsError: a scanner that cannot be.
-        """
-        raise NotImplementedError
-
-    def sensor(self, folder: Path, source: str) -> MountedSensor:
-        """Mount the scanner."""
-        try:
-            scanner = self.scanner()
-        except OpticsError as reason:
-            raise RobotFileError(f"{source}: {str(reason).removeprefix('scanner.')}") from None
-        return MountedScanner(self.type, self.name, self.hides, scanner, self.base_from_mount)
+    def measure(
+        self, renderer: LaserRenderer, settings: DriveSettings, moment: Moment
+    ) -> FileMeasurement:
+        """Take the scan of a moment."""
+        scan = renderer.scan(moment.motion(moment.time_s), moment.number)
+        return FileMeasurement(TABLE_SUFFIX, scan.save_csv)
 
 
 def _check_resolution(resolution_deg: float) -> float:
@@ -94,8 +42,10 @@ def _check_resolution(resolution_deg: float) -> float:
     return resolution_deg
 
 
-class Lms200Mount(_ScannerMount):
+class Lms200Mount(SensorMount):
     """SICK LMS200, with the errors of one device."""
+
+    sensor_class: ClassVar[type[MountedSensor]] = MountedScanner
 
     type: Literal["lms200"]
     resolution_deg: Annotated[Number, AfterValidator(_check_resolution)] = 0.5
@@ -104,17 +54,19 @@ class Lms200Mount(_ScannerMount):
     """Range and step: "mm" to 8.19 m by 1 mm, "cm" to 81.9 m by 1 cm."""
     noise: Annotated[bool, Field(strict=True)] = True
     """True: with the device's errors."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its errors follow from it."""
 
-    def scanner(self) -> LaserScanner:
+    def parameters(self) -> LaserScanner:
         """Build the LMS200."""
         scanner = LaserScanner.lms200(self.resolution_deg, self.mode, self.seed)
         return scanner if self.noise else scanner.without_noise()
 
 
-class RangeScannerMount(_ScannerMount):
+class RangeScannerMount(SensorMount):
     """Range scanner as USARSim's configuration has it; by default its SICK LMS200."""
+
+    sensor_class: ClassVar[type[MountedSensor]] = MountedScanner
 
     type: Literal["usarsim_range_scanner"]
     scan_fov_rad: Annotated[Number, Field(gt=0.0, le=6.2832)] = 3.14159
@@ -127,10 +79,10 @@ class RangeScannerMount(_ScannerMount):
     """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its noise follows from it."""
 
-    def scanner(self) -> LaserScanner:
+    def parameters(self) -> LaserScanner:
         """Build USARSim's scanner."""
         return LaserScanner.usarsim(
             # a turn, whose last digit is rounded up
@@ -141,11 +93,3 @@ class RangeScannerMount(_ScannerMount):
             noise=self.noise_share,
             seed=self.seed,
         )
-
-
-class ScannerInstrument(RendererInstrument[LaserRenderer]):
-    """Takes a laser scanner's scans."""
-
-    def measure(self, moment: Moment) -> TableMeasurement:
-        """Take the scan of a moment."""
-        return TableMeasurement(self._renderer.scan(moment.motion(moment.time_s), moment.number))

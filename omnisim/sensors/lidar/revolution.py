@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OmnisimError
 from omnisim.ground_truth.lidar_beams import LidarPoses, Revolution, Slice
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
-from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 SLICES = (8, 16, 32, 64)  # of a revolution in motion
 # From a slice's start to its end lidar and objects move so far at most: a texel of what is seen
@@ -25,7 +24,8 @@ PosesAt = Callable[[float], LidarPoses]
 
 
 def plan_revolution(
-    lidar: SpinningLidar,
+    firings: int,
+    period_s: float,
     poses_at: PosesAt,
     start_s: float,
     boxes: MovingBoxes,
@@ -33,7 +33,8 @@ def plan_revolution(
     """Cut a revolution into slices that are short enough; one, where nothing moves.
 
     Args:
-        lidar: that turns.
+        firings: in the revolution.
+        period_s: duration of the revolution.
         poses_at: seconds.
         start_s: of the first firing.
         boxes: around all that moves.
@@ -41,12 +42,12 @@ def plan_revolution(
     Raises:
         OmnisimError: a lidar that turns too fast.
     """
-    ends = [poses_at(start_s + share * lidar.period_s) for share in (0.0, 0.3, 0.7, 1.0)]
+    ends = [poses_at(start_s + share * period_s) for share in (0.0, 0.3, 0.7, 1.0)]
     if all(_is_same(ends[0], one, boxes) for one in ends[1:]):
-        whole = Slice(0, lidar.firings, ends[0], ends[0], ends[0])
-        return _revolution(lidar, (whole,))
+        whole = Slice(0, firings, ends[0], ends[0], ends[0])
+        return _revolution(firings, (whole,))
     for count in SLICES:
-        slices = _cut(lidar, poses_at, start_s, count)
+        slices = _cut(firings, period_s, poses_at, start_s, count)
         if all(_is_short(one, boxes) for one in slices):
             break
     turn_rad = max(_turn_rad(one) for one in slices)
@@ -55,14 +56,16 @@ def plan_revolution(
             f"lidar: expected to be turned by at most {MAX_TURN_RAD:g} rad in 1/{count} of a "
             f"revolution, got {turn_rad:g}"
         )
-    return _revolution(lidar, slices)
+    return _revolution(firings, slices)
 
 
-def _cut(lidar: SpinningLidar, poses_at: PosesAt, start_s: float, count: int) -> tuple[Slice, ...]:
+def _cut(
+    firings: int, period_s: float, poses_at: PosesAt, start_s: float, count: int
+) -> tuple[Slice, ...]:
     """About so many slices of a revolution."""
-    width = -(-lidar.firings // count)
-    bounds = [*range(0, lidar.firings, width), lidar.firings]
-    step_s = 0.5 * lidar.period_s / lidar.firings  # half of a firing
+    width = -(-firings // count)
+    bounds = [*range(0, firings, width), firings]
+    step_s = 0.5 * period_s / firings  # half of a firing
     halves = [a + b for a, b in itertools.pairwise(bounds)]
     times = sorted([2 * bound for bound in bounds] + halves)
     poses = [poses_at(start_s + step_s * time) for time in times]
@@ -71,15 +74,15 @@ def _cut(lidar: SpinningLidar, poses_at: PosesAt, start_s: float, count: int) ->
     )
 
 
-def _revolution(lidar: SpinningLidar, slices: tuple[Slice, ...]) -> Revolution:
-    firings = np.arange(lidar.firings)
+def _revolution(count: int, slices: tuple[Slice, ...]) -> Revolution:
+    firings = np.arange(count)
     width = slices[0].last
     index = firings // width
     first = np.array([one.first for one in slices])[index]
     shares = (firings - first) / np.array([one.last - one.first for one in slices])[index]
     if len(slices) == 1 and slices[0].start is slices[0].end:
         rotation = slices[0].start.world_from_lidar[:3, :3]
-        return Revolution(slices, shares, np.broadcast_to(rotation, (lidar.firings, 3, 3)))
+        return Revolution(slices, shares, np.broadcast_to(rotation, (count, 3, 3)))
     poses = [pose for one in slices for pose in (one.start, one.middle)] + [slices[-1].end]
     knots = np.stack([pose.world_from_lidar[:3, :3] for pose in poses])
     half = 2 * index + (shares >= 0.5)

@@ -1,4 +1,4 @@
-"""Spinning 3-D lidars: rings, revolution, limits and noise. By default a Velodyne VLP-16.
+"""Spinning 3-D lidars: rings, limits, noise, and the point clouds that they take of a scene.
 
 Frame of the lidar: x forward, y left, z up (REP 103); all lasers start at its origin, and ring 0
 looks down the most, as the drivers of ROS count. The head turns clockwise seen from above, as
@@ -11,19 +11,27 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive
 from omnisim.core.short_repr import short_repr
-from omnisim.ground_truth.lidar_beams import LidarBeams
-from omnisim.sensors.laser_scanner.laser_scanner import MAX_SEED
+from omnisim.core.world import Motion, ObjectPart, WorldState
+from omnisim.ground_truth.lidar_beams import LidarBeams, LidarPoses
+from omnisim.rendering.backend import BeamCaster, LabelCache
+from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.shared_scene import SharedScene
+from omnisim.rendering.truth.ground_truth import instances_of_draws
+from omnisim.rendering.truth.moving_boxes import MovingBoxes
+from omnisim.sensors.device_noise import DeviceSeed, check_number, rounded
+from omnisim.sensors.lidar.point_files import POINT, write_points
+from omnisim.sensors.lidar.revolution import plan_revolution
 
 MAX_RINGS, MAX_FIRINGS = 1024, 16384
 MAX_ELEVATION_DEG = 80.0
@@ -62,11 +70,20 @@ class SpinningLidar(Parameters, name="lidar"):
     range_max_m: Positive = 100.0
     step_m: NotNegative = 0.002
     sigma_m: NotNegative = 0.03
-    seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = 0
+    seed: DeviceSeed = 0
 
     def __repr__(self) -> str:
         rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"
         return short_repr(self, rings, f"{self.range_min_m:g} to {self.range_max_m:g} m")
+
+    def summary(self) -> str:
+        """Rings, firings and range."""
+        rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"
+        return f"{rings} to {self.range_max_m:g} m"
+
+    def open(self, stage: SharedScene, mounting: Mounting) -> LidarRenderer:
+        """Open a renderer of point clouds on a stage."""
+        return LidarRenderer(stage, self, mounting)
 
     def _check(self) -> None:
         if any(np.diff(self.elevations_deg) <= 0.0):
@@ -151,17 +168,123 @@ class SpinningLidar(Parameters, name="lidar"):
         Raises:
             OpticsError: a number that is not a whole number of 32 bits.
         """
-        is_whole = isinstance(revolution, int | np.integer) and not isinstance(revolution, bool)
-        if not (is_whole and 0 <= revolution <= MAX_SEED):
-            raise OpticsError(
-                f"lidar: revolution: expected a whole number of 32 bits, got {revolution!r}"
-            )
+        check_number("lidar: revolution", revolution)
         ranges_m = np.array(true_ranges_m, dtype=np.float64)
         if self.sigma_m:
             random = np.random.default_rng((self.seed, revolution))
             ranges_m += self.sigma_m * random.standard_normal(ranges_m.shape)
-        if self.step_m:
-            steps_a_meter = 1.0 / self.step_m
-            ranges_m = np.rint(ranges_m * steps_a_meter) / steps_a_meter
+        ranges_m = rounded(ranges_m, self.step_m)
         ranges_m[(ranges_m < self.range_min_m) | (ranges_m > self.range_max_m)] = np.inf
         return ranges_m
+
+    def points(
+        self, ranges_m: NDArray[np.float64], instances: NDArray[np.uint32]
+    ) -> NDArray[np.void]:
+        """Points (n,) of measured ranges (rings, firings), +inf for none, and of instances."""
+        firings, rings = np.nonzero(np.isfinite(ranges_m.T))
+        points = np.empty(len(rings), dtype=POINT)
+        ranges = ranges_m[rings, firings]
+        xyz = ranges[:, None] * self.beams.directions[rings, firings]
+        for axis, values in zip("xyz", xyz.T, strict=True):
+            points[axis] = values
+        points["ring"], points["range"] = rings, ranges
+        points["time"], points["azimuth"] = self.times_s[firings], self.azimuths_rad[firings]
+        points["instance"] = instances[rings, firings]
+        return points
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points of one revolution, in the order in which they are measured.
+
+    Attributes:
+        points: (n,) of `POINT`: meters in the lidar's frame at each point's own time, number of the
+            ring, seconds since the revolution's start, azimuth in radians counter-clockwise, range
+            in meters, and ID of the instance as ground truth has it.
+        lidar: that took it.
+        world_from_lidar_at_start, world_from_lidar: (4, 4) its poses at the revolution's start and
+            end.
+        metadata: omnisim's version, the scene, number and end of the revolution.
+    """
+
+    points: NDArray[np.void]
+    lidar: SpinningLidar
+    world_from_lidar_at_start: NDArray[np.float64]
+    world_from_lidar: NDArray[np.float64]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return short_repr(self, f"{len(self.points)} points", f"{self.lidar.rings} rings")
+
+    @property
+    def points_m(self) -> NDArray[np.float32]:
+        """Points (n, 3) in the lidar's frame at each one's own time."""
+        return np.stack([self.points[axis] for axis in "xyz"], axis=-1)
+
+    def save(self, path: str | Path) -> None:
+        """Write the cloud by its suffix, .ply or .pcd; the file is written atomically.
+
+        Comments of the header hold `key: value` with the value in JSON: the metadata, the lidar's
+        parameters, and its poses by rows.
+
+        Raises:
+            OutputError: the file cannot be written.
+            KeyError: another suffix.
+        """
+        comments = {
+            **self.metadata,
+            **dataclasses.asdict(self.lidar),
+            "world_from_lidar_at_start": self.world_from_lidar_at_start.tolist(),
+            "world_from_lidar": self.world_from_lidar.tolist(),
+        }
+        write_points(Path(path), self.points, self.world_from_lidar, comments)
+
+
+class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
+    """Takes a lidar's point clouds of a scene."""
+
+    def __init__(self, stage: SharedScene, sensor: SpinningLidar, mounting: Mounting):
+        super().__init__(stage, sensor, mounting)
+        self._labels = LabelCache()
+        self._boxes = MovingBoxes(self.scene, stage.objects.values())
+
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> BeamCaster:
+        return self._stage.backend.beam_caster(self.sensor.beams, hidden)
+
+    def scan(
+        self, motion: Motion | WorldState | ArrayLike, time_s: float = 0.0, revolution: int = 0
+    ) -> PointCloud:
+        """Take the point cloud of the revolution that ends at a time.
+
+        Args:
+            motion: states of the world by seconds, or (4, 4) poses of the vehicle where nothing
+                else moves; or one of either, at rest.
+            time_s: of the end.
+            revolution: its number in the drive; the noise depends on it and on the lidar's seed
+                alone.
+
+        Raises:
+            OmnisimError: an invalid pose, an object without one, an invalid number, a vehicle that
+                turns too fast, or the renderer or its stage is closed.
+        """
+
+        def poses_at(at_s: float) -> LidarPoses:
+            state = self._state(motion(at_s) if callable(motion) else motion)
+            return LidarPoses(self._world_from_sensor(state), self._stage.poses_in(state))
+
+        lidar, stage = self.sensor, self._stage
+        start_s = time_s - lidar.period_s
+        with self._current() as caster:
+            plan = plan_revolution(lidar.firings, lidar.period_s, poses_at, start_s, self._boxes)
+            hits = caster.cast(plan)
+            draws = caster.draws
+        labels = self._labels.find(stage.scene, stage.objects, tuple(stage.vehicles))
+        instances = instances_of_draws(labels, draws, list(stage.objects))
+        ranges_m = lidar.measure(hits.ranges_m, revolution)
+        return PointCloud(
+            lidar.points(ranges_m, instances.take(hits.draws_plus_one)),
+            lidar,
+            plan.slices[0].start.world_from_lidar,
+            plan.slices[-1].end.world_from_lidar,
+            self._metadata(revolution=int(revolution), time_s=float(time_s)),
+        )

@@ -38,10 +38,6 @@ class CalibratedCamerasMount(SensorMount):
     camera: Name | None = None
     """Name in the file of the only camera to take; left out: all of them."""
 
-    def sensor(self, folder: Path, source: str) -> MountedSensor:
-        """Mount the first camera."""
-        return self.sensors(folder, source)[0]
-
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
         """Read the calibration, and mount its cameras."""
         # formats and their parsers are worth their time only to robots with a calibration
@@ -68,7 +64,9 @@ class CalibratedCamerasMount(SensorMount):
                 base_from_rig=base_from_body @ camera.body_from_camera @ inverse(upright),
             )
             name = self._name(camera.name, len(taken.cameras))
-            cameras.append(MountedCamera(self.type, name, self.hides, sensor, camera.time_shift_s))
+            cameras.append(
+                MountedCamera(self.type, name, self.hides, sensor, time_shift_s=camera.time_shift_s)
+            )
         return tuple(cameras)
 
     def _name(self, camera: str, count: int) -> str:

@@ -8,7 +8,6 @@ so that a drive that was killed goes on with the same bytes.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -16,7 +15,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import NonCentralCamera, summary
+from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, RobotFileError, RunError
 from omnisim.core.extras import missing_packages
 from omnisim.core.files.image_files import read_image
@@ -33,15 +32,14 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import Stage
 from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
 from omnisim.sensors.sensor import (
     DriveSettings,
-    Instrument,
     Measurement,
     Moment,
     MountedSensor,
-    RendererInstrument,
+    RenderedSensor,
+    StepContent,
 )
 from omnisim.sensors.sensor_mount import SensorMount
 from omnisim.sensors.sensor_names import Name
@@ -53,7 +51,7 @@ VIEWPOINT_GRID = 33  # rays to a side of the image whose nearest point is sought
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MountedCamera(MountedSensor):
+class MountedCamera(RenderedSensor):
     """Camera on its vehicle.
 
     Attributes:
@@ -98,19 +96,10 @@ class MountedCamera(MountedSensor):
         """Distance below which nothing is seen."""
         return self.sensor.near_m
 
-    def summary(self) -> str:
-        """Camera model and size."""
-        return summary(self.sensor.model)
-
     @classmethod
-    def suffixes_of(
-        cls,
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-        settings: Mapping[str, Any],
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
         """Suffixes of an image, its channels, and the boxes of its instances."""
+        channels, channel_format, boxes_3d, _ = content
         suffixes = [IMAGE_SUFFIX]
         if channels and channel_format is not ChannelFormat.NPY:
             suffixes.append(CHANNELS_SUFFIX)
@@ -164,17 +153,36 @@ class MountedCamera(MountedSensor):
                 f"{exposure_s:g}"
             )
 
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open a renderer; no two cameras of a vehicle share the seed of their noise."""
-        renderer = Renderer(
-            stage,
-            self.sensor,
-            hidden=self.hides,
-            unlit=settings.unlit,
-            seed=f"{settings.seed} {self.name}",
-            vehicle=settings.vehicle,
+    def measure(
+        self, renderer: Renderer, settings: DriveSettings, moment: Moment
+    ) -> CameraMeasurement:
+        """Take the image of a moment, of the file of the image before if it is metered."""
+        is_ideal = self.sensor.degradation.is_ideal
+
+        def motion(time_s: float) -> WorldState | NDArray[np.float64]:
+            return moment.motion(time_s + self.time_shift_s)
+
+        frame = renderer.render(
+            motion(moment.time_s),
+            also=moment.channels,
+            boxes_3d=settings.boxes_3d,
+            next_state=None if moment.next_s is None else motion(moment.next_s),
+            previous_state=None if moment.previous_s is None else motion(moment.previous_s),
+            motion=None if is_ideal else motion,
+            frame_number=moment.number,
+            exposure_ev=self._exposure_ev(moment),
         )
-        return CameraInstrument(renderer, settings, self.time_shift_s)
+        return CameraMeasurement(frame, moment.number, settings.channel_format)
+
+    def _exposure_ev(self, moment: Moment) -> float | None:
+        """Exposure that auto-exposure has reached; None: settled on the image itself."""
+        degradation = self.sensor.degradation
+        if degradation.exposure is None or not degradation.is_metered:
+            return None
+        if moment.previous_stem is None or moment.previous_s is None:
+            return None
+        ev, metered_ev = _read_exposure(moment.previous_stem.with_suffix(IMAGE_SUFFIX))
+        return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
 
 
 class OmniCameraMount(SensorMount):
@@ -193,52 +201,7 @@ class OmniCameraMount(SensorMount):
             camera = OmniCamera.from_file(
                 find_beside(folder, self.file, f"{source}: file", RobotFileError)
             )
-        base_from_rig = self.base_from_mount @ camera.base_from_rig
-        mounted = dataclasses.replace(camera, base_from_rig=base_from_rig)
-        return MountedCamera(self.type, self.name, self.hides, mounted)
-
-
-class CameraInstrument(RendererInstrument[Renderer]):
-    """Takes a camera's images.
-
-    Args:
-        renderer: closed with the instrument.
-        settings: of the drive.
-        time_shift_s: from a moment to the time at which its image is taken.
-    """
-
-    def __init__(self, renderer: Renderer, settings: DriveSettings, time_shift_s: float = 0.0):
-        super().__init__(renderer)
-        self._settings, self._time_shift_s = settings, time_shift_s
-
-    def measure(self, moment: Moment) -> CameraMeasurement:
-        """Take the image of a moment, of the file of the image before if it is metered."""
-        is_ideal = self._renderer.camera.degradation.is_ideal
-
-        def motion(time_s: float) -> WorldState | NDArray[np.float64]:
-            return moment.motion(time_s + self._time_shift_s)
-
-        frame = self._renderer.render(
-            motion(moment.time_s),
-            also=moment.channels,
-            boxes_3d=self._settings.boxes_3d,
-            next_state=None if moment.next_s is None else motion(moment.next_s),
-            previous_state=None if moment.previous_s is None else motion(moment.previous_s),
-            motion=None if is_ideal else motion,
-            frame_number=moment.number,
-            exposure_ev=self._exposure_ev(moment),
-        )
-        return CameraMeasurement(frame, moment.number, self._settings.channel_format)
-
-    def _exposure_ev(self, moment: Moment) -> float | None:
-        """Exposure that auto-exposure has reached; None: settled on the image itself."""
-        degradation = self._renderer.camera.degradation
-        if degradation.exposure is None or not degradation.is_metered:
-            return None
-        if moment.previous_stem is None or moment.previous_s is None:
-            return None
-        ev, metered_ev = _read_exposure(moment.previous_stem.with_suffix(IMAGE_SUFFIX))
-        return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
+        return MountedCamera(self.type, self.name, self.hides, camera.mounted(self.base_from_mount))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,92 +3,43 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.files.parameters import Number
-from omnisim.rendering.stage import Stage
+from omnisim.sensors.device_noise import DeviceSeed
 from omnisim.sensors.range_sensor.range_sensor import Count, RangeSensor, RangeSensorRenderer
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
     DriveSettings,
-    Instrument,
+    FileMeasurement,
     Moment,
     MountedSensor,
-    RendererInstrument,
-    TableMeasurement,
+    RenderedSensor,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, Seed, SensorMount
+from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class MountedRangeSensor(MountedSensor):
-    """Sonar or infrared sensor on its vehicle.
-
-    Attributes:
-        sensor: cone and error model.
-        base_from_sensor: (4, 4); its axis is x.
-    """
+class MountedRangeSensor(RenderedSensor):
+    """Sonar or infrared sensor on its vehicle."""
 
     sensor: RangeSensor
-    base_from_sensor: NDArray[np.float64]
     noun: ClassVar[str] = "range"
     suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
 
-    @property
-    def origin_m(self) -> NDArray[np.float64]:
-        """Origin of its rays (3,), base."""
-        return self.base_from_sensor[:3, 3]
-
-    def summary(self) -> str:
-        """Cone and range."""
-        angle_deg, range_max_m = self.sensor.beam_angle_deg, self.sensor.range_max_m
-        rays = f"cone of {angle_deg:.3g}°" if angle_deg else "one ray"
-        return f"{rays} to {range_max_m:g} m"
-
-    def open(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open a renderer of ranges."""
-        renderer = RangeSensorRenderer(
-            stage,
-            self.sensor,
-            base_from_sensor=self.base_from_sensor,
-            hidden=self.hides,
-            vehicle=settings.vehicle,
-        )
-        return RangeInstrument(renderer)
+    def measure(
+        self, renderer: RangeSensorRenderer, settings: DriveSettings, moment: Moment
+    ) -> FileMeasurement:
+        """Take the range of a moment."""
+        reading = renderer.measure(moment.motion(moment.time_s), moment.number)
+        return FileMeasurement(TABLE_SUFFIX, reading.save_csv)
 
 
-class _RangeSensorMount(SensorMount):
-    """Keys of sonars and infrared sensors."""
+class SonarMount(SensorMount):
+    """Sonar as USARSim's configuration has it: the nearest hit of rays in a cone about x."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedRangeSensor
-
-    @abstractmethod
-    def range_sensor(self) -> RangeSensor:
-        """Build the cone and error model.
-
-        Raises:
-            OpticsError: a sensor that cannot be.
-        """
-
-    def sensor(self, folder: Path, source: str) -> MountedSensor:
-        """Mount the sensor."""
-        try:
-            sensor = self.range_sensor()
-        except OpticsError as reason:
-            raise RobotFileError(f"{source}: {str(reason).removeprefix('range_sensor.')}") from None
-        return MountedRangeSensor(self.type, self.name, self.hides, sensor, self.base_from_mount)
-
-
-class SonarMount(_RangeSensorMount):
-    """Sonar as USARSim's configuration has it: the nearest hit of rays in a cone about x."""
 
     type: Literal["usarsim_sonar"]
     beam_angle_rad: Annotated[Number, Field(gt=0.0, lt=math.pi)] = 0.349
@@ -103,10 +54,10 @@ class SonarMount(_RangeSensorMount):
     """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its noise follows from it."""
 
-    def range_sensor(self) -> RangeSensor:
+    def parameters(self) -> RangeSensor:
         """Build USARSim's sonar."""
         return RangeSensor(
             beam_angle_deg=math.degrees(self.beam_angle_rad),
@@ -119,8 +70,10 @@ class SonarMount(_RangeSensorMount):
         )
 
 
-class InfraredMount(_RangeSensorMount):
+class InfraredMount(SensorMount):
     """Infrared sensor as USARSim's configuration has it: one ray along x."""
+
+    sensor_class: ClassVar[type[MountedSensor]] = MountedRangeSensor
 
     type: Literal["usarsim_ir_sensor"]
     range_max_m: Positive = 1.5
@@ -129,10 +82,10 @@ class InfraredMount(_RangeSensorMount):
     """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: Seed = 0
+    seed: DeviceSeed = 0
     """Seed of the device: its noise follows from it."""
 
-    def range_sensor(self) -> RangeSensor:
+    def parameters(self) -> RangeSensor:
         """Build USARSim's infrared sensor."""
         return RangeSensor(
             beam_angle_deg=0.0,
@@ -141,11 +94,3 @@ class InfraredMount(_RangeSensorMount):
             noise_share=self.noise_share,
             seed=self.seed,
         )
-
-
-class RangeInstrument(RendererInstrument[RangeSensorRenderer]):
-    """Takes the readings of a sonar or infrared sensor."""
-
-    def measure(self, moment: Moment) -> TableMeasurement:
-        """Take the range of a moment."""
-        return TableMeasurement(self._renderer.measure(moment.motion(moment.time_s), moment.number))

@@ -11,9 +11,7 @@ Source: USARSim's SonarSensor and IRSensor, and their defaults in its configurat
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -23,16 +21,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.parameters import NotNegative, Parameters, Positive
-from omnisim.core.poses import check_pose, pose
+from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
-from omnisim.core.version import __version__
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.rendering.backend import RangeFinder
-from omnisim.rendering.stage import BackendName, SensorRenderer, Stage
-from omnisim.scene import Scene
-from omnisim.sensors.laser_scanner.laser_scanner import MAX_SEED, LaserScanner
+from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.shared_scene import SharedScene
+from omnisim.sensors.commented_csv import write_commented_csv
+from omnisim.sensors.device_noise import DeviceSeed
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 
 Count = Annotated[int, Field(strict=True, ge=1, le=360)]
 
@@ -59,12 +57,21 @@ class RangeSensor(Parameters, name="range_sensor"):
     range_min_m: NotNegative = 0.1
     range_max_m: Positive = 5.0
     noise_share: NotNegative = 0.001
-    seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = 0
+    seed: DeviceSeed = 0
 
     def __repr__(self) -> str:
         return short_repr(
             self, f"{self.beam_angle_deg:g}°", f"{self.range_min_m:g} to {self.range_max_m:g} m"
         )
+
+    def summary(self) -> str:
+        """Cone and range."""
+        rays = f"cone of {self.beam_angle_deg:.3g}°" if self.beam_angle_deg else "one ray"
+        return f"{rays} to {self.range_max_m:g} m"
+
+    def open(self, stage: SharedScene, mounting: Mounting) -> RangeSensorRenderer:
+        """Open a renderer of readings on a stage."""
+        return RangeSensorRenderer(stage, self, mounting)
 
     def _check(self) -> None:
         if self.range_min_m >= self.range_max_m:
@@ -133,59 +140,15 @@ class RangeReading:
             "range_max_m": self.sensor.range_max_m,
             "world_from_sensor": self.world_from_sensor.tolist(),
         }
-        lines = [
-            f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in header.items()
-        ]
-        write_text(Path(path), "\n".join((*lines, "range_m", f"{self.range_m:.6f}")) + "\n")
+        write_commented_csv(path, header, "range_m", (f"{self.range_m:.6f}",))
 
 
-class RangeSensorRenderer(SensorRenderer[RangeFinder]):
-    """Takes a range sensor's readings in a scene; loads and compiles everything once.
+class RangeSensorRenderer(SensorRenderer[RangeSensor, RangeFinder]):
+    """Takes a range sensor's readings in a scene."""
 
-    Use it as a context manager, or `close` it: it holds memory of the GPU.
-
-    Args:
-        scene: to measure, or its path or built-in name; or a stage that other sensors share.
-        sensor: by default USARSim's sonar.
-        base_from_sensor: (4, 4) its mount on the vehicle, along x; by default at the base.
-        body: of the vehicle, in its base frame; a stage has its own.
-        hidden: names of the body's instances that rays go through.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first. A
-            stage has chosen already.
-        vehicle: name of the vehicle that carries the sensor, of a stage with several.
-        backend: "cube" casts rays by OpenGL, "rays" by Embree. A stage has chosen already.
-
-    Raises:
-        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
-        SceneError: a hidden name that the body does not have.
-    """
-
-    def __init__(
-        self,
-        scene: Scene | Stage | str | Path,
-        sensor: RangeSensor | None = None,
-        *,
-        base_from_sensor: ArrayLike | None = None,
-        body: Scene | None = None,
-        hidden: Collection[str] = (),
-        device: int | None = None,
-        vehicle: str | None = None,
-        backend: BackendName | None = None,
-    ):
-        self.sensor = RangeSensor() if sensor is None else sensor
-        self._base_from_sensor = check_pose(
-            np.eye(4) if base_from_sensor is None else base_from_sensor
-        )
-        self._rolls = [pose(roll_deg=float(roll)) for roll in self.sensor.rolls_deg]
-
-        def make_passes(stage: Stage, parts: frozenset[ObjectPart]) -> RangeFinder:
-            reach_m = self.sensor.errors.reach_m
-            return stage.backend.range_finder(self.sensor.fan_rad, reach_m, parts)
-
-        super().__init__(scene, body, hidden, device, make_passes, vehicle, backend)
-
-    def _sensor_summary(self) -> str:
-        return f"{self.sensor.beam_angle_deg:g}°"
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
+        reach_m = self.sensor.errors.reach_m
+        return self._stage.backend.range_finder(self.sensor.fan_rad, reach_m, hidden)
 
     def measure(self, state: WorldState | ArrayLike, number: int = 0) -> RangeReading:
         """Take one reading.
@@ -195,20 +158,15 @@ class RangeSensorRenderer(SensorRenderer[RangeFinder]):
             number: of the reading; the noise depends on it and on the sensor's seed alone.
 
         Raises:
-            OmnisimError: a matrix that is not a pose, an object without one, a number that is none,
-                or the renderer or its stage is closed.
+            OmnisimError: an invalid pose, an object without one, an invalid number, or the renderer
+                or its stage is closed.
         """
         now = self._state(state)
-        world_from_sensor = now.world_from_object[self.vehicle] @ self._base_from_sensor
-        objects = self._stage.poses_in(now)
+        world_from_sensor, objects = self._world_from_sensor(now), self._stage.poses_in(now)
+        rolls = [pose(roll_deg=float(roll)) for roll in self.sensor.rolls_deg]
         with self._current() as ranges:
-            fans = [ranges.cast(world_from_sensor @ roll, objects) for roll in self._rolls]
+            fans = [ranges.cast(world_from_sensor @ roll, objects) for roll in rolls]
         nearest_m = np.concatenate(fans).min(keepdims=True)
         (range_m,) = self.sensor.errors.measure(nearest_m, number).tolist()
-        metadata = {
-            "omnisim": __version__,
-            "scene": self.scene.name,
-            **self._body_metadata(),
-            "number": int(number),
-        }
+        metadata = self._metadata(number=int(number))
         return RangeReading(range_m, self.sensor, world_from_sensor, metadata)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import FINE_TEXELS, BakeSettings
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene
@@ -54,7 +54,7 @@ def check(fixture: Fixture, title: str) -> Section:
             sensor = sensor_of(camera, size_px)
             pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
             traced = traced_light(scene, sensor, pose, samples[camera], bounces=True)
-            with Renderer(lit, sensor, device=fixture.device) as renderer:
+            with open_sensor(lit, sensor, device=fixture.device) as renderer:
                 ours = linear_image(renderer.render(pose, linear=True))
             inside = inside_rim(sensor)
             place, level_db = f"{name}, {camera}", psnr_db(traced, ours, inside)

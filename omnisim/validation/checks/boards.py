@@ -20,7 +20,7 @@ from omnisim.cameras import (
 from omnisim.cameras.calibration import calibration_of
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.validation.chessboards import (
     PATTERN,
     board_corners_m,
@@ -143,7 +143,7 @@ def _off_px(
     sensor = OmniCamera(camera, polygons=None, samples=SAMPLES, texels_per_pixel=TEXELS)
     with (
         tempfile.TemporaryDirectory() as folder,
-        Renderer(board_scene(), sensor, unlit=True, device=fixture.device) as renderer,
+        open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer,
     ):
         path = Path(folder) / "calibration.yaml"
         calibration_of(camera).save(path, board_camera.format)

@@ -11,7 +11,7 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.displacement import displacement_figure
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
@@ -130,7 +130,7 @@ def chessboard_images(
     """Images that OpenCV found the board in, and its corners (n, 2) there."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     images, corners = [], []
-    with Renderer(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
+    with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
         for rig_from_board in board_poses(count):
             image = renderer.render(np.linalg.inv(rig_from_board)).rgb
             found = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)

@@ -12,7 +12,6 @@ from omnisim.core import bilinear
 from omnisim.core.cube import FACE_NAMES, face_index, face_tangents
 from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
@@ -117,7 +116,7 @@ def _linear_images(
 ) -> list[NDArray[np.float64]]:
     """Linear images, NaN where nothing is seen."""
     images = []
-    with Renderer(stage, sensor) as renderer:
+    with stage.open(sensor) as renderer:
         for pose in poses:
             frame = renderer.render(pose, linear=True)
             images.append(np.where(frame.valid[..., None], linear_image(frame), np.nan))
@@ -134,7 +133,7 @@ def _plain(
     index = face_index(rig)
     tangents = face_tangents(rig, index)
     images = []
-    with Renderer(stage, sensor) as renderer:
+    with stage.open(sensor) as renderer:
         for pose in poses:
             renderer.render(pose)
             image = np.full((*index.shape, 3), np.nan)

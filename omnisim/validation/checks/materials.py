@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import PerspectiveCamera
 from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.validation import material_chart
@@ -101,7 +101,7 @@ def both(
     model = camera.model
     assert isinstance(model, PerspectiveCamera)
     scene = material_chart.chart(lighting.with_shadows(False))
-    with Renderer(scene, camera, device=device) as renderer:
+    with open_sensor(scene, camera, device=device) as renderer:
         linear = renderer.render(pose((0.0, 0.0, 0.0)), linear=True).linear
     assert linear is not None
     ours = linear[..., :3]

@@ -11,7 +11,7 @@ from omnisim.cameras import MirroredCamera
 from omnisim.cameras.optics import BoardCorners, SystemCalibration, calibrate_system, fit_central
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir
@@ -135,7 +135,7 @@ def _seen(fixture: Fixture, table: dict[str, Any]) -> _Seen:
     seen = _Seen([], [])
     sensor = OmniCamera(parse_optics(table))
     count = QUICK_BOARDS if fixture.is_quick else BOARDS
-    with Renderer(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
+    with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
         for rig_from_board in board_poses(count):
             image = renderer.render(np.linalg.inv(rig_from_board)).rgb
             corners = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from omnisim.cameras import EquidistantCamera
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import BackendName
+from omnisim.rendering.shared_scene import BackendName
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import TEXTURED_SCENE, Fixture
 from omnisim.validation.plots.style import gallery
@@ -102,7 +102,7 @@ def _sensors() -> dict[str, OmniCamera]:
 
 def _frame(scene: Scene, sensor: OmniCamera, backend: BackendName, device: int | None) -> Frame:
     base = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
-    with Renderer(scene, sensor, backend=backend, device=device) as renderer:
+    with open_sensor(scene, sensor, backend=backend, device=device) as renderer:
         return renderer.render(base, also=("range", "instance"))
 
 

@@ -9,7 +9,7 @@ from omnisim.cameras import PerspectiveCamera
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.pyrender_rasterizer import rasterize
 from omnisim.validation.oracles.surfaces import opaque_only
@@ -30,7 +30,7 @@ def check(fixture: Fixture, title: str) -> Section:
     scene = opaque_only(fixture.scene)
     sensor = OmniCamera(face_size_px=size, samples=4)
     world_from_base = sensor.base_pose(fixture.viewpoint_m, yaw_deg=25.0)
-    with Renderer(scene, sensor, unlit=True, device=fixture.device) as renderer:
+    with open_sensor(scene, sensor, unlit=True, device=fixture.device) as renderer:
         renderer.render(world_from_base)
         faces = renderer.faces()
     camera = PerspectiveCamera.with_field_of_view(size, size, 0.5 * np.pi)

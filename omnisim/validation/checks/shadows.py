@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, LightKind
 from omnisim.validation.fixture import Fixture, linear_image
@@ -66,7 +66,7 @@ def check(fixture: Fixture, title: str) -> Section:
             sensor = sensor_of(camera, size_px)
             pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
             traced = traced_light(scene, sensor, pose, samples[camera])
-            with Renderer(scene, sensor, device=fixture.device) as renderer:
+            with open_sensor(scene, sensor, device=fixture.device) as renderer:
                 ours = linear_image(renderer.render(pose, linear=True))
             inside, place = inside_rim(sensor), f"{name}, {camera}"
             found_db = psnr_db(traced, ours, inside)
@@ -103,9 +103,9 @@ def _edges(fixture: Fixture, name: str) -> Measure:
     bare = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
     sensor = small_mirror(EDGES_SIZE_PX)
     pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-    with Renderer(scene, sensor, device=fixture.device) as renderer:
+    with open_sensor(scene, sensor, device=fixture.device) as renderer:
         frame = renderer.render(pose, linear=True, also=("instance", "normals"))
-    with Renderer(bare, sensor, device=fixture.device) as renderer:
+    with open_sensor(bare, sensor, device=fixture.device) as renderer:
         unshadowed = linear_image(renderer.render(pose, linear=True))
     counted = inside_rim(sensor) & inside_surfaces(
         frame.channels["instance"], frame.channels["normals"], unshadowed

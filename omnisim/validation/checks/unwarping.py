@@ -15,7 +15,7 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import View, perspective_view
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.validation.fixture import Fixture, linear_image, max_abs
 from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
 from omnisim.validation.plots.plot_file import Figure
@@ -78,7 +78,7 @@ def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
     pose = poses.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
-    with Renderer(fixture.scene, sensor, unlit=True, device=fixture.device) as renderer:
+    with open_sensor(fixture.scene, sensor, unlit=True, device=fixture.device) as renderer:
         renderer.render(pose)
         face = linear_from_srgb(renderer.faces()["front"] / 255.0)
     averaged: NDArray[np.float64] = face.reshape(VIEW_PX, fine, VIEW_PX, fine, 3).mean(axis=(1, 3))

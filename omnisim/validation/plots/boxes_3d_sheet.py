@@ -20,7 +20,6 @@ from omnisim.core import poses
 from omnisim.ground_truth.boxes_3d import InstanceBox, OrientedBox
 from omnisim.ground_truth.label_names import distinct_color
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import load_scene
@@ -51,7 +50,7 @@ def boxes_3d_tiles() -> list[Tile]:
     tiles = []
     with Stage(load_scene("soccer"), vehicle.body) as stage:
         for name, sensor in sensors.items():
-            with Renderer(stage, sensor, hidden=mounted.hides) as renderer:
+            with stage.open(sensor, hidden=mounted.hides) as renderer:
                 frame = renderer.render(BASE, boxes_3d=True)
             shown = [one for one in frame.boxes_3d or () if _is_shown(one)]
             for kind in ("full", "visible"):

@@ -33,7 +33,6 @@ from omnisim.rendering.camera.degradations import (
     preset,
 )
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.twist import Twist
 from omnisim.scene import load_scene
@@ -118,7 +117,7 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
 
         def render(camera: OmniCamera, degradation: Degradation, twist: Twist) -> NDArray[np.uint8]:
             pose = camera.base_pose(start, yaw_deg)
-            with Renderer(stage, camera.with_degradation(degradation)) as renderer:
+            with stage.open(camera.with_degradation(degradation)) as renderer:
                 return renderer.render(pose, motion=twist.through(pose)).rgb
 
         for title, degradation in WHOLE.items():

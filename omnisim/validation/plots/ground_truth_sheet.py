@@ -22,7 +22,6 @@ from omnisim.core import poses
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.previews import preview
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene, load_scene
@@ -80,7 +79,7 @@ def _with_materials(scene: Scene, change: Callable[[Material], Material]) -> Sce
 def _tiles(
     stage: Stage, sensor: OmniCamera, hidden: Collection[str], names: tuple[str, ...], prefix: str
 ) -> list[Tile]:
-    with Renderer(stage, sensor, hidden=hidden) as renderer:
+    with stage.open(sensor, hidden=hidden) as renderer:
         frame = renderer.render(
             BASE, also=names, next_state=NEXT_BASE, previous_state=PREVIOUS_BASE
         )

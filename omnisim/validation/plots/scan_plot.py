@@ -7,7 +7,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from omnisim.sensors.laser_scanner.scan import Scan
+from omnisim.sensors.laser_scanner.laser_scanner import Scan
 
 _POINT, _BEAM, _SCANNER, _GRID = "#c23b3b", "#9db8d6", "#333333", "#e4e4e4"
 _MARGIN = 0.06  # of the larger side, around everything

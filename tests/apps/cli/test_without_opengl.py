@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.core.files.image_files import read_image
 
 OPTICS = Path(__file__).resolve().parents[3] / "examples" / "optics"
@@ -19,27 +19,25 @@ FRAME = """
 import numpy as np
 import omnisim
 camera = omnisim.OmniCamera().resized(32)
-with omnisim.Renderer("courtyard", camera, backend="rays") as renderer:
+with omnisim.open_sensor("courtyard", camera, backend="rays") as renderer:
     pose = camera.base_pose((0.0, 0.0, 1.0), yaw_deg=30.0)
     frame = renderer.render(pose, also=("range", "instance"))
 np.savez("frame.npz", rgb=frame.rgb, valid=frame.valid, **frame.channels)
 """
 MEASUREMENTS = """
 import numpy as np
-from omnisim.sensors import (
-    DepthRenderer, LaserRenderer, LidarRenderer, RangeSensorRenderer,
-)
+from omnisim.sensors import DepthCamera, LaserScanner, RangeSensor, SpinningLidar
 from omnisim.rendering import Stage
 from omnisim.core.poses import pose
 base = pose((0.0, 0.0, 1.0))
 with Stage("courtyard", backend="rays") as stage:
-    with LaserRenderer(stage) as laser:
+    with stage.open(LaserScanner()) as laser:
         assert np.isfinite(laser.scan(base).ranges_m).any()
-    with LidarRenderer(stage) as lidar:
+    with stage.open(SpinningLidar()) as lidar:
         assert len(lidar.scan(base).points_m)
-    with RangeSensorRenderer(stage) as sonar:
+    with stage.open(RangeSensor()) as sonar:
         sonar.measure(base)
-    with DepthRenderer(stage) as depth:
+    with stage.open(DepthCamera()) as depth:
         assert np.isfinite(depth.measure(base)).any()
 """
 COMMANDS = """
@@ -80,7 +78,7 @@ def test_the_courtyard_is_rendered_with_ground_truth(tmp_path):
     _run(tmp_path, FRAME)
     without = np.load(tmp_path / "frame.npz")
     camera = OmniCamera().resized(32)
-    with Renderer("courtyard", camera, backend="rays") as renderer:
+    with open_sensor("courtyard", camera, backend="rays") as renderer:
         pose = camera.base_pose((0.0, 0.0, 1.0), yaw_deg=30.0)
         frame = renderer.render(pose, also=("range", "instance"))
     expected = {"rgb": frame.rgb, "valid": frame.valid, **frame.channels}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from omnisim import OmniCamera, Renderer, load_scene
+from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.apps.live import server
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.server import new_token, page_bytes
@@ -123,7 +123,7 @@ def test_a_robots_image_is_that_of_the_command_that_is_shown(tmp_path, monkeypat
     app(["render", *shlex.split(command)], standalone_mode=False)
     assert (tmp_path / "image.png").read_bytes() == frame["data"]["camera"]
     bare = OmniCamera().resized(SIZE_PX)  # the body is in it
-    with Renderer(load_scene("rings"), bare) as renderer:
+    with open_sensor(load_scene("rings"), bare) as renderer:
         base = renderer.camera.base_pose(frame["viewpoint"]["position_m"], 33.3)
         without_body = renderer.render(base).rgb
     assert (read_image(tmp_path / "image.png")[0] != without_body).any()
@@ -140,7 +140,7 @@ def test_a_saved_camera_renders_the_same_image(page, tmp_path):
         client.send("reset")
         camera = OmniCamera.from_file(path).resized(SIZE_PX)
         place = frame["place"]
-        with Renderer(load_scene("rings"), camera) as renderer:
+        with open_sensor(load_scene("rings"), camera) as renderer:
             angles = (place["yaw_deg"], place["pitch_deg"], place["roll_deg"])
             base = camera.base_pose(place["position_m"], *angles)
             renderer.render(base).save(tmp_path / "a.png")

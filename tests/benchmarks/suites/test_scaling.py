@@ -11,7 +11,7 @@ from benchmarks.peers import quality
 from benchmarks.report import check
 from benchmarks.suites import scaling
 from benchmarks.town import build_town
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.validation.plots.plot_file import write_plot
 
 
@@ -71,7 +71,7 @@ def test_embree_hits_visible_triangles(needs_opengl):
     scene, sensor = build_town(1000), OmniCamera(polygons=None).resized(120)
     eye = scaling.STREET[0]
     rays = EmbreeRays(scene, sensor.model)
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         frame = renderer.render(eye, also=("range",))
     assert rays.count == frame.valid.sum()
     hit = rays.cast(eye) >= 0

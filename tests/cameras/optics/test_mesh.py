@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.cameras import PerspectiveCamera, pixel_grid
 from omnisim.cameras.optics import OpticalSystem, Surface, read_optics_file
 from omnisim.cameras.optics.mesh_error import SystemMeshErrors
@@ -186,7 +186,7 @@ def test_images_settle_with_more_polygons(backend):
     scene = scene_of([room()])
     frames = {}
     for polygons in (16, 64, 256, None):
-        with Renderer(scene, sensor.with_polygons(polygons), backend=backend) as renderer:
+        with open_sensor(scene, sensor.with_polygons(polygons), backend=backend) as renderer:
             frames[polygons] = renderer.render(NOW)
     exact = frames.pop(None)
     assert exact.metadata["polygons"] == "exact"
@@ -204,7 +204,7 @@ def test_flow_through_a_mesh_is_that_of_the_exact_system():
     after = NOW @ pose((0.05, 0.02, 0.0), 0.0, 0.0, 2.0)
     flows = []
     for polygons in (None, 256):
-        with Renderer(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
+        with open_sensor(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
             frame = renderer.render(NOW, also=("flow",), next_state=after)
         flows.append(frame.channels["flow"])
     off_px = np.linalg.norm(flows[1] - flows[0], axis=-1)

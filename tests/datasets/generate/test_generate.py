@@ -26,7 +26,7 @@ from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.generate.shard import find_shard
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from tests.datasets.plans import write_plan
 
@@ -69,7 +69,7 @@ def test_a_sample_is_the_image_at_its_pose(made):
     sample = Shards(out)[4]
     pose = np.array(sample["metadata"]["images"]["camera"]["world_from_base"])
     camera = OmniCamera().resized(32).with_quality("fast")
-    with Renderer(load_scene("rings"), camera) as renderer:
+    with open_sensor(load_scene("rings"), camera) as renderer:
         frame = renderer.render(pose, also=("range",))
     np.testing.assert_array_equal(sample["rgb"], frame.rgb)
     expected = np.where(np.isfinite(frame.channels["range"]), frame.channels["range"], np.inf)

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
-from omnisim import OmniCamera, Renderer, Scene, Stage, WorldState
+from omnisim import OmniCamera, Scene, Stage, WorldState
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import PlanError
 from omnisim.core.poses import pose
@@ -46,7 +46,7 @@ def test_shares_are_those_of_each_object_alone(scene):
     names = ["wall", *BALLS]
     with (
         Stage(scene, dynamic_objects={"moving": _ball("moving", 0.2)}) as stage,
-        Renderer(stage, CAMERA) as renderer,
+        stage.open(CAMERA) as renderer,
     ):
         base = renderer.camera.base_pose((0.0, 0.0, HEIGHT_M), 0.0)
         near = WorldState({renderer.vehicle: base, "moving": pose((3.0, -1.0, 0.3))})

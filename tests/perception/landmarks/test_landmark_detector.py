@@ -46,7 +46,7 @@ def field():
     """The scene, the camera on its mount, and images from some places."""
     scene = omnisim.load_scene("soccer")
     sensor = omnisim.OmniCamera()
-    with omnisim.Renderer(scene, sensor) as renderer:
+    with omnisim.open_sensor(scene, sensor) as renderer:
         images = [
             renderer.render(omnisim.pose((x, y, HEIGHT_M), yaw_deg=yaw)).rgb for x, y, yaw in PLACES
         ]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, PerspectiveCamera
 from omnisim.core.errors import OpticsError, OutputError
 from omnisim.core.poses import pose
@@ -33,7 +33,7 @@ def scene():
 
 def _render(scene, camera, now=NOW, after=AFTER):
     sensor = OmniCamera(camera, polygons=None, supersampling=1)
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         return renderer.render(now, also=tuple(CHANNELS), next_state=after, previous_state=after)
 
 

@@ -8,7 +8,6 @@ import pytest
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import DEFAULT_QUALITY, QUALITIES, QualityName, quality_named
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.validation.psnr import psnr_db
@@ -87,7 +86,7 @@ def test_error_decreases_with_quality():
     frames = {}
     with Stage(scene) as stage:
         for name, sensor in sensors.items():
-            with Renderer(stage, sensor.resized(100)) as renderer:
+            with stage.open(sensor.resized(100)) as renderer:
                 pose = sensor.base_pose(scene.start.position_m)
                 frames[name] = renderer.render(pose, linear=True)
     finest = frames["finest"]

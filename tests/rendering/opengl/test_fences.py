@@ -13,19 +13,19 @@ DRAWING = """
 import numpy as np
 import omnisim
 from omnisim.core.poses import pose
-from omnisim.rendering import OmniCamera, Renderer
-from omnisim.sensors import LidarRenderer
+from omnisim.rendering import OmniCamera, open_sensor
+from omnisim.sensors import SpinningLidar
 
 def motion(time_s):
     return pose((time_s, 0.0, 0.8), yaw_deg=20.0 * time_s)
 
 scene = omnisim.load_scene("soccer")
-with LidarRenderer(scene) as lidar:
+with open_sensor(scene, SpinningLidar()) as lidar:
     for revolution in range(20):
         lidar.scan(motion, 0.1 * revolution, revolution)
 camera = OmniCamera().resized(96)
 poses = np.stack([camera.base_pose((0.1 * number, 0.0, 0.0)) for number in range(8)])
-with Renderer(scene, camera) as renderer:
+with open_sensor(scene, camera) as renderer:
     for one in poses:
         renderer.render(one)
     renderer.render_batch(poses)

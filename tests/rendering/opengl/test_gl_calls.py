@@ -6,7 +6,7 @@ import pytest
 import omnisim
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Material
 from tests.rendering.opengl.gl_calls import GlCalls
 from tests.rendering.opengl.sheets import sheet
@@ -48,7 +48,7 @@ def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(name, monkeypatch
     calls = GlCalls(monkeypatch)
     # the courtyard's sun has maps that follow the viewpoint, and are drawn for each image
     sky = "none" if name == "courtyard" else None
-    with Renderer(omnisim.load_scene(name, sky=sky), CAMERA) as renderer:
+    with open_sensor(omnisim.load_scene(name, sky=sky), CAMERA) as renderer:
         frame, *batches = _frame(calls, renderer)
     assert batches[0] == batches[1] == batches[2]
     for made in (frame, batches[0]):
@@ -62,6 +62,6 @@ def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):
     for count in (2, 40):
         meshes = [sheet(f"sheet {number}", 0, seed=number) for number in range(count)]
         poses = [pose((0.2 * number, 1.0, 0.0)) for number in range(count)]
-        with Renderer(scene_of(meshes, [Material()], poses), CAMERA) as renderer:
+        with open_sensor(scene_of(meshes, [Material()], poses), CAMERA) as renderer:
             made.append(_frame(calls, renderer))
     assert made[0] == made[1]

@@ -13,7 +13,7 @@ import pytest
 from omnisim.core.files.image_files import read_image, write_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.context import graphics_info
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
@@ -44,7 +44,7 @@ def test_image_is_the_golden_one(context, name, tmp_path):
         pytest.skip("golden images are llvmpipe's")
     sensor, unlit, yaw_deg = CASES[name]
     scene = load_scene("courtyard", sky="none")  # of drawing, in even light
-    with Renderer(scene, sensor, unlit=unlit) as renderer:
+    with open_sensor(scene, sensor, unlit=unlit) as renderer:
         pixels = renderer.render(sensor.base_pose((0.5, -1.0, 0.9), yaw_deg)).rgb
     path = GOLDEN / f"{name}.png"
     if os.environ.get("OMNISIM_RENEW_GOLDEN"):

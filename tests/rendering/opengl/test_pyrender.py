@@ -19,7 +19,7 @@ from omnisim.cameras.mirrors.unfolding import unfold
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, unfolded_cube
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.files.source import resolve_source
 from omnisim.scene.formats.mesh.mesh_files import write_mirror
@@ -101,7 +101,7 @@ def our_faces(tmp_path_factory):
         sensor = OmniCamera(face_size_px=SIZE_PX, samples=4)  # faces as smooth as theirs
         scene = dataclasses.replace(load_scene(path), background=(0.0, 0.0, 0.0))
         world_from_base = sensor.base_pose((1.0, -2.0, 1.2), yaw_deg=25.0)
-        with Renderer(scene, sensor, unlit=True) as renderer:
+        with open_sensor(scene, sensor, unlit=True) as renderer:
             renderer.render(world_from_base)
             return renderer.faces(), loaded, world_from_base
 
@@ -129,7 +129,7 @@ def test_exported_mirror_shows_our_image(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     sensor = OmniCamera(face_size_px=512, supersampling=1)  # as theirs: one look a pixel
     camera = sensor.model
-    with Renderer(load_scene("courtyard"), sensor, unlit=True) as renderer:
+    with open_sensor(load_scene("courtyard"), sensor, unlit=True) as renderer:
         ours = renderer.render(sensor.base_pose((0.5, 1.0, 0.9), yaw_deg=20.0))
         texture = unfolded_cube(renderer.faces())
     unfolded = unfold(camera.mirror, tessellate(camera.mirror, 1024))

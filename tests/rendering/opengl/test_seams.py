@@ -13,7 +13,7 @@ from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.cube import face_index
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -42,7 +42,7 @@ def test_no_seam_and_the_right_color_everywhere(theta_max_deg, face_size_px, pos
     mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
     camera = HyperbolicCamera.framed_on_rim(mirror, 360, 360)
     sensor = OmniCamera(model=camera, polygons=None, face_size_px=face_size_px)
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(pose)
     expected, valid, faces, hits = _analytic(camera, pose)
     # a pixel counts where the mirror covers half of its four samples, which are ¼ px from its
@@ -71,7 +71,7 @@ def test_thousand_polygons_show_the_exact_image():
     pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=20.0)
     images = []
     for polygons in (None, 1024):
-        with Renderer(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
+        with open_sensor(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
             images.append(renderer.render(pose))
     both = images[0].valid & images[1].valid
     assert both.sum() > 0.99 * images[0].valid.sum()
@@ -84,8 +84,8 @@ def test_tilted_mounting_is_a_tilted_vehicle():
     tilt = poses.pose((0.2, 0.1, 0.3), roll_deg=10.0, pitch_deg=5.0, yaw_deg=90.0)
     mounted = dataclasses.replace(OmniCamera(polygons=None), base_from_rig=tilt)
     vehicle = poses.pose((0.4, -0.2, 0.0), yaw_deg=-40.0)
-    with Renderer(scene_of([room()]), mounted) as renderer:
+    with open_sensor(scene_of([room()]), mounted) as renderer:
         one = renderer.render(vehicle)
-    with Renderer(scene_of([room()]), OmniCamera(polygons=None)) as renderer:
+    with open_sensor(scene_of([room()]), OmniCamera(polygons=None)) as renderer:
         other = renderer.render(vehicle @ tilt)
     np.testing.assert_array_equal(one.rgba, other.rgba)

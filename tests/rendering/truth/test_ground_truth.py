@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer, Stage, load_scene
+from omnisim import OmniCamera, Stage, load_scene, open_sensor
 from omnisim.cameras import (
     CylindricalCamera,
     EquidistantCamera,
@@ -43,7 +43,7 @@ lenses = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 
 def _truth(lens, also, now=POSE, after=None, scene=None, **options):
     sensor = OmniCamera(lens, polygons=None, supersampling=1)
-    with Renderer(scene or scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene or scene_of([room()]), sensor) as renderer:
         return renderer.render(now, also=also, next_state=after, **options)
 
 
@@ -90,7 +90,7 @@ def test_channels_of_a_room_are_those_of_the_exact_rays(lens):
 def test_a_mesh_has_the_hits_of_its_own_rays():
     """Points lie on the walls; a mesh of 16 polygons sees them elsewhere than the exact mirror."""
     sensor = OmniCamera(LENSES["mirror"], polygons=16, supersampling=1)
-    with Renderer(scene_of([room()]), sensor) as renderer:
+    with open_sensor(scene_of([room()]), sensor) as renderer:
         frame = renderer.render(POSE, also=("position", "range", "valid"))
     valid = frame.channels["valid"] > 0
     np.testing.assert_array_equal(valid, frame.valid)
@@ -107,7 +107,7 @@ def test_hits_are_between_the_near_and_the_far_plane():
     lens = LENSES["sphere"]
     here = pose((0.0, 0.0, 0.0))
     sensor = OmniCamera(lens, polygons=None, near_m=0.3, far_m=2.5, supersampling=1)
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         ranges_m = renderer.render(here, also=("range",)).channels["range"]
     directions, _ = _rays_world(lens, here)
     room_m = np.linalg.norm(room_hit(np.zeros(3), directions), axis=-1)
@@ -193,7 +193,7 @@ def test_sorted_blended_triangles_are_hit_where_they_are():
             [room(), box("box", 1, half_m=0.5)], [Material(double_sided=True), material]
         )
         sensor = OmniCamera(EquirectangularCamera(240, 120), polygons=None, supersampling=1)
-        with Renderer(scene, sensor) as renderer:
+        with open_sensor(scene, sensor) as renderer:
             poses = [pose((0.9, 0.8, 0.7)), pose((-1.0, 0.3, -0.9), yaw_deg=20.0)]
             found += [renderer.render(now, also=also).channels for now in poses]
     for of_glass, of_solid in zip(found[:2], found[2:], strict=True):
@@ -216,7 +216,7 @@ def test_culling_changes_no_channel(monkeypatch):
         monkeypatch.setattr(
             "omnisim.rendering.opengl.drawing.tile_renderer.MIN_TRIANGLES_OF_PASSES", (worth,) * 2
         )
-        with Renderer(surroundings(), OmniCamera().resized(90)) as renderer:
+        with open_sensor(surroundings(), OmniCamera().resized(90)) as renderer:
             found.append(_render_all(renderer).channels)
     for name in also:
         np.testing.assert_array_equal(*(channels[name] for channels in found))
@@ -229,7 +229,7 @@ def test_the_body_is_seen_but_for_hidden_instances():
     scene, vehicle = surroundings(), body()
     both = {}
     for hidden in ((), ("hull",)):
-        with Renderer(scene, sensor, body=vehicle, hidden=hidden) as renderer:
+        with open_sensor(scene, sensor, body=vehicle, hidden=hidden) as renderer:
             frame = renderer.render(pose((0.2, 0.1, -1.0)), also=("instance", "semantic", "range"))
         label = {
             label.name: label for label in frame.labels.instances if label.object_name == "body"
@@ -282,7 +282,7 @@ def test_flow_and_occlusion_of_a_dynamic_object():
     sensor = OmniCamera(lens, polygons=None, supersampling=1)
     now, after = pose((-1.0, 0.0, 0.0)), pose((-0.95, 0.02, 0.0), yaw_deg=3.0)
     crate_now, crate_after = pose((0.2, 0.2, 0.1)), pose((0.2, -0.3, 0.1), yaw_deg=25.0)
-    with _beside_a_wall({"crate": crate}) as stage, Renderer(stage, sensor) as renderer:
+    with _beside_a_wall({"crate": crate}) as stage, stage.open(sensor) as renderer:
         frame = renderer.render(
             WorldState({renderer.vehicle: now, "crate": crate_now}),
             also=("flow", "instance", "position"),
@@ -333,7 +333,7 @@ def test_a_channel_does_not_depend_on_others_or_on_the_image():
     scene = surroundings()
     sensor = OmniCamera(polygons=64).resized(60)
     also = tuple(CHANNELS)
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         plain = renderer.render(POSE)
         alone = renderer.render(POSE, also=("range",))
         all_of_them = _render_all(renderer)
@@ -350,7 +350,7 @@ def test_a_channel_does_not_depend_on_others_or_on_the_image():
 
 
 def test_unknown_channels_and_flow_without_a_next_pose_are_refused():
-    with Renderer(scene_of([room()]), OmniCamera().resized(16)) as renderer:
+    with open_sensor(scene_of([room()]), OmniCamera().resized(16)) as renderer:
         with pytest.raises(OutputError, match="'rang': there is no such channel; did you mean"):
             renderer.render(pose(), also=("rang",))
         with pytest.raises(OutputError, match="did you mean 'range'"):
@@ -373,7 +373,7 @@ def test_hits_are_those_of_embree(source, lens):
     scene = opaque_part(load_scene(source))
     oracle = embree_oracle.Oracle(scene)
     now = embree_oracle.free_poses(oracle, 1, *embree_oracle.FREE_M[source], seed=5)[0]
-    with Renderer(scene, embree_oracle.LENSES[lens]) as renderer:
+    with open_sensor(scene, embree_oracle.LENSES[lens]) as renderer:
         results = embree_oracle.compare(scene, oracle, renderer, now, embree_oracle.next_pose(now))
     assert min(results["range"], results["instance"], results["normals"]) >= 0.995
     assert results["wrong elsewhere"] <= 1e-4  # all others are at silhouettes

@@ -78,7 +78,7 @@ def test_cameras_and_imus_are_sensors_where_mujoco_has_them(tmp_path):
     assert eye.origin_m == pytest.approx((0.45, 0.0, 0.4))
     np.testing.assert_allclose(eye.sensor.base_from_optical[:3, 2], (1.0, 0.0, 0.0), atol=1e-9)
     np.testing.assert_allclose(eye.sensor.base_from_optical[:3, 1], (0.0, 0.0, -1.0), atol=1e-9)
-    assert chip.base_from_imu[:3, 3] == pytest.approx((0.05, 0.0, 0.2))
+    assert chip.base_from_sensor[:3, 3] == pytest.approx((0.05, 0.0, 0.2))
 
 
 def test_the_floor_of_a_model_is_left_out(tmp_path):

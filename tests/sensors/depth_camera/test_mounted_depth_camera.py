@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim import Renderer
+from omnisim import open_sensor
 from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import pose
@@ -19,7 +19,6 @@ from omnisim.runs.route import Route
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material
 from omnisim.sensors.depth_camera.depth_camera import DepthCamera
-from omnisim.sensors.depth_camera.depth_renderer import DepthRenderer
 from tests.ray_casting import RayCaster, opaque_part
 from tests.scenes import scene_of
 from tests.vehicles import box, scaled
@@ -111,9 +110,9 @@ def wall_and_box(wall_m, box_m):
 def test_without_noise_it_is_the_channel_z_and_holes_are_shadows(camera):
     exact, scene = camera.without_noise(), wall_and_box(3.0, 1.2)
     with Stage(scene) as stage:
-        with DepthRenderer(stage, exact) as renderer:
+        with stage.open(exact) as renderer:
             depths = renderer.measure(np.eye(4))
-        with Renderer(stage, exact.model) as renderer:
+        with stage.open(exact.model) as renderer:
             true = renderer.render(np.eye(4), also=("z",)).channels["z"]
     holes = depths == 0.0
     assert np.array_equal(depths[~holes], true[~holes])
@@ -143,9 +142,9 @@ def test_holes_are_what_embrees_rays_from_the_second_view_do_not_reach(camera):
         camera.without_noise(), range_min_m=0.1, range_max_m=50.0, max_incidence_deg=90.0
     )
     with Stage(scene) as stage:
-        with DepthRenderer(stage, exact) as renderer:
+        with stage.open(exact) as renderer:
             depths = renderer.measure(world_from_base)
-        with Renderer(stage, exact.model) as renderer:
+        with stage.open(exact.model) as renderer:
             channels = renderer.render(world_from_base, also=("z", "position")).channels
     beside = (world_from_base @ (0.0, -exact.baseline_m, 0.0, 1.0))[:3]
     there = np.isfinite(channels["z"])
@@ -177,7 +176,7 @@ def test_a_wall_at_a_grazing_angle_is_a_hole(yaw_deg, is_hole):
         [Material(double_sided=True)],
         [scaled(pose((1.5, 0.0, 0.0), yaw_deg=yaw_deg), 1e-4, 4.0, 4.0)],
     )
-    with DepthRenderer(wall, DepthCamera.kinect_v1().without_noise()) as renderer:
+    with open_sensor(wall, DepthCamera.kinect_v1().without_noise()) as renderer:
         depths = renderer.measure(np.eye(4))
     assert np.all((depths[200:280, 318:322] == 0.0) == is_hole)
     # a slanted wall casts no shadow on itself; farther to the right it is seen at more than 80°
@@ -191,7 +190,7 @@ def test_the_camera_is_where_it_is_mounted():
     away = scaled(pose((0.5, 2.1, 0.4)), 9.0, 0.2, 9.0)
     scene = scene_of([box("wall", 0)], [Material(double_sided=True)], [away])
     exact = DepthCamera.kinect_v1().without_noise()
-    with DepthRenderer(scene, exact, base_from_camera=mount) as renderer:
+    with open_sensor(scene, exact, base_from_sensor=mount) as renderer:
         depths = renderer.measure(np.eye(4))
     np.testing.assert_allclose(depths[240, 100:600], 1.9, atol=1e-5)
 
@@ -217,10 +216,10 @@ def test_a_run_goes_on_with_the_same_bytes(tmp_path):
     assert [one.read_bytes() for one in files] == before
     pixels, _ = read_image(files[2])
     assert pixels.dtype == np.uint16
-    with DepthRenderer(
+    with open_sensor(
         drive.scene,
-        vehicle.sensors[0].camera,
-        base_from_camera=vehicle.sensors[0].base_from_camera,
+        vehicle.sensors[0].sensor,
+        base_from_sensor=vehicle.sensors[0].base_from_sensor,
         seed="3 depth",
     ) as renderer:
         depths = renderer.measure(poses[2], 2)
@@ -231,7 +230,7 @@ def test_a_run_goes_on_with_the_same_bytes(tmp_path):
 def test_keys_change_the_device():
     (sensor,) = vehicle_of(device="d435", range_max_m=4.0, noise=False).sensors
     expected = dataclasses.replace(DepthCamera.d435(), range_max_m=4.0).without_noise()
-    assert sensor.camera == expected
+    assert sensor.sensor == expected
     assert sensor.summary() == "848 × 480 px, 0.168 to 4 m"
 
 

@@ -238,7 +238,7 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
     np.testing.assert_allclose(np.diff(rows[:, 0]), 0.005, atol=2e-9)
     # without its biases and its noise a reading is the motion's
     (unit,) = vehicle.sensors
-    ideal = dataclasses.replace(unit, errors=ImuErrors())
+    ideal = dataclasses.replace(unit, sensor=ImuErrors())
     true = ideal.readings(drive.plan().motion, 3, rows[:, 0])
     noise = rows[:, 1:] - true - biases[:, 1:]
     sigmas = np.repeat((1.6968e-4, 2.0e-3), 3) * math.sqrt(200.0)
@@ -249,7 +249,7 @@ def test_parameters_are_in_a_file_like_eurocs():
     (unit,) = vehicle_of(roll_deg=1e-9, position_m=[0.1, 0.2, 0.3]).sensors
     parameters = yaml.safe_load(unit.documents()["sensor.yaml"])
     pose_of_unit = np.reshape(parameters["T_BS"]["data"], (4, 4))
-    np.testing.assert_array_equal(pose_of_unit, unit.base_from_imu)
+    np.testing.assert_array_equal(pose_of_unit, unit.base_from_sensor)
     # the numbers of EuRoC's own file
     assert {key: parameters[key] for key in list(parameters)[2:-1]} == {
         "rate_hz": 200.0,

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from omnisim import LaserRenderer, LaserScanner
+from omnisim import LaserScanner, open_sensor
 from omnisim.core.errors import GraphicsError, OmnisimError, OutputError
 from omnisim.core.poses import pose
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -39,7 +39,7 @@ def wall(x_m, half_m=1.0, material=0, **options):
 
 
 def scan_of(scene, scanner=EXACT, world_from_scanner=None):
-    with LaserRenderer(scene, scanner) as renderer:
+    with open_sensor(scene, scanner) as renderer:
         return renderer.scan(np.eye(4) if world_from_scanner is None else world_from_scanner)
 
 
@@ -54,7 +54,7 @@ def world_directions(scan):
 def test_ranges_in_a_box_are_analytic(field_of_view_deg, offset_m):
     scanner = dataclasses.replace(EXACT, field_of_view_deg=field_of_view_deg)
     world_from_room = pose(offset_m)
-    with LaserRenderer(scene_of([room()], poses=[world_from_room]), scanner) as renderer:
+    with open_sensor(scene_of([room()], poses=[world_from_room]), scanner) as renderer:
         for yaw_deg in (0.0, 33.0, 200.0):
             room_from_scanner = pose((0.4, -1.1, 0.3), 12.0, -25.0, yaw_deg)
             scan = renderer.scan(world_from_room @ room_from_scanner)
@@ -119,7 +119,7 @@ def test_beams_hit_shared_edges():
     mesh = Mesh("ball", ball.vertices.astype("f4"), ball.faces.astype("u4"), 0)
     scanner = dataclasses.replace(EXACT, field_of_view_deg=360.0, resolution_deg=0.05)
     generator = np.random.default_rng(4)
-    with LaserRenderer(scene_of([mesh]), scanner) as renderer:
+    with open_sensor(scene_of([mesh]), scanner) as renderer:
         # level ones run along the ball's own symmetry: through corners and along edges
         for angles_deg in ((0, 0, 0), (90, 0, 0), *generator.uniform(-180, 180, (6, 3))):
             scan = renderer.scan(pose((0.0, 0.0, 0.0), *angles_deg))
@@ -167,7 +167,7 @@ def test_scanner_of_one_beam():
 def test_noisy_scan_is_rounded_and_repeatable():
     scene, at = scene_of([room()]), pose((0.5, 0.2, 0.0))
     true_m = scan_of(scene, EXACT, at).ranges_m
-    with LaserRenderer(scene) as renderer:
+    with open_sensor(scene, LaserScanner()) as renderer:
         scans = [renderer.scan(at, number) for number in (0, 1, 1)]
     np.testing.assert_array_equal(scans[1].ranges_m, scans[2].ranges_m)
     assert np.any(scans[0].ranges_m != scans[1].ranges_m)
@@ -202,7 +202,7 @@ def test_scan_file_round_trip(tmp_path):
 
 
 def test_invalid_arguments_are_refused():
-    renderer = LaserRenderer(scene_of([room()]))
+    renderer = open_sensor(scene_of([room()]), LaserScanner())
     with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
         renderer.scan(2.0 * np.eye(4))
     with pytest.raises(OmnisimError, match=r"scan_number: expected .*, got 0\.5"):
@@ -275,7 +275,7 @@ def test_ranges_match_ray_casting(source):
     caster = RayCaster(scene)
     poses = free_poses(caster, *COMPARED[source], np.random.default_rng(20))
     close_beams = beams = 0
-    with LaserRenderer(scene, EXACT) as renderer:
+    with open_sensor(scene, EXACT) as renderer:
         for world_from_scanner in poses:
             scan = renderer.scan(world_from_scanner)
             expected = caster.ranges(world_from_scanner[:3, 3], world_directions(scan))

@@ -119,6 +119,6 @@ def test_lidars_that_cannot_be_mounted(tmp_path, keys, words):
 
 def test_a_lidar_without_noise(tmp_path):
     (sensor,) = _vehicle(tmp_path, "noise = false\nsigma_m = 0.5").sensors
-    assert sensor.lidar.sigma_m == 0.0
-    assert sensor.lidar.step_m == 0.002
+    assert sensor.sensor.sigma_m == 0.0
+    assert sensor.sensor.step_m == 0.002
     assert sensor.summary() == "16 rings × 120 firings at 10 Hz to 100 m"

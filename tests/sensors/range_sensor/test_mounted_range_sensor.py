@@ -9,13 +9,14 @@ import pytest
 from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import Trajectory
+from omnisim.rendering.stage import open_sensor
 from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material
-from omnisim.sensors.range_sensor.range_sensor import RangeSensor, RangeSensorRenderer
+from omnisim.sensors.range_sensor.range_sensor import RangeSensor
 from tests.scenes import scene_of
 from tests.vehicles import box, scaled
 
@@ -59,7 +60,7 @@ def boxes(*places):
 
 
 def measured(scene, sensor, **options):
-    with RangeSensorRenderer(scene, sensor, **options) as renderer:
+    with open_sensor(scene, sensor, **options) as renderer:
         return renderer.measure(np.eye(4)).range_m
 
 
@@ -89,7 +90,7 @@ def test_out_of_range_and_too_near():
 @pytest.mark.usefixtures("needs_opengl")
 def test_noise_is_a_share_of_the_range():
     sensor = RangeSensor(beam_angle_deg=0.0, noise_share=0.05)
-    with RangeSensorRenderer(boxes((2.0, 0.0, 0.0)), sensor) as renderer:
+    with open_sensor(boxes((2.0, 0.0, 0.0)), sensor) as renderer:
         ranges = [renderer.measure(np.eye(4), number).range_m for number in range(200)]
         assert renderer.measure(np.eye(4), 7).range_m == ranges[7]
     # 0.1 m, within four standard errors; in centimeters, as USARSim writes them

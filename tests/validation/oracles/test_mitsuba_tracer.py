@@ -16,7 +16,7 @@ from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, Texture, Wrap
 from omnisim.validation.oracles.surfaces import opaque_only
@@ -261,7 +261,7 @@ def test_courtyard():
     scene = opaque_only(load_scene("courtyard", sky="none"))
     fine = OmniCamera(polygons=None).resized(8 * SIZE_PX)
     base = fine.base_pose(scene.start.position_m, yaw_deg=20.0)
-    with Renderer(scene, fine, unlit=True) as renderer:
+    with open_sensor(scene, fine, unlit=True) as renderer:
         ours = renderer.render(base, linear=True).linear[..., :3].astype(np.float64)
     ours = ours.reshape(SIZE_PX, 8, SIZE_PX, 8, 3).mean(axis=(1, 3))
     camera = _camera()

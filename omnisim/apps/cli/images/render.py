@@ -43,7 +43,7 @@ from omnisim.ground_truth.channel_files import (
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.missed_surfaces import near_plane_note
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.rendering.twist import Twist
 from omnisim.scene import Scene
 
@@ -78,7 +78,7 @@ def run(request: RenderRequest) -> None:
     twist = _twist(request.motion, camera).through(base)
     time_s = check_seconds("--time", request.viewpoint.time_s)
     interval_s = check_seconds("--interval", request.flow.interval_s)
-    with Renderer(
+    with open_sensor(
         scene,
         camera,
         body=None if vehicle is None else vehicle.body,

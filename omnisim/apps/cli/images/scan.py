@@ -11,7 +11,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
 from omnisim.core.world import WorldState
-from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 
 
@@ -30,7 +30,7 @@ def run(request: ScanRequest) -> None:
         scanner = scanner.without_noise()
     scene = load_requested_scene(request.world)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
-    with LaserRenderer(scene, scanner, device=request.gpu.device) as renderer:
+    with open_sensor(scene, scanner, device=request.gpu.device) as renderer:
         time_s = check_seconds("--time", request.viewpoint.time_s)
         scan = renderer.scan(WorldState({renderer.vehicle: viewpoint.pose}, time_s))
     scan.save_csv(request.output)

@@ -21,7 +21,7 @@ from omnisim.core.poses import inverse, pose
 from omnisim.core.trajectories import Trajectory, read_trajectory, write_trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -62,7 +62,7 @@ def test_the_right_image_of_a_chain_is_a_single_image_at_the_composed_pose(rende
     sensor = OmniCamera(right.camera, polygons=None).with_quality("fast").resized(96)
     rig_from_optical = np.eye(4)
     rig_from_optical[:3, :3] = sensor.model.rig_from_optical
-    with Renderer("courtyard", sensor) as renderer:
+    with open_sensor("courtyard", sensor) as renderer:
         for step in range(2):
             frame = renderer.render(world_from_optical[step] @ inverse(rig_from_optical))
             pixels, _ = read_image(Path(f"run/cam1/{step:06d}.png"))

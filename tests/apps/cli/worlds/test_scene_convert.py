@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim import OmniCamera, Renderer, Scene, load_scene
+from omnisim import OmniCamera, Scene, load_scene, open_sensor
 from omnisim.core.errors import SceneError
 from omnisim.scene.formats.gltf.writing.writer import write_glb
 from omnisim.scene.model import LightKind, Material, Texture
@@ -68,7 +68,7 @@ def test_its_image_is_that_of_the_original(tmp_path):
     camera = OmniCamera().resized(160)
     frames = []
     for one in (scene, load_scene(tmp_path / "a.glb")):
-        with Renderer(one, camera) as renderer:
+        with open_sensor(one, camera) as renderer:
             frames.append(renderer.render(camera.base_pose(scene.start.position_m)).rgb.astype(int))
     difference = np.abs(frames[0] - frames[1])
     assert difference.max() <= 1

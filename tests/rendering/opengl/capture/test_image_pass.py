@@ -12,7 +12,6 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.opengl.capture.image_pass import MAX_TABLE_BYTES, RemapPass, fits_table
 from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import mixed_scene
@@ -37,7 +36,7 @@ def _at_start(stage, camera):
 
 
 def _take(stage, camera):
-    with Renderer(stage, camera) as renderer:
+    with stage.open(camera) as renderer:
         has_table = isinstance(renderer._passes._pipeline.image_pass, RemapPass)
         return renderer.render(_at_start(stage, camera)).rgba, has_table
 
@@ -97,7 +96,7 @@ def test_a_mirrors_polygons_cost_nothing_in_a_frame(monkeypatch):
     with Stage(load_scene("soccer")) as stage:
         for polygons in (16, 4096):
             camera = OmniCamera(polygons=polygons).with_quality("fast").resized(200)
-            with Renderer(stage, camera) as renderer:
+            with stage.open(camera) as renderer:
                 with monkeypatch.context() as patch:
                     calls[polygons] = Calls(patch)
                     renderer.render(_at_start(stage, camera))

@@ -6,7 +6,6 @@ import pytest
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.drawing import blended_drawer
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene.model import AlphaMode, Lighting, Material, Texture, Wrap
 from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
@@ -61,7 +60,7 @@ POSES = [make_pose((0.1 * n, 0.2 - 0.2 * n, -0.3), yaw_deg=80.0 * n) for n in ra
 
 
 def _take(stage, unlit=False):
-    with Renderer(stage, CAMERA, unlit=unlit) as renderer:
+    with stage.open(CAMERA, unlit=unlit) as renderer:
         drawer = renderer._passes.cube._blended_drawer
         return drawer, [renderer.render(pose).rgba for pose in POSES]
 
@@ -86,9 +85,9 @@ def test_they_look_as_if_drawn_one_by_one(lights, unlit, monkeypatch):
 @pytest.mark.parametrize("limit", ["MAX_ARRAYS", "MAX_TRIANGLES_OF_ITEM", "MAX_ITEMS"])
 def test_too_many_are_drawn_one_by_one(limit, monkeypatch):
     with Stage(_scene(SUN)) as stage:
-        with Renderer(stage, CAMERA) as renderer:
+        with stage.open(CAMERA) as renderer:
             expected = renderer.render(POSES[0]).rgba
         monkeypatch.setattr(blended_drawer, limit, 1)
-        with Renderer(stage, CAMERA) as renderer:
+        with stage.open(CAMERA) as renderer:
             assert renderer._passes.cube._blended_drawer is None
             assert_same(renderer.render(POSES[0]).rgba, expected)

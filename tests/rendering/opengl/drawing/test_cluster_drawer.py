@@ -10,7 +10,6 @@ from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.drawing import tile_renderer
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.commands import count_triangles, show_occluded
@@ -53,7 +52,7 @@ class Images:
         with self._monkeypatch.context() as patch:
             if min_triangles is not None:
                 patch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 2)
-            with Renderer(self._stage, camera) as renderer:
+            with self._stage.open(camera) as renderer:
                 culler = renderer._passes.cube.tiles.culler
                 if shows_occluded:
                     show_occluded(culler)
@@ -130,8 +129,8 @@ def test_a_image_does_not_depend_on_the_one_before(monkeypatch):
     with Stage(crowd()) as stage:
         alone = []
         for pose in poses:
-            with Renderer(stage, camera) as renderer:
+            with stage.open(camera) as renderer:
                 alone.append(renderer.render(pose).rgba)
-        with Renderer(stage, camera) as renderer:
+        with stage.open(camera) as renderer:
             for number in (0, 1, 0, 2, 1, 2):
                 assert np.array_equal(renderer.render(poses[number]).rgba, alone[number])

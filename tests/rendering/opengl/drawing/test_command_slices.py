@@ -10,7 +10,6 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.culling import cluster_culling
 from omnisim.rendering.opengl.culling.command_slices import BANDS, command_slices
 from omnisim.rendering.opengl.drawing import tile_renderer
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import LAMP, dynamic_object, mixed_scene
@@ -54,7 +53,7 @@ def test_slices_are_of_whole_groups_and_fit(most_commands):
 
 def _everything(stage):
     """Images, ground truth and batches of both; and the most slices of a frame."""
-    with Renderer(stage, CAMERA) as renderer:
+    with stage.open(CAMERA) as renderer:
         frames = [renderer.render(one, also=CHANNELS) for one in POSES]
         batch = renderer.render_batch(POSES, channels=("rgb", *CHANNELS))
         slices = len(renderer._passes.cube.tiles.culler.slices)

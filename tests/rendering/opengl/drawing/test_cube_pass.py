@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer
+from omnisim import OmniCamera, open_sensor
 from omnisim.core.poses import pose
 from omnisim.rendering.opengl.drawing import tile_renderer
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
@@ -59,7 +59,7 @@ def test_a_mesh_without_triangles_changes_nothing():
     nothing = replace(room(), triangles=np.zeros((0, 3), dtype=np.uint32))
     images = []
     for meshes in ([room()], [room(), nothing], [nothing, room()]):
-        with Renderer(scene_of(meshes), sensor) as renderer:
+        with open_sensor(scene_of(meshes), sensor) as renderer:
             images.append(renderer.render(sensor.base_pose((0.0, 0.0, 0.0))).rgba)
     for image in images[1:]:
         np.testing.assert_array_equal(image, images[0])
@@ -74,11 +74,11 @@ def test_the_image_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypatc
         pose(scene.start.position_m + 0.3 * np.array([step, -step, 0.3]), yaw_deg=50.0 * step)
         for step in range(12)
     ]
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         drawn = count_triangles(renderer._passes.cube.tiles.culler)
         culled = [renderer.render(one).rgba for one in poses]
     monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (10**9,) * 2)
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         show_all(renderer._passes.cube.tiles.culler)
         everything = count_triangles(renderer._passes.cube.tiles.culler)
         unculled = [renderer.render(one).rgba for one in poses]

@@ -6,7 +6,7 @@ import pytest
 from omnisim.cameras import pixel_grid
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene.light.lighting import illuminance
 from omnisim.scene.model import Light, Lighting, LightKind, Material
 from tests.scenes import scene_of, square
@@ -51,7 +51,7 @@ def test_light_on_a_floor(light, pose, normals, sides):
     lighting = Lighting((AMBIENT,) * 3, (light,), EXPOSURE)
     scene = scene_of([_floor(normals)], [Material(double_sided=sides == 2)], [pose], lighting)
     sensor = OmniCamera(polygons=None, face_size_px=256, samples=1).resized(91)
-    with Renderer(scene, sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         shown = renderer.render(sensor.base_pose(VIEWPOINT_M), linear=True).linear
 
     def in_world(normal):  # a normal is carried by the inverse transpose

@@ -5,7 +5,6 @@ import pytest
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene.model import AlphaMode, Lighting, Material, Texture, Wrap
 from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
@@ -77,8 +76,8 @@ def test_forty_sizes_look_as_if_drawn_one_by_one(make_material, monkeypatch):
     with (
         Stage(scene) as stage,
         reference_stage(monkeypatch, scene) as reference,
-        Renderer(stage, CAMERA) as renderer,
-        Renderer(reference, CAMERA) as one_by_one,
+        stage.open(CAMERA) as renderer,
+        reference.open(CAMERA) as one_by_one,
     ):
         frames = [renderer.render(one, also=CHANNELS) for one in poses]
         batch = renderer.render_batch(poses, channels=("rgba", *CHANNELS))

@@ -6,9 +6,7 @@ import pytest
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.geometry import scene_buffers, triangle_windows
-from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.sensors.laser_scanner.laser_renderer import LaserRenderer
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from tests.rendering.opengl.sheets import dynamic_object, mixed_scene
 
@@ -20,10 +18,10 @@ POSES = np.stack([pose((0.2 * n, 0.1, -0.2), yaw_deg=70.0 * n) for n in range(2)
 def _hits():
     """Ground truth of frames and batches, ranges, and the defines of the shader."""
     with Stage(mixed_scene(), dynamic_object()) as stage:
-        with Renderer(stage, CAMERA) as renderer:
+        with stage.open(CAMERA) as renderer:
             frame = renderer.render(POSES[0], also=CHANNELS)
             batch = renderer.render_batch(POSES, channels=CHANNELS)
-        with LaserRenderer(stage, LaserScanner()) as laser:
+        with stage.open(LaserScanner()) as laser:
             scans = [laser.scan(one).ranges_m for one in POSES]
             windows = laser._passes._compiled_windows
     return [*(frame.channels[name] for name in CHANNELS), *batch.values(), *scans], windows

@@ -11,8 +11,7 @@ from omnisim.core.world import WorldState
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
-from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.labels import BODY
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
 from tests.scenes import room, scene_of, square
@@ -54,7 +53,7 @@ def _table(material=0):
 
 
 def _render(scene, camera, backend="cube", **options):
-    with Renderer(scene, camera, backend=backend) as renderer:
+    with open_sensor(scene, camera, backend=backend) as renderer:
         return renderer.render(_pose(camera), linear=True, **options).linear[..., 1]
 
 
@@ -185,7 +184,7 @@ def test_shadows_of_what_moves_follow_it(light):
     """The same bytes as if it had been drawn there first, whatever was drawn before."""
     camera, scene = _camera(), scene_of([square(6.0)], lighting=_lighting(light))
     with Stage(scene, dynamic_objects={"moving": _moving()}) as stage:
-        renderer = Renderer(stage, camera)
+        renderer = stage.open(camera)
         frames = [renderer.render(_state(camera, place), linear=True).linear for place in PLACES]
         batch = renderer.render_batch([_state(camera, place) for place in PLACES])
         eight_bits = [renderer.render(_state(camera, place)).rgb for place in PLACES]
@@ -203,7 +202,7 @@ def test_a_batch_of_what_is_static_is_drawn_together():
     lights = _lighting(*(replace(light, intensity=0.3) for light in LIGHTS.values()))
     scene = scene_of([*_table(), square(0.3, 1.8)], lighting=lights)
     states = [camera.base_pose(VIEWPOINT_M + (0.1 * i, 0, 0), yaw_deg=30.0 * i) for i in range(5)]
-    with Renderer(scene, camera) as renderer:
+    with open_sensor(scene, camera) as renderer:
         single = [renderer.render(state).rgb for state in states]
         assert np.array_equal(renderer.render_batch(states), single)
 
@@ -224,7 +223,7 @@ def test_a_batch_in_a_world_that_rests_is_drawn_together(light, monkeypatch):
     """Shadows of what moves are drawn once for all viewpoints, and again when it has moved."""
     camera, scene = _camera(), scene_of([square(6.0)], lighting=_lighting(light))
     with Stage(scene, dynamic_objects={"moving": _moving()}) as stage:
-        renderer = Renderer(stage, camera)
+        renderer = stage.open(camera)
         rests = [
             [_state(camera, place).moved({BODY: camera.base_pose(at, yaw_deg=10.0)}) for at in eyes]
             for place in PLACES
@@ -240,14 +239,14 @@ def test_a_batch_in_a_world_that_rests_is_drawn_together(light, monkeypatch):
 
 def test_edited_instances_cast_shadows_where_they_are():
     camera, scene = _camera(), scene_of(_table(), lighting=_lighting(LIGHTS["point"]))
-    with Renderer(scene, camera) as renderer:
+    with open_sensor(scene, camera) as renderer:
         state = _pose(camera)
         before = renderer.render(state).rgb
         renderer.scene = scene.moved("object 1", pose((0.5, 0.2, 0.3)))
         moved = renderer.render(state).rgb
         renderer.scene = scene
         assert np.array_equal(renderer.render(state).rgb, before)
-    with Renderer(scene.moved("object 1", pose((0.5, 0.2, 0.3))), camera) as renderer:
+    with open_sensor(scene.moved("object 1", pose((0.5, 0.2, 0.3))), camera) as renderer:
         expected = renderer.render(state).rgb
     # one is drawn by its matrix, the other one's vertices are in the world
     assert np.mean(np.abs(moved.astype(int) - expected) > 1) < 1e-3
@@ -260,7 +259,7 @@ def test_cascades_are_around_the_viewpoint(monkeypatch):
     away_m = np.array([400.0, -300.0, 0.0])
     moved = [pose(away_m), pose(away_m), pose((-600.0, 600.0, 0.0))]
     large = scene_of([*_table(), square(0.5)], poses=moved, lighting=_lighting(light))
-    with Renderer(large, camera) as renderer:
+    with open_sensor(large, camera) as renderer:
         renderer.render(camera.base_pose((0.0, 0.0, 1.0)))
         there = camera.base_pose(VIEWPOINT_M + away_m, yaw_deg=20.0)
         shown = renderer.render(there, linear=True).linear[..., 1]
@@ -325,5 +324,5 @@ def test_no_surface_shadows_itself_however_light_grazes_it(kind, grazing_deg, sc
 
 
 def _linear(scene, camera, state):
-    with Renderer(scene, camera) as renderer:
+    with open_sensor(scene, camera) as renderer:
         return renderer.render(state, linear=True).linear

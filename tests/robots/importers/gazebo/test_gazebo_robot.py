@@ -43,7 +43,7 @@ def test_the_example_has_its_sensors_wheels_and_body(tmp_path):
     assert isinstance(camera.sensor.model, EquidistantCamera)
     assert camera.sensor.model.focal_length_px == pytest.approx(160 / (0.5 * math.pi), rel=1e-5)
     assert camera.origin_m == pytest.approx((0.2, 0.0, 0.4))
-    assert (scanner.scanner.beams, scanner.scanner.range_max_m) == (181, 8.0)
+    assert (scanner.sensor.beams, scanner.sensor.range_max_m) == (181, 8.0)
     assert imu.rate_hz == 100.0
     assert vehicle.kinematics.max_speed_mps == 0.8
     assert vehicle.body.instance_names[0] == "rover/chassis/box"
@@ -63,8 +63,8 @@ def test_poses_are_those_of_links_and_frames(tmp_path):
     vehicle, _ = load(tmp_path / "a.sdf", tmp_path)
     rotation = Rotation.from_euler("xyz", angles)
     (imu,) = vehicle.sensors
-    assert imu.base_from_imu[:3, 3] == pytest.approx(position + rotation.apply((1, 0, 0)))
-    assert imu.base_from_imu[:3, :3] == pytest.approx(rotation.as_matrix())
+    assert imu.base_from_sensor[:3, 3] == pytest.approx(position + rotation.apply((1, 0, 0)))
+    assert imu.base_from_sensor[:3, :3] == pytest.approx(rotation.as_matrix())
 
 
 CAMERA = "<horizontal_fov>1.0</horizontal_fov><image><width>64</width><height>48</height></image>"
@@ -83,9 +83,9 @@ def test_a_camera_with_depth_is_two_sensors(tmp_path):
     vehicle, _ = load_sensors(tmp_path, sensor("rgbd", f"<camera>{CAMERA}{clip}</camera>"))
     camera, depth = vehicle.sensors
     assert (camera.name, depth.name) == ("s", "s_depth")
-    assert depth.camera.focal_length_px == pytest.approx(32.0 / math.tan(0.5))
-    assert (depth.camera.width_px, depth.camera.height_px) == (64, 48)
-    assert (depth.camera.range_min_m, depth.camera.range_max_m) == (0.2, 9.0)
+    assert depth.sensor.focal_length_px == pytest.approx(32.0 / math.tan(0.5))
+    assert (depth.sensor.width_px, depth.sensor.height_px) == (64, 48)
+    assert (depth.sensor.range_min_m, depth.sensor.range_max_m) == (0.2, 9.0)
 
 
 def lidar(tag, horizontal, vertical=(), rest=""):
@@ -106,10 +106,10 @@ def test_a_lidar_has_its_rings_and_firings(tmp_path, kind, tag):
         tmp_path, sensor(kind, text, rest="<update_rate>20</update_rate>")
     )
     (found,) = vehicle.sensors
-    assert found.lidar.firings == 360
-    assert found.lidar.rate_hz == 20.0
-    assert found.lidar.elevations_deg == pytest.approx(np.degrees(np.linspace(-0.25, 0.25, 16)))
-    assert (found.lidar.range_min_m, found.lidar.range_max_m) == (0.3, 30.0)
+    assert found.sensor.firings == 360
+    assert found.sensor.rate_hz == 20.0
+    assert found.sensor.elevations_deg == pytest.approx(np.degrees(np.linspace(-0.25, 0.25, 16)))
+    assert (found.sensor.range_min_m, found.sensor.range_max_m) == (0.3, 30.0)
     assert not any("all around" in notice for notice in imported.notices)
 
 
@@ -123,8 +123,8 @@ def test_a_planar_lidar_looks_where_its_middle_is(tmp_path):
     text = lidar("lidar", (91, 0.0, 0.5 * math.pi))
     vehicle, _ = load_sensors(tmp_path, sensor("lidar", text))
     (scanner,) = vehicle.sensors
-    assert scanner.scanner.beams == 91
-    assert scanner.base_from_scanner[:2, 0] == pytest.approx((0.5**0.5, 0.5**0.5))
+    assert scanner.sensor.beams == 91
+    assert scanner.base_from_sensor[:2, 0] == pytest.approx((0.5**0.5, 0.5**0.5))
 
 
 def test_other_sensors_and_missing_wheels_are_noted(tmp_path):

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Renderer, load_scene
+from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.cameras import EquirectangularCamera
 from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import SceneError
@@ -237,7 +237,9 @@ def test_ranges_and_geoms_are_those_of_mujoco(shapes, backend, width_px):
     scene = load_scene(shapes)
     # what is half transparent is hit where it hides half
     solid = tuple(dataclasses.replace(one, alpha_mode=AlphaMode.OPAQUE) for one in scene.materials)
-    with Renderer(dataclasses.replace(scene, materials=solid), camera, backend=backend) as renderer:
+    with open_sensor(
+        dataclasses.replace(scene, materials=solid), camera, backend=backend
+    ) as renderer:
         frame = renderer.render(camera.base_pose(EYE_M), also=("range", "instance"))
     rotation = np.array(frame.metadata["world_from_optical"])[:3, :3]
     rays = camera.model.ray_from_pixel(pixel_grid(width_px, width_px // 2)).directions

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim import OmniCamera, Renderer, load_scene
+from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.scene.model import AlphaMode, Wrap
 from tests.scene.formats.usd.stages import define_box, define_mesh, new_stage
 from tests.scene.gltf_builder import png
@@ -316,7 +316,7 @@ def test_the_image_is_that_of_the_same_scene_as_glb(tmp_path):
     camera = OmniCamera().resized(160)
     images = []
     for name in ("a.glb", "a.usda"):
-        with Renderer(load_scene(tmp_path / name), camera) as renderer:
+        with open_sensor(load_scene(tmp_path / name), camera) as renderer:
             images.append(renderer.render(camera.base_pose((0.0, 0.0, 0.0))).rgb.astype(int))
     assert len(np.unique(images[0].reshape(-1, 3), axis=0)) > 300
     difference = np.abs(images[0] - images[1]).max(axis=2)

@@ -1,0 +1,137 @@
+"""Base of the cameras that draw by OpenGL: virtual cameras, degradation, and ground truth."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Generic, NamedTuple, TypeVar
+
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend, seen_background
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.rendering.camera.degradations.random_numbers import key_of
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.context import collect_garbage
+from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
+from omnisim.rendering.readback import FrameRequest, Readback
+from omnisim.rendering.truth.deforming_draws import deforming_draws
+
+
+class DrawnScene(NamedTuple):
+    """Scene on the GPU."""
+
+    buffers: SceneBuffers
+    programs: SurfacePrograms
+
+
+class DrawnHits(HitSource):
+    """Hits by the triangles that virtual cameras see; GPU resources are created once.
+
+    Args:
+        buffers: the scene; its context is current, here and in all methods.
+        sensor: the camera.
+        cameras: depth range and hidden instances count.
+        details: of the hits that it can give.
+
+    Attributes:
+        details: of the hits that it can give.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        sensor: OmniCamera,
+        cameras: VirtualCameras,
+        details: HitDetails,
+    ):
+        self.camera, self.polygons, self.details = sensor.model, sensor.mesh_polygons, details
+        self._buffers, self._cameras = buffers, cameras
+        self._find_draws()
+
+    def refresh(self) -> None:
+        """Hit what the buffers have now."""
+        self._find_draws()
+
+    def _find_draws(self) -> None:
+        self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
+        self.deforming = deforming_draws(self._buffers)
+
+
+HitsT = TypeVar("HitsT", bound=DrawnHits)
+
+
+class OpenGLCamera(CameraBackend, Generic[HitsT]):
+    """Passes of one camera by OpenGL; those that only some frames need are made on first use.
+
+    Args:
+        world: the scene's side; its context is current, here and in all methods.
+        drawn: the scene on the GPU.
+        setup: of the camera.
+
+    Attributes:
+        cube: pass of the virtual cameras.
+    """
+
+    cube: CubePass
+    _pipeline: Pipeline
+
+    def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
+        super().__init__(world, setup)
+        self._drawn, self._sensor = drawn, setup.sensor
+        self._cameras = VirtualCameras(
+            setup.sensor.near_m,
+            setup.sensor.far_m,
+            setup.sensor.samples,
+            setup.unlit,
+            seen_background(world.scene, setup.unlit),
+            setup.hidden,
+        )
+        self._hit_source: HitsT | None = None
+
+    def refresh(self) -> None:
+        """Draw what the buffers have now."""
+        self.cube.refresh()
+        if self._hit_source is not None:
+            self._hit_source.refresh()
+        self._refresh_ground_truth()
+
+    def hit_source(self, details: HitDetails) -> HitsT:
+        """Source of its ground truth, able to give these details."""
+        held = self._hit_source
+        wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
+        if held is None or wanted != held.details:
+            self._hit_source = held = self._make_hits(wanted)
+            collect_garbage(self._drawn.buffers.context)
+        return held
+
+    @abstractmethod
+    def _make_hits(self, details: HitDetails) -> HitsT:
+        """Source of ground truth with these details."""
+
+    def _take_ideal(self, request: FrameRequest) -> Readback:
+        return self._pipeline.render(request.poses, request.linear)
+
+    def _cube_pass(self, plan: TilePlan) -> CubePass:
+        return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras)
+
+    def _use(self, pipeline: Pipeline) -> None:
+        """Take images by a pipeline, degraded where the sensor is."""
+        self._pipeline = pipeline
+        degradation = self._sensor.degradation
+        if degradation.is_ideal:
+            return
+        geometry = ImageGeometry.of_camera(self._sensor.model)
+        passes = DegradationPass(
+            pipeline.context,
+            (geometry.width_px, geometry.height_px),
+            degradation.optics_steps(geometry),
+            degradation.sensor_steps(geometry, key_of("noise", self.setup.seed)),
+            degradation.encoding_step(),
+        )
+        self._degrade(DegradedPipeline(pipeline, passes).render)

@@ -1,0 +1,196 @@
+"""Renderers of sensors: the passes of one sensor on a stage, and its mounting on a vehicle."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.errors import GraphicsError, SceneError
+from omnisim.core.poses import check_pose
+from omnisim.core.short_repr import short_repr
+from omnisim.core.version import __version__
+from omnisim.core.world import ObjectPart, WorldState
+from omnisim.rendering.scene_edits import EditableScene
+from omnisim.rendering.shared_scene import Closing, SharedScene
+from omnisim.scene import Scene
+from omnisim.scene.labels import BODY
+
+
+@dataclass(frozen=True, eq=False)
+class Mounting:
+    """Mounting of a sensor on a vehicle, and the settings that its renderer needs.
+
+    Attributes:
+        base_from_sensor: (4, 4) pose on the vehicle; None: at the vehicle's base.
+        hidden: names of the body's instances that it does not see, such as its own housing.
+        vehicle: name of the vehicle that carries it; None: the stage's first.
+        seed: of the noise of sensors that have no seed of their own.
+        unlit: show plain base colors; for cameras.
+    """
+
+    base_from_sensor: ArrayLike | None = None
+    hidden: Collection[str] = ()
+    vehicle: str | None = None
+    seed: int | str = 0
+    unlit: bool = False
+
+
+class RefreshedPasses(Protocol):
+    """Passes that follow the edits of their stage."""
+
+    def refresh(self) -> None:
+        """Work on what the stage has now."""
+
+
+class Summarized(Protocol):
+    """Sensor that describes itself."""
+
+    def summary(self) -> str:
+        """Sensor in a few words."""
+
+
+Passes = TypeVar("Passes", bound=RefreshedPasses)
+SensorT = TypeVar("SensorT", bound=Summarized)
+Opened_co = TypeVar("Opened_co", covariant=True, bound="SensorRenderer[Any, Any]")
+
+
+class Sensor(Protocol[Opened_co]):
+    """Sensor that a stage can open; one of your own needs this method alone."""
+
+    def open(self, stage: SharedScene, mounting: Mounting) -> Opened_co:
+        """Open its renderer on a stage."""
+
+
+class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
+    """Passes of one sensor on a stage, until it is closed.
+
+    `omnisim.Stage.open` and `omnisim.open_sensor` make them. Use it as a context manager, or
+    `close` it: it holds memory of the GPU.
+
+    Args:
+        stage: closed after the renderer.
+        sensor: what it measures by.
+        mounting: on a vehicle of the stage.
+
+    Attributes:
+        sensor: what it measures by.
+        hidden: names of its vehicle's instances that this sensor does not see.
+        vehicle: name of its vehicle, which may have no body.
+        owns_stage: closing it closes the stage.
+
+    Raises:
+        GraphicsError: the stage is closed, or sizes past its limits.
+        SceneError: a hidden name that the body does not have.
+        OmnisimError: a mounting that is not a pose.
+    """
+
+    def __init__(self, stage: SharedScene, sensor: SensorT, mounting: Mounting):
+        self._stage, self.sensor, self.owns_stage = stage, sensor, False
+        given = mounting.base_from_sensor
+        self._base_from_sensor = np.eye(4) if given is None else check_pose(given)
+        self.hidden = frozenset(mounting.hidden)
+        self.vehicle = mounting.vehicle or next(iter(stage.vehicles), BODY)
+        parts = self._hidden_parts()
+        with stage.current():
+            self._passes: Passes | None = self._open_passes(parts)
+        self._edits = stage.edits
+
+    def __repr__(self) -> str:
+        closed = "closed" if self._passes is None else ""
+        return short_repr(self, repr(self.scene.name), self.sensor.summary(), closed)
+
+    @abstractmethod
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> Passes:
+        """Open the passes, once, with the stage's context current."""
+
+    @property
+    def _moving(self) -> Collection[str]:
+        return self._stage.objects
+
+    @property
+    def scene(self) -> Scene:
+        """Static scene; another one with the same lights and background may take its place."""
+        return self._stage.scene
+
+    @scene.setter
+    def scene(self, scene: Scene) -> None:
+        self._stage.scene = scene
+
+    @property
+    def body(self) -> Scene | None:
+        """Body of its vehicle; None: invisible."""
+        return self._stage.vehicles.get(self.vehicle)
+
+    def _hidden_parts(self) -> frozenset[ObjectPart]:
+        names = {} if self.body is None else {one.name: None for one in self.body.instances}
+        for name in sorted(self.hidden):
+            if name not in names:
+                there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
+                raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
+        if not names:
+            return frozenset()
+        index = list(self._stage.objects).index(self.vehicle)
+        return frozenset((index, name) for name in self.hidden)
+
+    def _state(
+        self,
+        given: WorldState | ArrayLike,
+        before: WorldState | None = None,
+        time_s: float | None = None,
+    ) -> WorldState:
+        """State of the world, or the one whose vehicle has the pose (4, 4).
+
+        Args:
+            given: state or pose.
+            before: supplies all other poses if only the vehicle's pose is given.
+            time_s: time of the state if only a pose is given; None: as before.
+
+        Raises:
+            OmnisimError: a matrix that is not a pose.
+            SceneError: a state without a pose of the vehicle.
+        """
+        if not isinstance(given, WorldState):
+            moved = (before or WorldState({})).moved({self.vehicle: given})
+            return moved if time_s is None else WorldState(moved.world_from_object, time_s)
+        if self.vehicle not in given.world_from_object:
+            got = ", ".join(given.world_from_object) or "none"
+            raise SceneError(f"state: expected a pose of {self.vehicle}, got {got}")
+        return given
+
+    def _world_from_sensor(self, state: WorldState) -> NDArray[np.float64]:
+        pose: NDArray[np.float64] = state.world_from_object[self.vehicle] @ self._base_from_sensor
+        return pose
+
+    @contextmanager
+    def _current(self) -> Iterator[Passes]:
+        """Make the stage's context current for a `with` block that uses the passes."""
+        if self._passes is None:
+            raise GraphicsError("this renderer is closed: open a new one")
+        with self._stage.current():
+            if self._edits != self._stage.edits:
+                self._passes.refresh()
+                self._edits = self._stage.edits
+            yield self._passes
+
+    def close(self) -> None:
+        """Free the passes, and close the stage if it is its own; a second time does nothing."""
+        if self._passes is None:
+            return
+        self._passes = None
+        if self.owns_stage:
+            self._stage.close()
+        else:
+            self._stage.collect()
+
+    def _metadata(self, **measurement: Any) -> dict[str, Any]:
+        """Version, scene and body, followed by what a measurement adds."""
+        metadata: dict[str, Any] = {"omnisim": __version__, "scene": self.scene.name}
+        if self.body is not None:
+            metadata |= {"body": self.body.name, "hidden": sorted(self.hidden)}
+        return metadata | measurement

@@ -1,0 +1,199 @@
+"""Scene and its dynamic objects on a back end, shared by any number of sensors."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Literal, Self, cast, get_args
+
+from omnisim.core.errors import GraphicsError, SceneError, did_you_mean
+from omnisim.core.extras import require_opengl
+from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.world import ObjectPoses, WorldState
+from omnisim.rendering.backend import SceneBackend
+from omnisim.rendering.scene_edits import EditableScene
+from omnisim.scene import Scene, load_scene
+from omnisim.scene.labels import BODY
+
+if TYPE_CHECKING:  # there may be no OpenGL
+    from omnisim.rendering.cube_backend import CubeBackend
+    from omnisim.rendering.opengl.context import Context
+
+
+class Closing(ABC):
+    """Base of context managers that free GPU memory when they are closed."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free the GPU memory; a second time does nothing."""
+
+    def __enter__(self) -> Self:
+        """Enter a `with` block."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close at the end of the block."""
+        self.close()
+
+
+BackendName = Literal["cube", "rays"]
+
+
+def open_backend(
+    name: str, scene: Scene, objects: Mapping[str, Scene], device: int | None
+) -> SceneBackend:
+    """Open the back end of a name.
+
+    Args:
+        name: a `BackendName`.
+        scene: static scene.
+        objects: bodies and dynamic objects by name.
+        device: number of the GPU; None takes the first.
+
+    Raises:
+        GraphicsError: there is no such back end, or it does not open, or has no devices.
+        OmnisimError: its packages are not installed.
+    """
+    if name == "cube":
+        require_opengl("back end 'cube'")
+        from omnisim.rendering.cube_backend import CubeBackend
+
+        return CubeBackend(scene, objects, device)
+    if name != "rays":
+        raise GraphicsError(f"backend {name!r}: {did_you_mean(name, get_args(BackendName))}")
+    if device is not None:
+        raise GraphicsError(f"device {device}: back end 'rays' needs no GPU: expected none")
+    from omnisim.rendering.ray_backend import RayBackend  # seldom needed
+
+    return RayBackend(scene, objects)
+
+
+class SharedScene(Closing, EditableScene):
+    """Scene and its dynamic objects on a back end: what a stage's renderers share.
+
+    Args:
+        scene, body, vehicles, dynamic_objects, device, backend: see `omnisim.Stage`.
+
+    Attributes:
+        edits: number of times that the scene became another one.
+        vehicles: bodies by name.
+        objects: bodies and dynamic objects by name, in the order of `poses_in`.
+        backend_name: as given.
+        backend: the scene's side of it.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | Path,
+        body: Scene | None = None,
+        *,
+        vehicles: Mapping[str, Scene] | None = None,
+        dynamic_objects: Mapping[str, Scene] | None = None,
+        device: int | None = None,
+        backend: BackendName = "cube",
+    ):
+        self._scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        if body is not None and vehicles is not None:
+            raise SceneError("body: expected either the body of one vehicle or vehicles, got both")
+        self.vehicles = dict(vehicles or {}) if body is None else {BODY: body}
+        self.objects = dict(self.vehicles)
+        moving = [(one.name, one.shape) for one in self.scene.objects]
+        for name, shape in (*moving, *(dynamic_objects or {}).items()):
+            if name in self.objects or name == BODY:
+                raise SceneError(f"dynamic object {name!r}: expected each name once")
+            self.objects[name] = shape
+        self.edits = 0
+        self.backend_name = backend
+        self.backend = open_backend(backend, self._scene, self.objects, device)
+
+    def __repr__(self) -> str:
+        vehicles = counted(len(self.vehicles), "vehicle")
+        objects = counted(len(self.objects) - len(self.vehicles), "dynamic object")
+        closed = "" if self.backend.is_open else "closed"
+        return short_repr(self, repr(self.scene.name), vehicles, objects, closed)
+
+    @property
+    def _moving(self) -> Collection[str]:
+        return self.objects
+
+    @property
+    def scene(self) -> Scene:
+        """Static scene; another one with the same lights and background may take its place."""
+        return self._scene
+
+    @scene.setter
+    def scene(self, scene: Scene) -> None:
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene: expected a Scene, got {type(scene).__name__}")
+        before = self._scene
+        for key in ("lighting", "background", "objects"):
+            if getattr(scene, key) != getattr(before, key):
+                raise SceneError(
+                    f"scene: expected the {key} that the stage was opened with, got others: "
+                    "open a new stage"
+                )
+        with self.current():
+            self.backend.update(scene)
+        self._scene = scene
+        self.edits += 1
+
+    def poses_in(self, state: WorldState) -> ObjectPoses:
+        """Poses (4, 4) of the objects in a state of the world, for the passes.
+
+        The scene's own objects are where they are at the state's time, unless the state has them.
+
+        Raises:
+            SceneError: an object without a pose.
+        """
+        poses = dict(state.world_from_object)
+        for one in self.scene.objects:
+            if one.name not in poses:
+                poses[one.name] = one.motion.pose_at(state.time_s)
+        missing = [name for name in self.objects if name not in poses]
+        if missing:
+            got = ", ".join(poses) or "none"
+            raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {got}")
+        return ObjectPoses((poses[name] for name in self.objects), state.time_s)
+
+    @property
+    def graphics(self) -> CubeBackend:
+        """The OpenGL side.
+
+        Raises:
+            GraphicsError: another back end has none.
+        """
+        if self.backend_name == "cube":
+            return cast("CubeBackend", self.backend)
+        raise GraphicsError("this stage's back end draws nothing by OpenGL: expected 'cube'")
+
+    @property
+    def context(self) -> Context:
+        """The OpenGL context."""
+        return self.graphics.context
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Make its back end ready for a `with` block, as another stage's may be.
+
+        Raises:
+            GraphicsError: the stage is closed, or another process's, from before a fork.
+        """
+        with self.backend.current():
+            yield
+
+    def collect(self) -> None:
+        """Free the GPU memory of closed renderers, where the stage itself is not closed."""
+        with suppress(GraphicsError), self.current():
+            pass
+
+    def close(self) -> None:
+        """Free the back end's memory: the OpenGL context with everything in it."""
+        self.backend.close()
