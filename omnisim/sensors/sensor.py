@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Motion
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.sensor_renderer import Mounting
-from omnisim.rendering.shared_scene import Closing
+from omnisim.rendering.shared_scene import Closing, SharedScene
 from omnisim.rendering.stage import Stage
 from omnisim.sensors.rate import SensorRate
 
@@ -271,10 +271,10 @@ class MountedSensor(ABC):
 class RenderedSensor(MountedSensor):
     """Sensor on its vehicle that measures by a renderer of its own."""
 
-    def open(self, stage: Stage, mounting: Mounting) -> Any:
+    def open(self, stage: SharedScene, mounting: Mounting) -> Any:
         """Open its renderer on a stage, mounted as it is on the vehicle, see `Stage.open`."""
         given = mounting.base_from_sensor
-        return stage.open(
+        return cast(Stage, stage).open(
             self.sensor,
             self.base_from_sensor if given is None else given,
             hidden={*self.hides, *mounting.hidden},
