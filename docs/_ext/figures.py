@@ -1,4 +1,7 @@
-"""Figures of the explanation, drawn from the code that they explain."""
+"""Figures of the explanation, drawn from the code that they explain.
+
+`python docs/_ext/figures.py` writes all of them, also those of `architecture_figures.py`.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ _INK, _RAY, _MIRROR = "#555", "#c33", "#28c"
 def write_figures(folder: Path) -> None:
     """Write the figures into a folder as SVG."""
     folder.mkdir(exist_ok=True)
-    settings = {"svg.hashsalt": "omnisim", "svg.fonttype": "path", "font.size": 9}
+    settings = {"svg.hashsalt": "omnisim", "svg.fonttype": "none", "font.size": 9}
     with plt.rc_context(settings):
         for name, draw in (("optics", _optics), ("frames", _frames)):
             figure = draw()
@@ -82,3 +85,11 @@ def _frames() -> plt.Figure:
     axes.set_axis_off()
     axes.view_init(elev=24.0, azim=-28.0)
     return figure
+
+
+if __name__ == "__main__":
+    from architecture_figures import FOLDER, figures
+
+    write_figures(FOLDER)
+    for path, text in figures():
+        path.write_text(text, encoding="utf-8")

@@ -1,1 +1,1 @@
-"""Data sets: images with ground truth from one plan, in shards that are functions of a number."""
+"""Data sets: images with ground truth from one plan, in deterministic shards."""

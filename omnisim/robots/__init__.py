@@ -1,4 +1,4 @@
-"""Robots: robot files, motion planning and wheel odometry.
+"""Robots: robot files, their importers, motion planning and wheel odometry.
 
 Poses are world_from_base (`omnisim.core.coordinate_frames`); turns and headings count
 counter-clockwise, seen from above. Nothing here knows of images or of the GPU.

@@ -1,4 +1,4 @@
-"""Scenes: plain data, and their loading (the only importer of trimesh and Pillow).
+"""Scenes: plain data, and the readers of scene files (the only importer of trimesh).
 
 Readers raise a SceneError of one line for whatever is wrong with a file.
 """

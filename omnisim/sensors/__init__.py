@@ -1,4 +1,4 @@
-"""Sensors on vehicles, a folder each: what they measure, their tables and their files.
+"""Sensors on vehicles: one folder per sensor, with its model, renderer, mount and files.
 
 A sensor is a folder here and its entry in `sensor_registry.py`.
 """

@@ -1,1 +1,1 @@
-"""Validation: the paper's figures reproduced, and comparisons with independent oracles."""
+"""Validation: the paper's figures, and comparisons with independent oracles."""
