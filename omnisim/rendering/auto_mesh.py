@@ -1,4 +1,4 @@
-"""Polygons of a mirror's mesh that keep the image right to a tenth of a pixel."""
+"""Choice of a mirror mesh's polygons that keeps the image error below 0.1 px."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from omnisim.cameras.mirrors.mirror_mesh_error import Annulus, largest_error, ne
 from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS, sectors_and_rings
 
 MAX_ERROR_PX = 0.1
-# Rasterizers place a mesh's vertices in steps of as much: that comes on top of its own error.
+# Rasterizers snap vertices to a grid of this size, which adds to the mesh's own error.
 _RASTER_STEP_PX = 1.0 / 256.0
-_MAX_TRACED_POLYGONS = 1 << 18  # beyond, an optical system's mesh takes longer than exact rays
+_MAX_TRACED_POLYGONS = 1 << 18  # above, an optical system's mesh takes longer than exact rays
 
 
 def auto_polygons(camera: CentralCamera) -> int | None:
-    """Fewest polygons with an error of at most `MAX_ERROR_PX` anywhere in a camera's image.
+    """Minimum number of polygons with an error of at most `MAX_ERROR_PX` anywhere in the image.
 
     Returns:
-        None: exact, as no mesh is fine enough, or there is no mirror with a mesh.
+        None: exact rays, because no mesh is fine enough or the camera has no mirror mesh.
     """
     most = most_polygons(camera)
     if most is None:
@@ -32,7 +32,7 @@ def auto_polygons(camera: CentralCamera) -> int | None:
 
 
 def most_polygons(camera: CentralCamera) -> int | None:
-    """Most polygons that are chosen for a camera; None: it has no mirror with a mesh."""
+    """Maximum number of polygons chosen for a camera; None: it has no mirror mesh."""
     if isinstance(camera, HyperbolicCamera):
         return MAX_POLYGONS
     if not isinstance(camera, NonCentralCamera):
@@ -43,8 +43,7 @@ def most_polygons(camera: CentralCamera) -> int | None:
 
 
 def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
-    """Largest error of a mesh anywhere in a camera's image, with that of its outline and of
-    rasterization; exact: 0."""  # fmt: skip
+    """Largest error of a mesh anywhere in the image, outline and rasterization included; exact: 0."""
     if polygons is not None and isinstance(camera, NonCentralCamera):
         from omnisim.cameras.optics.mesh_error import SystemMeshErrors
 
@@ -56,7 +55,7 @@ def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
 
 
 def _shown(camera: HyperbolicCamera) -> Annulus:
-    """Circles around the mirror's axis between which the image lies."""
+    """Circles around the mirror's axis that bound the image."""
     first = -0.5 - np.asarray(camera.principal_point_px)
     last = first + (camera.width_px, camera.height_px)
     nearest = np.clip(0.0, first, last)

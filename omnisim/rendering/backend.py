@@ -1,7 +1,7 @@
-"""Contract of back ends: what makes a scene's images and hits, whatever way.
+"""Back-end interface: renders images and intersects rays.
 
-A back end is two classes and a `HitSource`: the scene's side, of which a stage has one, and each
-camera's. `omnisim.rendering.shared_scene` opens them by name.
+A back end has three classes: its side of the scene, one per stage; its side of a camera; and a
+`HitSource`. `omnisim.rendering.shared_scene` opens back ends by name.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from omnisim.scene.labels import BODY, find_labels
 
 @dataclass(frozen=True, eq=False)
 class CameraSetup:
-    """A camera in a scene.
+    """Camera in a scene.
 
     Attributes:
         sensor: the camera.
         unlit: show plain base colors.
-        hidden: parts of the vehicle that it does not see.
-        seed: of its noise.
-        vehicles: names of the objects that are bodies of vehicles.
+        hidden: parts of the vehicle that are left out.
+        seed: seed of its noise.
+        vehicles: names of the objects that are vehicle bodies.
     """
 
     sensor: OmniCamera
@@ -49,13 +49,13 @@ class CameraSetup:
 
 
 class LabelCache:
-    """Labels of a scene, found anew where names or rules are other ones."""
+    """Labels of a scene, cached until names or rules change."""
 
     def __init__(self) -> None:
         self._found: tuple[object, Labels] | None = None
 
     def find(self, scene: Scene, objects: Mapping[str, Scene], vehicles: Collection[str]) -> Labels:
-        """Labels of all instances, see `find_labels`; objects and vehicles stay the same."""
+        """Labels of all instances, see `find_labels`; objects and vehicles must stay the same."""
         of = scene.instance_names, scene.labels
         if self._found is None or self._found[0] != of:
             self._found = of, find_labels(scene, objects, vehicles)
@@ -63,12 +63,12 @@ class LabelCache:
 
 
 def seen_background(scene: Scene, unlit: bool) -> tuple[float, float, float]:
-    """Linear RGB where nothing is hit: behind fog, which plain base colors have none of."""
+    """Linear RGB of rays that hit nothing: the fog's color, unless base colors are shown."""
     return scene.background if unlit else scene.lighting.background(scene.background)
 
 
 class CameraBackend(ABC):
-    """Makes the images of one camera, and finds the hits of its rays."""
+    """Renders the images of one camera, and intersects its rays."""
 
     def __init__(self, world: SceneBackend, setup: CameraSetup):
         self.world, self.setup = world, setup
@@ -78,10 +78,10 @@ class CameraBackend(ABC):
 
     @abstractmethod
     def refresh(self) -> None:
-        """Work on what the scene's side has now, after an `update`."""
+        """Update after the scene's side has changed."""
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take an image; also return the metadata of its degradation."""
+        """Render an image; also return the metadata of its degradation."""
         if self._degraded is None:
             return self._take_ideal(request), {}
         image, metadata = self._degraded.take(request)
@@ -89,7 +89,7 @@ class CameraBackend(ABC):
 
     @abstractmethod
     def _take_ideal(self, request: FrameRequest) -> Readback:
-        """Take an image without degradation."""
+        """Render an image without degradation."""
 
     def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
         """Degrade all images, which are rendered from sub-frames."""
@@ -99,15 +99,16 @@ class CameraBackend(ABC):
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
     ) -> Callable[[], None] | None:
-        """Start to take images from poses, at rest; here one after the other.
+        """Start to render images from poses at rest; by default one after the other.
 
         Args:
-            poses: of each image.
+            poses: one per image.
             out: (n, height, width, 3 or 4), contiguous.
-            frame_number: of the first image.
+            frame_number: number of the first image.
 
         Returns:
-            Wait until `out` is filled, as it also is by the next batch; None: it is.
+            Function that waits until `out` is filled; the next batch waits, too. None: already
+            filled.
         """
         for number, one in enumerate(poses):
             request = FrameRequest(one, None, False, frame_number + number, None)
@@ -116,18 +117,18 @@ class CameraBackend(ABC):
 
     @abstractmethod
     def hit_source(self, details: HitDetails) -> HitSource:
-        """Source of its ground truth, able to give these details; made on first use."""
+        """Hits behind its ground truth, with these details; created on first use."""
 
     @abstractmethod
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Images (size, size, 3) of virtual cameras, linear, by name.
+        """Linear images (size, size, 3) of the virtual cameras, by name.
 
         Raises:
-            GraphicsError: it has none.
+            GraphicsError: the back end has no virtual cameras.
         """
 
     def ground_truth(self, names: Collection[str]) -> GroundTruth:
-        """Ground truth, able to give channels of these names."""
+        """Ground truth that includes these channels."""
         source = self.hit_source(HitDetails.of_channels(names))
         if self._ground_truth is None or self._ground_truth[0] is not source:
             truth = GroundTruth(source, self._find_labels(), list(self.world.objects))
@@ -146,14 +147,14 @@ class RangeFinder(Protocol):
     """Casts a scanner's beams."""
 
     def refresh(self) -> None:
-        """Work on what the scene's side has now, after an `update`."""
+        """Update after the scene's side has changed."""
 
     def cast(
         self,
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: nothing is hit."""
+        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
 
 
 class BeamCaster(Protocol):
@@ -161,17 +162,17 @@ class BeamCaster(Protocol):
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+        """Dynamic object and name of each instance, indexed by `BeamHits.draws_plus_one` − 1."""
 
     def refresh(self) -> None:
-        """Work on what the scene's side has now, after an `update`."""
+        """Update after the scene's side has changed."""
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""
 
 
 class SceneBackend(ABC):
-    """Scene and its dynamic objects, ready for cameras."""
+    """Scene and dynamic objects, ready for cameras."""
 
     def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
         self.scene, self.objects = scene, objects
@@ -184,22 +185,21 @@ class SceneBackend(ABC):
     @property
     @abstractmethod
     def renderer(self) -> str:
-        """Name of what renders: others round differently."""
+        """Name of the renderer; others round differently."""
 
     @abstractmethod
     def current(self) -> AbstractContextManager[None]:
-        """Make it ready to work for a `with` block.
+        """Make the back end current for a `with` block.
 
         Raises:
-            GraphicsError: it is closed.
+            GraphicsError: the back end is closed.
         """
 
     @abstractmethod
     def update(self, scene: Scene) -> None:
-        """Take another static scene, with the same lights and background.
+        """Replace the static scene by one with the same lights and background.
 
-        What it shares with the one before is not loaded again, where the back end can. Cameras
-        have to `refresh`.
+        Unchanged parts are not loaded again, if the back end can. Cameras must `refresh`.
         """
 
     @abstractmethod
@@ -207,7 +207,7 @@ class SceneBackend(ABC):
         """Camera in the scene.
 
         Raises:
-            OmnisimError: something that this back end cannot do, by name.
+            OmnisimError: a camera that this back end cannot render, by name.
         """
 
     @abstractmethod
@@ -218,13 +218,13 @@ class SceneBackend(ABC):
 
         Args:
             angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
-            max_range_m: surfaces farther away need not be found; may be infinite.
-            hidden: parts of the vehicle that beams go through.
+            max_range_m: range beyond which surfaces may be missed; may be infinite.
+            hidden: parts of the vehicle that beams pass through.
         """
 
     @abstractmethod
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
-        """Beams of a spinning lidar, but for those through hidden parts of the vehicle."""
+        """Beams of a spinning lidar, which pass through hidden parts of the vehicle."""
 
     @abstractmethod
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Arrays of a batch: images and channels of ground truth, made here or the caller's."""
+"""Arrays of a batch, new or the caller's: images and channels of ground truth."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels
 
-IMAGES = {"rgb": 3, "rgba": 4}  # numbers of a pixel
+IMAGES = {"rgb": 3, "rgba": 4}  # components per pixel
 
 
 def check_contents(names: Collection[str]) -> tuple[str, ...]:
-    """Images and channels of these names: images first, then in the order of `CHANNELS`.
+    """Names in order: images first, then channels in the order of `CHANNELS`.
 
     Raises:
-        OutputError: an unknown name, a text in place of names, or both images.
+        OutputError: an unknown name, a string instead of names, or both images.
     """
     if isinstance(names, str):
-        return check_channels(names)  # refuses it
+        return check_channels(names)  # raises
     images = [name for name in IMAGES if name in names]
     if len(images) == len(IMAGES):
         raise OutputError("channels: expected one of rgb and rgba, got both")
@@ -36,13 +36,12 @@ def batch_arrays(
     """Arrays by name, contiguous and writeable.
 
     Args:
-        names: as `check_contents` gives them.
+        names: names from `check_contents`.
         size: number, height and width of the images.
-        out: of the caller, by name; a single array is that of the only name; None: new ones.
+        out: arrays of the caller by name, or the array of the only name; None: new arrays.
 
     Raises:
-        OutputError: an array of another shape or type, or one that cannot be written, or others
-            than those of the names.
+        OutputError: an array of another shape or type, a read-only one, or other names.
     """
     if out is None:
         return {name: np.empty(*_layout(name, size)) for name in names}
@@ -68,7 +67,7 @@ def _layout(name: str, size: tuple[int, int, int]) -> tuple[tuple[int, ...], np.
 def _check(
     what: str, array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any]
 ) -> NDArray[Any]:
-    """Return an array of the caller's that can be filled as it is."""
+    """Return the caller's array if it can be filled in place."""
     if isinstance(array, np.ndarray):
         faults = {
             f"type {array.dtype}": array.dtype == dtype,

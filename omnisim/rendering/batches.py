@@ -1,4 +1,4 @@
-"""Batches: images and ground truth of many states of the world, drawn together."""
+"""Batches: images and ground truth of many world states in one submission."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_renderer import SensorRenderer
 
-# States of the world, or poses (n, 4, 4) of the vehicle, where nothing else moves.
+# World states, or vehicle poses (n, 4, 4) if nothing else moves.
 States = Sequence[WorldState | ArrayLike] | ArrayLike
 Arrays = Mapping[str, NDArray[Any]]
 
 
 class PendingBatch:
-    """Batch that is drawn and may still be read, see `omnisim.Renderer.begin_batch`.
+    """Batch in progress, see `BatchRenderer.begin_batch`.
 
     Args:
-        arrays: by name, not yet filled.
-        finish: fills them; None: they are.
+        arrays: arrays by name, to be filled.
+        finish: fills them; None: they are filled.
     """
 
     def __init__(self, arrays: dict[str, NDArray[Any]], finish: Callable[[], None] | None):
         self._arrays, self._finish = arrays, finish
 
     def result(self) -> dict[str, NDArray[Any]]:
-        """Wait, and return arrays (n, height, width, …) by name.
+        """Wait, and return the arrays (n, height, width, …) by name.
 
         Raises:
-            GraphicsError: the renderer was closed before.
+            GraphicsError: the renderer was closed in the meantime.
         """
         if self._finish is not None:
             self._finish()
@@ -54,7 +54,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
 
     @property
     def camera(self) -> OmniCamera:
-        """The sensor, whose near plane suits the scene."""
+        """The sensor, with the near plane for this scene."""
         return self.sensor
 
     @overload
@@ -89,23 +89,26 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         previous_states: States | None = None,
         frame_number: int = 0,
     ) -> NDArray[np.uint8] | dict[str, NDArray[Any]]:
-        """Render images (n, height, width, 3) uint8, sRGB, of n states in one submission.
+        """Render images (n, height, width, 3) uint8, sRGB, of n world states in one submission.
 
-        They are those of n single frames, byte for byte. Memory is bounded: many are drawn slice
-        by slice. Arrays are contiguous and writeable, as DLPack needs them.
+        They equal n single frames byte for byte. Memory is bounded: large batches are drawn slice
+        by slice.
+        The arrays are contiguous and writeable, as DLPack requires.
 
         Args:
-            states: n, each as for `render`; poses are quickest as one array (n, 4, 4).
-            channels: names of channels of ground truth, and "rgb" or "rgba"; the result is then
-                arrays (n, height, width, …) by name. None: the image alone.
-            out: arrays to fill and return, by name; or that of the only name.
-            next_states: n, which flow and scene flow need.
-            previous_states: n, for backward flow.
-            frame_number: of the first image; noise differs from image to image. The world is
-                at rest in each.
+            states: n states as for `render`; one array of poses (n, 4, 4) is fastest.
+            channels: names of ground-truth channels, and "rgb" or "rgba"; the result is then a dict
+                of
+                arrays (n, height, width, …). None: the image alone.
+            out: arrays to fill and return by name, or the array of the only name.
+            next_states: n states, for flow and scene flow.
+            previous_states: n states, for backward flow.
+            frame_number: number of the first image; noise differs between images. The world is at
+                rest
+                in each.
 
         Raises:
-            OmnisimError: as `render`; or an array of another shape, type or layout.
+            OmnisimError: as for `render`; or an array of another shape, type or layout.
         """
         names = ("rgb",) if channels is None else channels
         pending = self.begin_batch(
@@ -128,10 +131,11 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         previous_states: States | None = None,
         frame_number: int = 0,
     ) -> PendingBatch:
-        """Begin to render a batch, see `render_batch`, and do not wait for its images.
+        """Begin to render a batch, see `render_batch`, without waiting for its images.
 
-        Several cameras of a stage, of a rig or of a team, are drawn together so: begin with each,
-        then take each `PendingBatch.result`. A renderer's next batch ends the one before.
+        This way several cameras of a stage are drawn together: begin a batch with each, then call
+            each
+        `PendingBatch.result`. A renderer's next batch first finishes its previous one.
         """
         names = check_contents(channels)
         poses = self._batch_poses(states)
@@ -158,16 +162,16 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
     def _other_poses(
         self, names: Collection[str], states: Mapping[str, States | None]
     ) -> dict[str, list[ScenePoses]]:
-        """Poses of the "next" and the "previous" images that channels of some names need."""
+        """Poses of the "next" and the "previous" images that the channels need."""
         given = {other: some for other, some in states.items() if some is not None}
         needed = needed_others([name for name in names if name in CHANNELS], given, "states")
         return {other: self._batch_poses(given[other]) for other in needed}
 
     def _batch_poses(self, states: States) -> list[ScenePoses]:
-        """Poses of the camera and of all that moves, in each state.
+        """Poses of the camera and of all dynamic objects, per state.
 
         Raises:
-            OmnisimError: one that is not a pose.
+            OmnisimError: an invalid pose.
         """
         if isinstance(states, Sequence) and any(isinstance(one, WorldState) for one in states):
             return [self._poses_in(self._state(one)) for one in states]
@@ -187,7 +191,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         ]
 
     def _poses_in(self, state: WorldState) -> ScenePoses:
-        """Poses of the camera and of all that moves, in a state of the world."""
+        """Poses of the camera and of all dynamic objects in a world state."""
         world_from_base = state.world_from_object[self.vehicle]
         return ScenePoses(world_from_base @ self.camera.base_from_rig, self._stage.poses_in(state))
 
@@ -201,10 +205,10 @@ def fill_channels(
     """Fill arrays (n, height, width, …) of channels.
 
     Args:
-        passes: of the camera.
-        arrays: by the channels' names.
-        poses: of each image.
-        others: those of the "next" and the "previous" images, where channels need them.
+        passes: back end of the camera.
+        arrays: arrays by channel name.
+        poses: one per image.
+        others: poses of the "next" and the "previous" images, if channels need them.
     """
     truth = passes.ground_truth(arrays)
     for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):
@@ -213,15 +217,15 @@ def fill_channels(
 
 
 def needed_others(names: Collection[str], given: Collection[str], what: str) -> list[str]:
-    """Other images that channels of these names depend on: "next", "previous".
+    """Other images that the channels depend on: "next", "previous".
 
     Args:
-        names: of channels.
-        given: other images whose states are.
+        names: channels.
+        given: other images with known states.
         what: ending of the argument's name.
 
     Raises:
-        OutputError: the state at one is not given.
+        OutputError: a required state is missing.
     """
     needed = {CHANNELS[name].other: name for name in reversed(tuple(names)) if CHANNELS[name].other}
     for other, name in needed.items():

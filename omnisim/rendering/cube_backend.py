@@ -1,4 +1,4 @@
-"""Back end of virtual cameras: OpenGL draws the faces of a cube, and samples images from them."""
+"""Back end of virtual cameras: OpenGL renders cube faces, and samples images from them."""
 
 from __future__ import annotations
 
@@ -51,17 +51,16 @@ from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
 
-# A triangle is found where a texel near the ray shows it, or an adjacent one: measured in the
-# warehouse, 0.1 % of the rays miss one at 1 texel a pixel, 0.05 % at 1.5, and most of those are at
-# silhouettes.
+# A triangle is hit if a texel near the ray shows it or an adjacent one. Measured in the warehouse:
+# 0.1 % of the rays miss one at 1 texel per pixel, 0.05 % at 1.5, mostly at silhouettes.
 TEXELS_PER_PIXEL = 1.5
-LIDAR_NEAR_M = 0.01  # nearer in small scenes
+LIDAR_NEAR_M = 0.01  # smaller in small scenes
 
 
 class CubeBackend(SceneBackend):
-    """Holds the OpenGL context, one copy of the scene, and the programs that draw it.
+    """OpenGL context with one copy of the scene and the programs that draw it.
 
-    One that is dropped and not closed warns, as files do, and is released.
+    A back end that is dropped without `close` warns, as files do, and is released.
 
     Args:
         scene: static scene.
@@ -69,10 +68,10 @@ class CubeBackend(SceneBackend):
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
 
     Attributes:
-        context, buffers, surface_programs: for the passes.
+        context, buffers, surface_programs: shared by the passes.
 
     Raises:
-        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits.
+        GraphicsError: no OpenGL, OpenGL too old, or a scene beyond its limits.
     """
 
     def __init__(self, scene: Scene, objects: Mapping[str, Scene], device: int | None = None):
@@ -105,28 +104,28 @@ class CubeBackend(SceneBackend):
 
     @contextmanager
     def current(self) -> Iterator[None]:
-        """Make its context current for a `with` block, as another one may be.
+        """Make its context current for a `with` block.
 
         Raises:
-            GraphicsError: it is closed, or another process's, from before a fork.
+            GraphicsError: the back end is closed, or belongs to the process before a fork.
         """
         check_process()
         if not self.is_open:
             raise GraphicsError("this stage is closed: open a new one")
         release_unclosed_contexts()
         with self.context:
-            collect_garbage(self.context)  # renderers that were dropped and not closed
+            collect_garbage(self.context)  # renderers that were dropped without `close`
             yield
 
     def update(self, scene: Scene) -> None:
-        """Take another static scene; its context is current. Meshes that stay are not uploaded."""
+        """Replace the static scene, with the context current. Unchanged meshes are not uploaded."""
         self.buffers.update(scene)
         if self._shadows is not None:
             self._shadows.refresh()
         self.scene = scene
 
     def camera(self, setup: CameraSetup) -> CameraBackend:
-        """Camera in the scene; its context is current, here and in all the camera's methods."""
+        """Camera in the scene; needs the current context, as do all its methods."""
         drawn = DrawnScene(self.buffers, self.surface_programs)
         if isinstance(setup.sensor.model, NonCentralCamera):
             from omnisim.rendering.parallax_camera import ParallaxCamera  # seldom needed
@@ -137,16 +136,16 @@ class CubeBackend(SceneBackend):
     def range_finder(
         self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
     ) -> RangePass:
-        """Beams of a scanner; its context is current, here and in the pass's methods."""
+        """Beams of a scanner; needs the current context, as do the pass's methods."""
         return RangePass(self.buffers, angles_rad, max_range_m, hidden)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarPass:
-        """Beams of a spinning lidar; its context is current, here and in the pass's methods."""
+        """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
         return LidarPass(self.buffers, beams, near_m, hidden)
 
     def close(self) -> None:
-        """Release the OpenGL context with everything in it."""
+        """Release the OpenGL context and everything in it."""
         if self._finalizer.detach() is not None:
             for name in ("buffers", "surface_programs", "_shadows"):
                 self.__dict__.pop(name, None)
@@ -154,9 +153,9 @@ class CubeBackend(SceneBackend):
 
 
 def has_computed_shadows(parts: Sequence[Scene]) -> bool:
-    """Tell whether lamps cast shadows in a scene, the first part, on it or on dynamic objects.
+    """Tell whether lamps cast shadows on the scene (the first part) or on dynamic objects.
 
-    Baked light has its own; beside it they are for what is glossy.
+    Baked light includes its shadows; beside it they are for glossy surfaces.
     """
     lighting = parts[0].lighting
     if lighting.baked is None:
@@ -168,7 +167,7 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
 
 
 def _advice(sensor: OmniCamera, largest_px: int) -> str:
-    """Quality to choose for an image that is too large at a finer one; empty: none helps."""
+    """Coarser quality at which an image fits; empty: none does."""
     fast = QUALITIES["fast"]
     side_px = max(sensor.model.width_px, sensor.model.height_px)
     is_finer = (sensor.supersampling, sensor.texels_per_pixel) > fast
@@ -178,7 +177,7 @@ def _advice(sensor: OmniCamera, largest_px: int) -> str:
 
 
 class CubeCamera(OpenGLCamera["CubeHits"]):
-    """Passes of a camera with one viewpoint."""
+    """Passes of a central camera."""
 
     def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
         super().__init__(world, drawn, setup)
@@ -197,7 +196,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         self._use(Pipeline(self.cube, samples, sensor.supersampling, linear_type))
 
     def refresh(self) -> None:
-        """Draw what the buffers have now."""
+        """Update after the buffers changed."""
         super().refresh()
         if "whole_cube" in self.__dict__:
             self.whole_cube.refresh()
@@ -207,7 +206,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
     ) -> Callable[[], None] | None:
-        """Start to take images, those of an ideal camera together."""
+        """Start to render images; those of an ideal camera are drawn together."""
         if self.batches is None:
             return super().begin_batch(poses, out, frame_number)
         self.batches.begin(poses, out)
@@ -215,7 +214,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
 
     @cached_property
     def batches(self) -> BatchPipeline | None:
-        """Pipeline of many images; None: they are degraded, or too large for it."""
+        """Pipeline of batches; None: images are degraded, or too large for it."""
         image_pass = self._pipeline.image_pass
         if self._degraded is not None or not isinstance(image_pass, RemapPass):
             return None
@@ -226,14 +225,14 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Images (size, size, 3) of the virtual cameras, linear, by name; drawn for this."""
+        """Linear images (size, size, 3) of the virtual cameras by name, rendered for this call."""
         cube = self.whole_cube
         cube.render(*poses)
         return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
 
     @cached_property
     def whole_cube(self) -> CubePass:
-        """Virtual cameras of whole faces, each in one piece."""
+        """Virtual cameras of whole faces, in one piece each."""
         return self._cube_pass(whole_faces(self.cube.plan))
 
 
@@ -254,7 +253,7 @@ class CubeHits(DrawnHits):
         self.has_ray = self._pixels.valid
 
     def refresh(self) -> None:
-        """Hit what the buffers have now."""
+        """Update after the buffers changed."""
         super().refresh()
         self._passes.refresh()
         if "_batches" in self.__dict__:
@@ -265,7 +264,7 @@ class CubeHits(DrawnHits):
         return self._pixels.read_rays()[0]
 
     def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
-        """Intersect all rays with what is seen around them."""
+        """Intersect all rays with the triangles visible around them."""
         return self._passes.render(*poses, details=details)
 
     def batch_hits(
@@ -281,7 +280,7 @@ class CubeHits(DrawnHits):
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
     ) -> None:
-        """Start to draw the occlusion from another viewpoint."""
+        """Start to render the occlusion from another viewpoint."""
         if deformed is not None:
             self._passes.put_points(deformed)
         self._occlusion_pass.render(
@@ -289,7 +288,7 @@ class CubeHits(DrawnHits):
         )
 
     def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that something nearer hides there."""
+        """Mask (height, width) of the points that are occluded from there."""
         return self._occlusion_pass.read() > 0
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Hits of a camera's rays, whatever finds them: the source of its ground truth."""
+"""Interface that yields the ray hits behind ground truth."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from omnisim.scene.model import Mesh
 
 
 class DeformingDraw(NamedTuple):
-    """Instance whose mesh deforms.
+    """Instance with a deforming mesh.
 
     Attributes:
-        mesh: with its deformation.
-        object_index: of the dynamic object that it belongs to; None: it is static.
-        object_from_mesh: (4, 4), into the world or the dynamic object's frame.
+        mesh: mesh and its deformation.
+        object_index: index of its dynamic object; None: static.
+        object_from_mesh: (4, 4), to the world or the dynamic object's frame.
     """
 
     mesh: Mesh
@@ -34,11 +34,11 @@ class HitSource(ABC):
     """Casts the rays of a camera's pixels.
 
     Attributes:
-        camera: the camera.
-        polygons: of its mirror's mesh; None: exact.
-        draws: dynamic object and name of each instance, as `Hits.draws_plus_one` counts them.
-        has_ray: (height, width), false outside of the lens or the mirror.
-        deforming: those of the instances whose meshes deform, by their index.
+        camera: camera model.
+        polygons: number in its mirror's mesh; None: exact.
+        draws: dynamic object and name of each instance, indexed by `Hits.draws_plus_one` − 1.
+        has_ray: (height, width) false outside of the lens or the mirror.
+        deforming: instances with deforming meshes, by index.
     """
 
     camera: CentralCamera
@@ -58,7 +58,7 @@ class HitSource(ABC):
     def batch_hits(
         self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Iterator[Hits]:
-        """Cast all rays of each image, in order; here one after the other."""
+        """Cast all rays of each image, in order; by default one after the other."""
         for one in poses:
             yield self.hits(one, details)
 
@@ -71,15 +71,16 @@ class HitSource(ABC):
         Args:
             other: poses at the other time.
             other_from_current: (draws, 3, 4), from the viewpoint frame of the last hits to the
-                other one's, of points on each instance.
-            deformed: the last hits with the points of deformed surfaces; None: no surface deforms.
+                other
+                one's, per instance.
+            deformed: last hits with the points of deformed surfaces; None: no surface deforms.
         """
 
     @abstractmethod
     def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that something nearer hides there."""
+        """Mask (height, width) of the points that are occluded there."""
 
     def objects_of_draws(self) -> NDArray[np.intp]:
-        """Object of each instance (n + 1,), from −1 on, which is nothing: 0: the static scene."""
+        """Object of each instance (n + 1,), after −1 for no hit; 0: the static scene."""
         objects = [0 if index is None else index + 1 for index, _ in self.draws]
         return np.array([0, *objects], dtype=np.intp)

@@ -1,4 +1,4 @@
-"""Surfaces that a camera misses, as they are nearer than the near plane of its virtual cameras."""
+"""Surfaces that a camera misses, because they are nearer than its virtual cameras' near plane."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
 from omnisim.scene import Scene
 
-_PROBES = 48  # rays to a side of the image, at most
+_PROBES = 48  # maximum number of rays per image side
 _TRIANGLES_PER_BATCH = 256
 _NAMES = 4  # in a note
 
@@ -17,11 +17,11 @@ _NAMES = 4  # in a note
 def near_plane_note(
     scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
 ) -> str | None:
-    """Note on surfaces that are missing as they are too near; None: there are none.
+    """Note on surfaces that are missing because they are too near; None: no such surfaces.
 
     Args:
-        scene: that is seen.
-        sensor: as it was given, before it takes the near plane of the scene.
+        scene: visible scene.
+        sensor: camera before it takes the scene's near plane.
         world_from_base: (4, 4) pose of its vehicle.
     """
     seeing = sensor.seeing(scene_size_m(scene))
@@ -38,14 +38,15 @@ def near_plane_note(
 def surfaces_too_near(
     scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
 ) -> tuple[str, ...]:
-    """Names of the instances of which a camera misses something before its near plane.
+    """Names of instances with a surface before the camera's near plane.
 
-    Rays of some pixels are cast at what is near. Moving objects are where they are at 0 s; bodies
-    of vehicles do not count, nor do holes in textures.
+    Some pixels' rays are cast at near geometry. Moving objects are at their positions at 0 s;
+    vehicle
+    bodies and holes in textures are ignored.
 
     Args:
-        scene: that is seen.
-        sensor: with the near plane that it has in the scene.
+        scene: visible scene.
+        sensor: camera with its near plane in the scene.
         world_from_base: (4, 4) pose of its vehicle.
     """
     origins_m, directions = _probe_rays(sensor)
@@ -63,7 +64,7 @@ def surfaces_too_near(
         corners_m = places_m[mesh.triangles]
         near = (corners_m.min(axis=1) <= reach_m) & (corners_m.max(axis=1) >= -reach_m)
         corners_m = corners_m[near.all(axis=1)]
-        if np.linalg.det(rig_from_mesh[:3, :3]) < 0.0:  # wound the other way round
+        if np.linalg.det(rig_from_mesh[:3, :3]) < 0.0:  # reversed winding
             corners_m = corners_m[:, ::-1]
         both_sides = still.materials[mesh.material].double_sided
         for first in range(0, len(corners_m), _TRIANGLES_PER_BATCH):
@@ -75,7 +76,7 @@ def surfaces_too_near(
 
 
 def _probe_rays(sensor: OmniCamera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Origins and unit directions (n, 3) of the rays of some pixels, in the rig."""
+    """Origins and unit directions (n, 3) of some pixels' rays, in the rig."""
     model = sensor.model
     u, v = (
         np.linspace(0.0, size - 1.0, min(size, _PROBES))
@@ -95,7 +96,7 @@ def _is_hit(
     ends_m: NDArray[np.float64],
     both_sides: bool,
 ) -> bool:
-    """Tell whether any ray (n) meets a triangle (k, 3 corners, xyz) before its end.
+    """Tell whether any ray (n) hits a triangle (k, 3 corners, xyz) before its end.
 
     Source: Möller and Trumbore, "Fast, minimum storage ray-triangle intersection", Journal of
     Graphics Tools 2 (1997).

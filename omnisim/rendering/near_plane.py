@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # a sensor file is read without scenes
     from omnisim.scene import Scene
 
-NEAR_PER_SIZE = 0.05  # of a scene's longest side
+NEAR_PER_SIZE = 0.05  # near plane per longest side of the scene
 
 
 def scene_size_m(scene: Scene) -> float:
-    """Longest side of what stands in a scene, moving objects only where nothing else does; 0:
-    nothing."""  # fmt: skip
+    """Longest side of the static geometry, else of the moving objects; 0: empty."""
     if not scene.instances and not scene.objects:
         return 0.0
     low, high = scene.bounds_m()
@@ -20,9 +19,9 @@ def scene_size_m(scene: Scene) -> float:
 
 
 def near_plane_m(size_m: float, default_m: float) -> float:
-    """Distance of the near plane in a scene of a size: the default, or nearer in small scenes.
+    """Distance of the near plane for a scene size: the default, or less in small scenes.
 
-    Reversed float depth is as precise with any near plane.
+    Reversed float depth is equally precise with any near plane.
     """
     near_m = NEAR_PER_SIZE * size_m
     return near_m if 0.0 < near_m < default_m else default_m
