@@ -43,7 +43,7 @@ def most_polygons(camera: CentralCamera) -> int | None:
 
 
 def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
-    """Largest error of a mesh anywhere in the image, outline and rasterization included; exact: 0."""
+    """Largest mesh error in the image, outline and rasterization included; exact: 0."""
     if polygons is not None and isinstance(camera, NonCentralCamera):
         from omnisim.cameras.optics.mesh_error import SystemMeshErrors
 

@@ -31,16 +31,16 @@ class DrawnScene(NamedTuple):
 
 
 class DrawnHits(HitSource):
-    """Hits by the triangles that virtual cameras see; GPU resources are created once.
+    """Hits on the triangles that virtual cameras see; GPU resources are created once.
 
     Args:
-        buffers: the scene; its context is current, here and in all methods.
-        sensor: the camera.
-        cameras: depth range and hidden instances count.
-        details: of the hits that it can give.
+        buffers: scene on the GPU; its context must be current, here and in all methods.
+        sensor: omnidirectional camera.
+        cameras: virtual cameras; only depth range and hidden instances matter here.
+        details: details that its hits can include.
 
     Attributes:
-        details: of the hits that it can give.
+        details: details that its hits can include.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class DrawnHits(HitSource):
         self._find_draws()
 
     def refresh(self) -> None:
-        """Hit what the buffers have now."""
+        """Update after the buffers changed."""
         self._find_draws()
 
     def _find_draws(self) -> None:
@@ -67,12 +67,12 @@ HitsT = TypeVar("HitsT", bound=DrawnHits)
 
 
 class OpenGLCamera(CameraBackend, Generic[HitsT]):
-    """Passes of one camera by OpenGL; those that only some frames need are made on first use.
+    """Passes of one camera by OpenGL; rarely needed ones are created on first use.
 
     Args:
-        world: the scene's side; its context is current, here and in all methods.
-        drawn: the scene on the GPU.
-        setup: of the camera.
+        world: the back end's scene; its context must be current, here and in all methods.
+        drawn: scene on the GPU.
+        setup: camera and its settings.
 
     Attributes:
         cube: pass of the virtual cameras.
@@ -95,14 +95,14 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         self._hit_source: HitsT | None = None
 
     def refresh(self) -> None:
-        """Draw what the buffers have now."""
+        """Update after the buffers changed."""
         self.cube.refresh()
         if self._hit_source is not None:
             self._hit_source.refresh()
         self._refresh_ground_truth()
 
     def hit_source(self, details: HitDetails) -> HitsT:
-        """Source of its ground truth, able to give these details."""
+        """Hits behind its ground truth, with these details."""
         held = self._hit_source
         wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
         if held is None or wanted != held.details:
@@ -112,7 +112,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
 
     @abstractmethod
     def _make_hits(self, details: HitDetails) -> HitsT:
-        """Source of ground truth with these details."""
+        """Hits behind ground truth with these details."""
 
     def _take_ideal(self, request: FrameRequest) -> Readback:
         return self._pipeline.render(request.poses, request.linear)
@@ -121,7 +121,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras)
 
     def _use(self, pipeline: Pipeline) -> None:
-        """Take images by a pipeline, degraded where the sensor is."""
+        """Render images with a pipeline, degraded if the sensor is."""
         self._pipeline = pipeline
         degradation = self._sensor.degradation
         if degradation.is_ideal:

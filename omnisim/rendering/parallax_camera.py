@@ -1,4 +1,4 @@
-"""Optical systems on the back end of virtual cameras: one viewpoint, and range for the rest."""
+"""Non-central cameras on the back end of virtual cameras: one viewpoint, and depth for the rest."""
 
 from __future__ import annotations
 
@@ -35,12 +35,14 @@ _RAYS_PER_BATCH = 1 << 12
 class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
     """Passes of one optical system.
 
-    The virtual cameras stand at the point nearest to all rays; each sample looks up range until it
-    has met its own surface. Samples in doubt are cast as rays, where those are installed, or keep
-    what they found last; the image's metadata counts them.
+    The virtual cameras are at the point nearest to all rays; each sample searches the depth until
+    it
+    meets its own surface. Undecided samples are cast as rays if embreex is installed, or keep the
+    last
+    candidate; the image's metadata counts them.
 
     Raises:
-        GraphicsError: several samples a texel, or past the GPU's limits.
+        GraphicsError: several samples per texel, or sizes beyond the GPU's limits.
     """
 
     def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
@@ -81,12 +83,12 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         self._use(self._parallax)
 
     def refresh(self) -> None:
-        """Draw what the buffers have now."""
+        """Update after the buffers changed."""
         self._rays = None
         super().refresh()
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take an image; also return the metadata of its degradation and undecided samples."""
+        """Render an image; also return the metadata of its degradation and undecided samples."""
         self._parallax.undecided_samples = 0
         image, metadata = super().take(request)
         undecided = {"samples": self._parallax.undecided_samples, "cast": self._casts}
@@ -96,9 +98,9 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         return self.make_hits(details, self._casts)
 
     def make_hits(self, details: HitDetails, casts: bool) -> ParallaxHits:
-        """Source of ground truth, with undecided pixels cast as rays or not."""
+        """Hits behind ground truth; `casts`: cast undecided pixels as rays."""
         from omnisim.rendering.truth.parallax_hits import (
-            ParallaxHits,  # of frames with ground truth
+            ParallaxHits,  # for frames with ground truth
         )
 
         return ParallaxHits(
@@ -111,7 +113,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         )
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Refuse them: the virtual cameras are parts of faces.
+        """Refuse: the virtual cameras are parts of faces.
 
         Raises:
             GraphicsError: always.
@@ -119,14 +121,14 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         raise GraphicsError("faces: expected a camera with one viewpoint, got an optical system")
 
     def _ray_scene(self) -> RayScene:
-        from omnisim.rendering.rays.ray_scene import RayScene  # of an extra
+        from omnisim.rendering.rays.ray_scene import RayScene  # needs an extra
 
         if self._rays is None:
             self._rays = RayScene(self.world.scene, tuple(self.world.objects.values()))
         return self._rays
 
     def _cast(self, poses: ScenePoses, rays: SampleRays) -> NDArray[np.float32]:
-        """Linear RGB (n, 3) along rays (n,) from beside the viewpoint, rig frame."""
+        """Linear RGB (n, 3) along rays (n,) with their own origins, rig frame."""
         from omnisim.rendering.rays.depth_limits import DepthLimits
         from omnisim.rendering.rays.ray_scene import ObjectState
 
@@ -149,10 +151,10 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
 
 def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:
-    """Rays of the samples, or those of R, G and B.
+    """Sample rays: one set, or one each for R, G and B.
 
     Raises:
-        GraphicsError: none sees anything.
+        GraphicsError: no ray sees anything.
     """
     assert isinstance(sensor.model, NonCentralCamera)
     cameras = sensor.model.by_color()

@@ -1,4 +1,4 @@
-"""Back end of rays: Embree casts one for each sample of an image; no OpenGL is opened."""
+"""Back end of rays: Embree casts one ray per sample of an image, without OpenGL."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ from omnisim.scene import Scene
 
 
 class RayBackend(SceneBackend):
-    """Holds the scene's hierarchies of triangles, and its textures.
+    """Triangle hierarchies and textures of a scene.
 
     Args:
         scene: static scene.
         objects: bodies and dynamic objects by name.
 
     Attributes:
-        rays: casts them.
+        rays: scene to cast rays at.
 
     Raises:
         OmnisimError: embreex is not installed.
@@ -59,7 +59,7 @@ class RayBackend(SceneBackend):
         """Scene to cast rays at.
 
         Raises:
-            GraphicsError: it is closed.
+            GraphicsError: the back end is closed.
         """
         if self._rays is None:
             raise GraphicsError("this stage is closed: open a new one")
@@ -77,16 +77,16 @@ class RayBackend(SceneBackend):
 
     @contextmanager
     def current(self) -> Iterator[None]:
-        """Refuse to work where it is closed; there is nothing to prepare.
+        """Refuse to work after `close`; nothing else to prepare.
 
         Raises:
-            GraphicsError: it is closed.
+            GraphicsError: the back end is closed.
         """
         if self.is_open or self.rays:
             yield
 
     def update(self, scene: Scene) -> None:
-        """Take another static scene; all hierarchies are built anew."""
+        """Replace the static scene; all hierarchies are rebuilt."""
         self._rays = RayScene(scene, tuple(self.objects.values()))
         self.scene = scene
 
@@ -110,9 +110,9 @@ class RayBackend(SceneBackend):
 
 
 class RayCamera(CameraBackend):
-    """Rays of one camera; what only some frames need is made on first use.
+    """Rays of one camera; rarely needed parts are created on first use.
 
-    Settings of the virtual cameras have no meaning here, but for near and far.
+    Of the virtual cameras' settings only near and far apply.
     """
 
     def __init__(self, world: RayBackend, setup: CameraSetup):
@@ -126,11 +126,11 @@ class RayCamera(CameraBackend):
             self._degrade(self._develop)
 
     def refresh(self) -> None:
-        """Cast rays at what the scene has now."""
+        """Update after the scene changed."""
         self._images, self._hit_source = self._ray_images(), None
 
     def _ray_images(self) -> list[RayImage]:
-        """Image, or those of R, G and B."""
+        """Image, or one each for R, G and B."""
         sensor, samples = self._sensor, self._sensor.supersampled_model
         return [
             RayImage(
@@ -150,7 +150,7 @@ class RayCamera(CameraBackend):
         return _readback(self._linear(request.poses), None, request.linear)
 
     def _develop(self, frames: SubFrames) -> Readback:
-        """Render an image from sub-frames, by the references of the degradations in NumPy."""
+        """Render an image from sub-frames with the NumPy references of the degradations."""
         degradation = self._sensor.degradation
         geometry = ImageGeometry.of_camera(self._sensor.model)
         ideal = ((self._linear(part.poses), part.row_weights) for part in frames.parts)
@@ -163,13 +163,13 @@ class RayCamera(CameraBackend):
         return _readback(image, degradation.encoding, frames.linear)
 
     def hit_source(self, details: HitDetails) -> RayHitSource:
-        """Source of its ground truth."""
+        """Hits behind its ground truth."""
         if self._hit_source is None:
             self._hit_source = RayHitSource(self._ray_world.rays, self.setup, self._limits)
         return self._hit_source
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Refuse them: there are no virtual cameras.
+        """Refuse: there are no virtual cameras.
 
         Raises:
             GraphicsError: always.
@@ -188,12 +188,12 @@ class RayCamera(CameraBackend):
 
 
 class RayHitSource(HitSource):
-    """Hits of the pixels' rays by Embree, exact in float64.
+    """Exact hits of the pixels' rays by Embree, in float64.
 
     Args:
-        rays: casts them.
-        setup: of the camera.
-        limits: of the rays.
+        rays: scene to cast rays at.
+        setup: camera and its settings.
+        limits: range limits of the rays.
     """
 
     def __init__(self, rays: RayScene, setup: CameraSetup, limits: DepthLimits):
@@ -231,7 +231,7 @@ class RayHitSource(HitSource):
         self._occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
 
     def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that something nearer hides there."""
+        """Mask (height, width) of the points that are occluded there."""
         return self._occluded
 
 

@@ -1,4 +1,4 @@
-"""Contract of rendering, without OpenGL: what a back end is asked for, and what it returns."""
+"""Contract of rendering, without OpenGL: requests to a back end and their results."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from omnisim.rendering.camera.degradations.effect import MAX_EV
 
 
 class Readback(NamedTuple):
-    """Rendered image; first row at the top."""
+    """Rendered image; top row first."""
 
     rgba: NDArray[np.uint8]  # (height, width, 4): sRGB, alpha 255 where the camera sees something
-    linear: NDArray[np.float32] | None  # (height, width, 3), where asked for
+    linear: NDArray[np.float32] | None  # (height, width, 3), on request
 
 
 class ScenePoses(NamedTuple):
-    """Poses of the camera and of all that moves, at one time.
+    """Poses of the camera and of all dynamic objects at one time.
 
     Attributes:
-        world_from_rig: (4, 4) of the camera's rig.
+        world_from_rig: (4, 4) pose of the camera's rig.
         world_from_objects: (4, 4) each, in the order of the stage's objects.
     """
 
@@ -33,11 +33,11 @@ class ScenePoses(NamedTuple):
 
 
 class SubFrame(NamedTuple):
-    """Part of the time in which an image is exposed.
+    """Part of an image's exposure time.
 
     Attributes:
-        poses: in this part.
-        row_weights: (height,) share of each row's exposure; None: all of it.
+        poses: poses in this part.
+        row_weights: (height,) share of each row's exposure; None: the whole exposure.
     """
 
     poses: ScenePoses
@@ -48,8 +48,8 @@ class Exposed(NamedTuple):
     """Exposure of one image.
 
     Attributes:
-        factors: of red, green and blue light.
-        frame_number: noise differs from frame to frame.
+        factors: factors of red, green and blue light.
+        frame_number: seeds the noise, which differs between frames.
     """
 
     factors: tuple[float, float, float]
@@ -57,13 +57,13 @@ class Exposed(NamedTuple):
 
 
 class SubFrames(NamedTuple):
-    """Sub-frames of an image, and how they are exposed.
+    """Sub-frames of an image, and its exposure.
 
     Attributes:
         parts: at least one.
-        expose: from the mean luminance to the exposure.
-        is_metered: `expose` is given the luminance.
-        linear: linear colors are asked for, too.
+        expose: maps the mean luminance to the exposure.
+        is_metered: measure the luminance for `expose`.
+        linear: also return linear colors.
     """
 
     parts: Sequence[SubFrame]
@@ -77,14 +77,14 @@ class FrameRequest:
     """Request of one image; see also `omnisim.rendering.renderer.Renderer.render`.
 
     Attributes:
-        poses: in the middle of the frame.
+        poses: poses in the middle of the frame.
         motion: poses by seconds after the middle of the frame; None: at rest.
-        linear: linear colors are asked for, too.
-        frame_number: noise differs from frame to frame.
-        exposure_ev: of auto-exposure; None: metered.
+        linear: also return linear colors.
+        frame_number: seeds the noise, which differs between frames.
+        exposure_ev: exposure instead of auto-exposure; None: metered.
 
     Raises:
-        OpticsError: an impossible exposure, also of a camera that has none.
+        OpticsError: an impossible exposure, or any for a camera without auto-exposure.
     """
 
     poses: ScenePoses
@@ -95,5 +95,5 @@ class FrameRequest:
 
     def __post_init__(self) -> None:
         ev = self.exposure_ev
-        if ev is not None and not abs(ev) <= MAX_EV:  # NaN is not, either
+        if ev is not None and not abs(ev) <= MAX_EV:  # NaN fails, too
             raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")

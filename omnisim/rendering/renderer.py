@@ -30,9 +30,9 @@ class Renderer(BatchRenderer):
     """Renders the images of a camera on a stage; see `SensorRenderer`.
 
     Args:
-        stage: closed after the renderer.
-        sensor: the camera.
-        mounting: on a vehicle of the stage.
+        stage: to be closed after the renderer.
+        sensor: omnidirectional camera.
+        mounting: mounting on a vehicle of the stage.
     """
 
     def __init__(self, stage: SharedScene, sensor: OmniCamera, mounting: Mounting):
@@ -64,24 +64,29 @@ class Renderer(BatchRenderer):
         """Render one frame.
 
         Args:
-            state: of the world in the middle of the frame; or, where nothing else moves, the (4, 4)
-                pose of the vehicle, see `OmniCamera.base_pose`, at the time 0 s.
-            optical: (4, 4) world_from_optical in place of `state`: the camera's own pose as OpenCV
-                and Kalibr have it, x right, y down, z forward.
-            linear: also read back linear floats, which EXR needs.
-            also: names of channels of ground truth, see `omnisim.ground_truth`.
-            next_state: state, or pose, at the next frame, which flow and scene flow need.
-            previous_state: likewise at the previous frame, for backward flow.
-            motion: of the world around the state's time, for motion blur and rolling shutter; None:
-                at rest.
-            frame_number: noise differs from frame to frame.
-            exposure_ev: of auto-exposure; None: metered in this image, as if it had settled.
-            boxes_3d: also the oriented boxes of the visible instances.
+            state: world state in the middle of the frame; or, if nothing else moves, the pose (4,
+                4) of
+                the vehicle at 0 s, see `OmniCamera.base_pose`.
+            optical: (4, 4) world_from_optical instead of `state`: the camera's own pose as in
+                OpenCV
+                and Kalibr, x right, y down, z forward.
+            linear: also read back linear floats, for EXR files.
+            also: names of ground-truth channels, see `omnisim.ground_truth`.
+            next_state: state or pose at the next frame, for flow and scene flow.
+            previous_state: state or pose at the previous frame, for backward flow.
+            motion: world states around the frame's time, for motion blur and rolling shutter; None:
+                at
+                rest.
+            frame_number: seeds the noise, which differs between frames.
+            exposure_ev: exposure instead of auto-exposure; None: metered in this image, as if
+                settled.
+            boxes_3d: also compute oriented boxes of the visible instances.
 
         Raises:
-            OmnisimError: both or neither of state and optical, a matrix that is not a pose, an
-                unknown channel, flow without its
-                other state, an impossible exposure, or the renderer or its stage is closed.
+            OmnisimError: both or neither of state and optical, an invalid pose, an unknown channel,
+                flow without its other state, an impossible exposure, or the renderer or its stage
+                is
+                closed.
         """
         names = check_channels(also)
         now = self._state(self._state_or_optical(state, optical))
@@ -129,10 +134,10 @@ class Renderer(BatchRenderer):
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Images (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
-        They are drawn for this: a frame draws of each face only the tiles that its image samples.
+        They are rendered for this call: a frame renders only the tiles that its image samples.
 
         Raises:
-            GraphicsError: there was no frame yet, or the renderer or its stage is closed.
+            GraphicsError: no frame yet, or the renderer or its stage is closed.
         """
         with self._current() as passes:
             if self._last_poses is None:
@@ -141,12 +146,12 @@ class Renderer(BatchRenderer):
         return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
 
     def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
-        """Poses in the motion of the world, some seconds after a state of it."""
+        """Poses in the motion of the world, some seconds after a world state."""
         time_s = now.time_s + seconds_after
         return self._poses_in(self._state(motion(time_s), now, time_s))
 
     def _boxes_in(self, poses: ScenePoses, labels: Labels) -> dict[int, OrientedBox]:
-        """Boxes of all instances by ID at some poses, world frame."""
+        """Boxes of all instances by ID at given poses, world frame."""
         stage = self._stage
         world_from_object = dict(zip(stage.objects, poses.world_from_objects, strict=True))
         time_s, boxes = time_of(poses.world_from_objects), {}

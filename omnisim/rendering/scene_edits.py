@@ -1,4 +1,4 @@
-"""Edits of a scene that is on the GPU: the next frame shows them, and nothing is loaded again."""
+"""In-place edits of a scene, visible in the next frame without re-uploading."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from omnisim.scene import Scene, load_scene
 
 
 class EditableScene(ABC):
-    """Base of stages and renderers, whose scene may become another one.
+    """Base of stages and renderers, with an editable scene.
 
-    An edit costs what it changes, and a look at each instance; whatever stays is not uploaded
-    again. Instances that were added, moved or recolored are drawn one by one, with light computed
-    in each texel: a new renderer of the same scene bakes it, and rounds the places of their corners
-    otherwise, so that its images may differ by a step of 255, and by texels at silhouettes.
+    An edit costs what it changes, plus a check of each instance; unchanged parts are not uploaded
+    again. Added, moved or recolored instances are drawn one by one, with light computed per texel.
+    A
+    new renderer of the same scene bakes their light and rounds their vertices differently, so that
+    its
+    images may differ by one 8-bit step, and by texels at silhouettes.
     """
 
     @property
@@ -29,7 +31,7 @@ class EditableScene(ABC):
     @property
     @abstractmethod
     def scene(self) -> Scene:
-        """Static scene; another one with the same lights and background may take its place."""
+        """Static scene; can be replaced by one with the same lights and background."""
 
     @scene.setter
     @abstractmethod
@@ -41,8 +43,7 @@ class EditableScene(ABC):
         """Add all of a scene as one instance, see `Scene.added`; it may be a path or built-in name.
 
         Raises:
-            SceneError: a scene that cannot be read, a name that is taken, or a matrix that is not a
-                pose.
+            SceneError: an unreadable scene, a name that is in use, or an invalid pose.
         """
         part = part if isinstance(part, Scene) else load_scene(part, animation="none")
         self.scene = self.scene.added(name, part, world_from_part)
@@ -51,18 +52,19 @@ class EditableScene(ABC):
         """Remove an instance.
 
         Raises:
-            SceneError: there is none of this name.
+            SceneError: no instance of this name.
         """
         self.scene = self.scene.removed(name)
 
     def move(self, name: str, world_from_instance: ArrayLike) -> None:
-        """Put an instance at another pose (4, 4), see `Scene.moved`.
+        """Move an instance to another pose (4, 4), see `Scene.moved`.
 
-        It is elsewhere at once: for flow and motion blur make it a dynamic object.
+        The move is instantaneous: for flow and motion blur, make it a dynamic object.
 
         Raises:
-            SceneError: there is none of this name, or it moves with the state of each frame; or a
-                matrix that is not a pose.
+            SceneError: no instance of this name, one that moves with each frame's state, or an
+                invalid
+                pose.
         """
         if name in self._moving and name not in self.scene.instance_names:
             raise SceneError(
@@ -74,9 +76,9 @@ class EditableScene(ABC):
     def recolor(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
     ) -> None:
-        """Give an instance one color or texture instead of what it had, see `Scene.recolored`.
+        """Replace an instance's materials by one color or texture, see `Scene.recolored`.
 
         Raises:
-            SceneError: there is none of this name, or a color or texture that is none.
+            SceneError: no instance of this name, or an invalid color or texture.
         """
         self.scene = self.scene.recolored(name, base_color, texture)

@@ -28,9 +28,9 @@ class Mounting:
 
     Attributes:
         base_from_sensor: (4, 4) pose on the vehicle; None: at the vehicle's base.
-        hidden: names of the body's instances that it does not see, such as its own housing.
+        hidden: names of body instances that it does not see, such as its own housing.
         vehicle: name of the vehicle that carries it; None: the stage's first.
-        seed: of the noise of sensors that have no seed of their own.
+        seed: noise seed of sensors without their own.
         unlit: show plain base colors; for cameras.
     """
 
@@ -45,7 +45,7 @@ class RefreshedPasses(Protocol):
     """Passes that follow the edits of their stage."""
 
     def refresh(self) -> None:
-        """Work on what the stage has now."""
+        """Update after the stage changed."""
 
 
 class Summarized(Protocol):
@@ -61,7 +61,7 @@ Opened_co = TypeVar("Opened_co", covariant=True, bound="SensorRenderer[Any, Any]
 
 
 class Sensor(Protocol[Opened_co]):
-    """Sensor that a stage can open; one of your own needs this method alone."""
+    """Sensor that a stage can open; your own sensors need this method and `summary`."""
 
     def open(self, stage: SharedScene, mounting: Mounting) -> Opened_co:
         """Open its renderer on a stage."""
@@ -70,24 +70,24 @@ class Sensor(Protocol[Opened_co]):
 class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
     """Passes of one sensor on a stage, until it is closed.
 
-    `omnisim.Stage.open` and `omnisim.open_sensor` make them. Use it as a context manager, or
-    `close` it: it holds memory of the GPU.
+    `omnisim.Stage.open` and `omnisim.open_sensor` create them. Use it as a context manager, or call
+    `close`, because it holds GPU memory.
 
     Args:
-        stage: closed after the renderer.
-        sensor: what it measures by.
-        mounting: on a vehicle of the stage.
+        stage: to be closed after the renderer.
+        sensor: model of the sensor.
+        mounting: mounting on a vehicle of the stage.
 
     Attributes:
-        sensor: what it measures by.
+        sensor: model of the sensor.
         hidden: names of its vehicle's instances that this sensor does not see.
         vehicle: name of its vehicle, which may have no body.
-        owns_stage: closing it closes the stage.
+        owns_stage: closing the renderer closes the stage.
 
     Raises:
-        GraphicsError: the stage is closed, or sizes past its limits.
-        SceneError: a hidden name that the body does not have.
-        OmnisimError: a mounting that is not a pose.
+        GraphicsError: the stage is closed, or sizes beyond its limits.
+        SceneError: a hidden name that is not in the body.
+        OmnisimError: an invalid pose of the mounting.
     """
 
     def __init__(self, stage: SharedScene, sensor: SensorT, mounting: Mounting):
@@ -115,7 +115,7 @@ class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
 
     @property
     def scene(self) -> Scene:
-        """Static scene; another one with the same lights and background may take its place."""
+        """Static scene; can be replaced by one with the same lights and background."""
         return self._stage.scene
 
     @scene.setter
@@ -144,7 +144,7 @@ class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
         before: WorldState | None = None,
         time_s: float | None = None,
     ) -> WorldState:
-        """State of the world, or the one whose vehicle has the pose (4, 4).
+        """World state, or the state in which the vehicle has the pose (4, 4).
 
         Args:
             given: state or pose.
@@ -152,7 +152,7 @@ class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
             time_s: time of the state if only a pose is given; None: as before.
 
         Raises:
-            OmnisimError: a matrix that is not a pose.
+            OmnisimError: an invalid pose.
             SceneError: a state without a pose of the vehicle.
         """
         if not isinstance(given, WorldState):
@@ -179,7 +179,7 @@ class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
             yield self._passes
 
     def close(self) -> None:
-        """Free the passes, and close the stage if it is its own; a second time does nothing."""
+        """Free the passes, and close the stage if it is owned; a second call does nothing."""
         if self._passes is None:
             return
         self._passes = None
@@ -189,7 +189,7 @@ class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
             self._stage.collect()
 
     def _metadata(self, **measurement: Any) -> dict[str, Any]:
-        """Version, scene and body, followed by what a measurement adds."""
+        """Version, scene and body, then the entries of a measurement."""
         metadata: dict[str, Any] = {"omnisim": __version__, "scene": self.scene.name}
         if self.body is not None:
             metadata |= {"body": self.body.name, "hidden": sorted(self.hidden)}

@@ -8,8 +8,10 @@ from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
 
-# Of mip levels: at 1 sample a pixel, half a level finer than the pixel's footprint is worth 1 to
-# 2.5 dB; at more, which are averaged, a whole level is, and most cameras then need none.
+# Mip level bias: at 1 sample per pixel, sampling half a level finer than the pixel's footprint
+# gains
+# 1 to 2.5 dB; with more samples, which are averaged, a whole level does, and most cameras then need
+# no mip levels.
 ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS = -0.5, -1.0
 
 
@@ -23,19 +25,19 @@ def sensor_tiles(
     """Plan the tiles of a sensor.
 
     Args:
-        sensor: the sensor.
-        camera: its camera model, or that of its finer image.
-        texels_per_pixel: texels to a side of that camera's finest pixels.
-        face_size_px: texels across the 90° of every face; None: as the image needs.
+        sensor: omnidirectional camera.
+        camera: its camera model, or that of its supersampled image.
+        texels_per_pixel: texels per side of that camera's smallest pixels.
+        face_size_px: texels across the 90° of every face; None: as the image requires.
         subdivide: see `plan_tiles`.
 
     Raises:
-        GraphicsError: the camera sees nothing at all.
+        GraphicsError: the camera sees nothing.
     """
     past_rim = None
     if sensor.mesh_polygons is not None and isinstance(camera, HyperbolicCamera):
         mesh = tessellate(camera.mirror, sensor.mesh_polygons)
-        # a fine mesh has many edges, of which only those on the rim reach past it
+        # a fine mesh has many edges; only those on the rim extend past it
         middles_m = mesh.rim_middles_m if sensor.polygons == "auto" else mesh.edge_middles_m
         past_rim = middles_m @ MIRROR_FROM_OPTICAL
     return plan_tiles(

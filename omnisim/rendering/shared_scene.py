@@ -18,7 +18,7 @@ from omnisim.rendering.scene_edits import EditableScene
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
 
-if TYPE_CHECKING:  # there may be no OpenGL
+if TYPE_CHECKING:  # OpenGL may be missing
     from omnisim.rendering.cube_backend import CubeBackend
     from omnisim.rendering.opengl.context import Context
 
@@ -28,7 +28,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Free the GPU memory; a second time does nothing."""
+        """Free the GPU memory; a second call does nothing."""
 
     def __enter__(self) -> Self:
         """Enter a `with` block."""
@@ -48,7 +48,7 @@ BackendName = Literal["cube", "rays"]
 
 
 def open_backend(
-    name: str, scene: Scene, objects: Mapping[str, Scene], device: int | None
+    """Open a back end by name.
 ) -> SceneBackend:
     """Open the back end of a name.
 
@@ -59,8 +59,8 @@ def open_backend(
         device: number of the GPU; None takes the first.
 
     Raises:
-        GraphicsError: there is no such back end, or it does not open, or has no devices.
-        OmnisimError: its packages are not installed.
+        GraphicsError: an unknown back end, one that does not open, or one without devices.
+        OmnisimError: packages of the back end are not installed.
     """
     if name == "cube":
         require_opengl("back end 'cube'")
@@ -77,17 +77,17 @@ def open_backend(
 
 
 class SharedScene(Closing, EditableScene):
-    """Scene and its dynamic objects on a back end: what a stage's renderers share.
+    """Scene and dynamic objects on a back end, shared by a stage's renderers.
 
     Args:
         scene, body, vehicles, dynamic_objects, device, backend: see `omnisim.Stage`.
 
     Attributes:
-        edits: number of times that the scene became another one.
+        edits: number of edits so far.
         vehicles: bodies by name.
         objects: bodies and dynamic objects by name, in the order of `poses_in`.
-        backend_name: as given.
-        backend: the scene's side of it.
+        backend_name: name of the back end.
+        backend: the back end's scene.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class SharedScene(Closing, EditableScene):
 
     @property
     def scene(self) -> Scene:
-        """Static scene; another one with the same lights and background may take its place."""
+        """Static scene; can be replaced by one with the same lights and background."""
         return self._scene
 
     @scene.setter
@@ -146,9 +146,9 @@ class SharedScene(Closing, EditableScene):
         self.edits += 1
 
     def poses_in(self, state: WorldState) -> ObjectPoses:
-        """Poses (4, 4) of the objects in a state of the world, for the passes.
+        """Poses (4, 4) of the objects in a world state, for the passes.
 
-        The scene's own objects are where they are at the state's time, unless the state has them.
+        The scene's own objects follow their motion at the state's time, unless the state has them.
 
         Raises:
             SceneError: an object without a pose.
@@ -165,10 +165,10 @@ class SharedScene(Closing, EditableScene):
 
     @property
     def graphics(self) -> CubeBackend:
-        """The OpenGL side.
+        """The OpenGL back end.
 
         Raises:
-            GraphicsError: another back end has none.
+            GraphicsError: the stage has another back end.
         """
         if self.backend_name == "cube":
             return cast("CubeBackend", self.backend)
@@ -181,16 +181,16 @@ class SharedScene(Closing, EditableScene):
 
     @contextmanager
     def current(self) -> Iterator[None]:
-        """Make its back end ready for a `with` block, as another stage's may be.
+        """Make its back end current for a `with` block.
 
         Raises:
-            GraphicsError: the stage is closed, or another process's, from before a fork.
+            GraphicsError: the stage is closed, or belongs to the process before a fork.
         """
         with self.backend.current():
             yield
 
     def collect(self) -> None:
-        """Free the GPU memory of closed renderers, where the stage itself is not closed."""
+        """Free the GPU memory of closed renderers, unless the stage is closed."""
         with suppress(GraphicsError), self.current():
             pass
 

@@ -1,4 +1,4 @@
-"""Stages open sensors: a scene on a back end, and the renderers of the sensors in it."""
+"""Stages: a scene on a back end, which opens the renderers of sensors."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from omnisim.scene import Scene
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
 
-    # What is no sensor with a renderer of its own is a camera.
+    # Objects without a renderer of their own are cameras.
     Opened = TypeVar("Opened", bound=SensorRenderer[Any, Any], default=Renderer)
 
 
 class Stage(SharedScene):
-    """Holds a scene and its dynamic objects on a back end, on the GPU or for rays; opens sensors.
+    """Holds a scene and its dynamic objects on a back end, by OpenGL or by rays; opens sensors.
 
-    Closing it frees its renderers' memory, too; a renderer whose stage is closed says so. A stage
-    that is dropped and not closed warns, as files do, and is released. Sensors take turns: a stage
-    and its renderers belong to one thread.
+    Closing a stage frees its renderers' memory, too; using such a renderer raises an error. A stage
+    that is dropped without `close` warns, as files do, and is released. A stage and its renderers
+    belong to one thread.
 
     Args:
-        scene: static scene in the world frame, with its lights and background; or the path or
-            built-in name of one.
-        body: of the only vehicle, named `BODY`, in its base frame (x forward, y left, z up, origin
-            on the ground); its lights and background are ignored.
-        vehicles: bodies of several vehicles by name, instead.
-        dynamic_objects: by name, each in a frame of its own; their lights and backgrounds are
-            ignored, too.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
-        backend: "cube", virtual cameras by OpenGL; or "rays", cast by Embree, without any GPU.
+        scene: static scene in the world frame, with its lights and background; or its path or
+            built-in name.
+        body: body of the only vehicle, named `BODY`, in its base frame (x forward, y left, z up,
+            origin on the ground); its lights and background are ignored.
+        vehicles: bodies of several vehicles by name, instead of `body`.
+        dynamic_objects: scenes by name, each in its own frame; their lights and backgrounds are
+            ignored.
+        device: EGL's number of the GPU, as `omnisim info` lists them; None: the first.
+        backend: "cube": virtual cameras by OpenGL; "rays": Embree on the CPU, without OpenGL.
 
     Raises:
-        GraphicsError: no OpenGL, too old an OpenGL, or a scene past its limits; or an option that
-            the back end does not have.
-        OmnisimError: the back end's packages are not installed.
-        SceneError: a dynamic object of another's or a vehicle's name, or a body beside vehicles.
+        GraphicsError: no OpenGL, OpenGL too old, a scene beyond its limits, or an option that the
+            back end lacks.
+        OmnisimError: packages of the back end are not installed.
+        SceneError: a name that two objects share, or a body beside vehicles.
     """
 
     def open(
@@ -59,21 +59,22 @@ class Stage(SharedScene):
         """Open a sensor's renderer, which loads and compiles everything once.
 
         Args:
-            sensor: a camera, that is an `OmniCamera` or what `OmniCamera.of` makes one of, by
-                default the paper's; or a `LaserScanner`, `SpinningLidar`, `DepthCamera`,
-                `RangeSensor`, or a sensor of your own; or one of a vehicle's `sensors`, with its
-                own mount and what it hides.
-            base_from_sensor: (4, 4) its mount on the vehicle, x forward; by default at the base. A
-                camera's own `base_from_rig` comes after it.
-            hidden: names of the body's instances that it does not see, such as its own housing.
-            vehicle: name of the vehicle that carries it, of several; by default the first.
-            seed: of the noise of cameras and depth cameras; other sensors have their own.
+            sensor: a camera (`OmniCamera`, or an argument of `OmniCamera.of`; None: the paper's); a
+                `LaserScanner`, `SpinningLidar`, `DepthCamera` or `RangeSensor`; a sensor of your
+                own;
+                or one of a vehicle's `sensors`, with its own mount and hidden parts.
+            base_from_sensor: (4, 4) mount on the vehicle, x forward; None: at the base. A camera's
+                own
+                `base_from_rig` follows it.
+            hidden: names of body instances that it does not see, such as its own housing.
+            vehicle: name of the vehicle that carries it; None: the first.
+            seed: noise seed of cameras and depth cameras; other sensors have their own.
             unlit: show plain base colors, without lights; for cameras.
 
         Raises:
-            GraphicsError: the stage is closed, or sizes past the GPU's limits.
-            SceneError: a hidden name that the body does not have.
-            OmnisimError: a sensor or calibration file that cannot be read, or an invalid pose.
+            GraphicsError: the stage is closed, or sizes beyond the GPU's limits.
+            SceneError: a hidden name that is not in the body.
+            OmnisimError: an unreadable sensor or calibration file, or an invalid pose.
         """
         mounting = Mounting(base_from_sensor, hidden, vehicle, seed, unlit)
         given: Any = sensor
@@ -94,7 +95,7 @@ def open_sensor(
     seed: int | str = 0,
     unlit: bool = False,
 ) -> Opened:
-    """Open the only sensor of a scene, on a stage that is closed with the renderer.
+    """Open the only sensor of a scene, on a stage that closes with the renderer.
 
     Args:
         scene, body, device, backend: as for `Stage`.

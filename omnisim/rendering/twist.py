@@ -1,4 +1,4 @@
-"""Motion of a camera and of dynamic objects during an exposure, and of the image."""
+"""Motion of camera and dynamic objects during an exposure, and the motion in the image."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from omnisim.core.poses import pose_from_rotation
 from omnisim.core.world import Pose
 from omnisim.rendering.readback import ScenePoses
 
-# Assumed distance of the nearest surface, as depth is not known before there is an image. Nearer
-# surfaces move by more from sub-frame to sub-frame.
+# Assumed distance of the nearest surface, because depth is unknown before rendering. Nearer
+# surfaces
+# move farther between sub-frames.
 NEAREST_M = 1.0
-# Limits of a camera's motion; within them poses are exact to 1e-9 even through an hour's exposure.
+# Limits of a camera's motion; within them poses are exact to 1e-9 even for an exposure of an hour.
 MAX_MPS, MAX_RADPS = 1e4, 1e3
-GRID = 13  # samples of the motion to a side of the image
-SPREAD_RAD = 0.3  # from a direction in the image to the nearest sample of a wide lens
+GRID = 13  # samples of the motion per image side
+SPREAD_RAD = 0.3  # from any direction in the image to the nearest sample of a wide lens
 
 
 Speed = Annotated[Number, Field(ge=-MAX_MPS, le=MAX_MPS)]
@@ -32,7 +33,7 @@ TurnRate = Annotated[Number, Field(ge=-MAX_RADPS, le=MAX_RADPS)]
 
 @dataclass(frozen=True)
 class Twist(Parameters, name="twist"):
-    """A constant velocity, linear and angular.
+    """Constant velocity, linear and angular.
 
     Attributes:
         linear_mps: velocity of the base, in the base's own frame: x forward, y left, z up.
@@ -58,10 +59,10 @@ class Twist(Parameters, name="twist"):
         )
 
         def at(time_s: float) -> Pose:
-            from scipy.linalg import expm  # slow to import; a shutter that takes no time never asks
+            from scipy.linalg import expm  # slow to import; instantaneous shutters never need it
 
             moved = expm(rates * time_s)
-            moved[3] = (0.0, 0.0, 0.0, 1.0)  # only nearly so after a long way
+            moved[3] = (0.0, 0.0, 0.0, 1.0)  # inexact after a long way
             pose: Pose = world_from_base @ moved
             return pose
 
@@ -76,9 +77,9 @@ def moved_px(
     """Largest motion in the image along poses of the camera and the dynamic objects, in pixels.
 
     Args:
-        camera: whose image it is.
-        poses: one after the other.
-        object_corners_m: (8, 3) of the box around each dynamic object, in its own frame.
+        camera: camera model.
+        poses: consecutive poses.
+        object_corners_m: (8, 3) corners of each dynamic object's box, in its own frame.
     """
     u = np.linspace(0.0, camera.width_px - 1.0, GRID)
     v = np.linspace(0.0, camera.height_px - 1.0, GRID)
@@ -97,7 +98,7 @@ def moved_px(
         seen = pixels_of_points(camera, moved_m, is_finite)
         static_px += np.where(seen.valid, np.linalg.norm(seen.positions_px - pixels, axis=-1), 0.0)
     if rays.origins_m is not None and rays.valid.any():
-        # objects are near or far from where the rays start, as a mirror before its camera
+        # distances count from the rays' origins, which may be on a mirror before the camera
         middle_m = rays.origins_m[rays.valid].mean(axis=0)
         world_from_optical = [
             pose @ pose_from_rotation(np.eye(3), middle_m) for pose in world_from_optical
@@ -123,12 +124,12 @@ def _object_px(
     """Largest motion of an object in the image, in pixels, from its nearest point on.
 
     Args:
-        camera: whose image it is.
-        seen: directions (n, 3) that are spread over the image, optical frame.
-        world_from_optical: poses of the camera, the middle of its rays' origins at theirs, one
-            after the other.
+        camera: camera model.
+        seen: directions (n, 3) spread over the image, optical frame.
+        world_from_optical: consecutive poses of the camera, with their origin at the center of its
+            rays' origins.
         world_from_object: poses of the object.
-        corners_m: (8, 3) of the box around it, in its own frame.
+        corners_m: (8, 3) corners of its box, in its own frame.
     """
     optical_from_object = [
         np.linalg.inv(optical) @ pose
@@ -143,14 +144,14 @@ def _object_px(
         float(np.linalg.norm(eye - np.clip(eye, low, high)))
         for eye in (np.linalg.inv(pose)[:3, 3] for pose in optical_from_object)
     )
-    # inside of its box, which surfaces are near is not known
+    # inside the box, the distance of the surfaces is unknown
     return float(sum(ways_m)) / (nearest_m or NEAREST_M) * _px_per_rad(camera)
 
 
 def _may_be_seen(
     seen: NDArray[np.float64], corners_m: NDArray[np.float64], optical_from_object: Sequence[Pose]
 ) -> bool:
-    """The sphere around an object comes near any direction (n, 3) of the image."""
+    """Tell whether the sphere around an object comes near any direction (n, 3) of the image."""
     middle_m = corners_m.mean(axis=0)
     radius_m = np.linalg.norm(corners_m - middle_m, axis=-1).max()
     for pose in optical_from_object:
@@ -165,7 +166,7 @@ def _may_be_seen(
 
 
 def _px_per_rad(camera: CentralCamera) -> float:
-    """Pixels a radian, near the largest in the image."""
+    """Pixels per radian, close to the maximum in the image."""
     u = np.linspace(0.0, camera.width_px - 2.0, GRID)
     v = np.linspace(0.0, camera.height_px - 2.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -175,7 +176,7 @@ def _px_per_rad(camera: CentralCamera) -> float:
         beside = camera.ray_from_pixel(pixels + step)
         both = here.valid & beside.valid
         apart = np.linalg.norm(beside.directions[both] - here.directions[both], axis=-1)
-        # the poles of a panorama apart, where a pixel is no angle at all
+        # except at the poles of a panorama, where a pixel is no angle
         found += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
     return float(max(found))
 
