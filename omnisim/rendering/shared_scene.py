@@ -48,9 +48,9 @@ BackendName = Literal["cube", "rays"]
 
 
 def open_backend(
-    """Open a back end by name.
+    name: str, scene: Scene, objects: Mapping[str, Scene], device: int | None
 ) -> SceneBackend:
-    """Open the back end of a name.
+    """Open a back end by name.
 
     Args:
         name: a `BackendName`.
