@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "omnisim"
 FOLDER = ROOT / "docs" / "explanation" / "figures"
-# Functions on the way of each thing, in the order in which they are entered.
+# Functions on the way of each subject, in the order in which they are entered.
 WAYS: dict[str, tuple[str, ...]] = {
     "a frame": (
         "rendering.renderer:Renderer.render",
@@ -149,9 +149,9 @@ def rooms_figure() -> str:
 def ways_figure() -> str:
     """SVG of the ways of a frame, a hit, a run and a shard through the modules."""
     column, parts = 285, []
-    for number, (thing, steps) in enumerate(WAYS.items()):
+    for number, (subject, steps) in enumerate(WAYS.items()):
         x = _LEFT + column * number
-        parts.append(_text(x, 24, f"The way of {thing}", "name"))
+        parts.append(_text(x, 24, f"The way of {subject}", "name"))
         for row, step in enumerate(steps):
             y = 40 + 60 * row
             module, name = step.split(":")

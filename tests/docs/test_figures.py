@@ -70,7 +70,7 @@ def test_drawn_figures_have_the_labels_of_the_code(extension, tmp_path):
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize(
-    ("thing", "command"),
+    ("subject", "command"),
     [
         ("a frame", "render rings --size 32 -o a.png"),
         ("a hit", "render rings --size 32 --also range -o a.png"),
@@ -80,7 +80,7 @@ def test_drawn_figures_have_the_labels_of_the_code(extension, tmp_path):
     ],
 )  # fmt: skip
 def test_ways_are_entered_in_the_order_of_the_figure(
-    extension, monkeypatch, tmp_path, thing, command
+    extension, monkeypatch, tmp_path, subject, command
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.toml").write_text(PLAN)
@@ -89,6 +89,6 @@ def test_ways_are_entered_in_the_order_of_the_figure(
     with _entered() as names, pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code
-    steps = extension("architecture_figures").WAYS[thing]
+    steps = extension("architecture_figures").WAYS[subject]
     assert not [step for step in steps if step not in names]
     assert sorted(steps, key=names.__getitem__) == list(steps)
