@@ -5,13 +5,19 @@ import re
 from pathlib import Path
 from typing import get_args
 
+import pytest
+
 import omnisim
 from omnisim.apps.cli.option_groups import Backend
 from omnisim.cameras import CAMERA_MODELS
 from omnisim.cameras.calibration import FORMATS
+from omnisim.core.errors import PlanError
+from omnisim.core.files.parameters import parse_table
+from omnisim.datasets.generate import plan
 from omnisim.rendering.camera import degradations
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.shared_scene import BackendName
+from omnisim.robots import robot_file
 from omnisim.validation.plots import degradation_sheet
 from tests.rendering.camera.degradations.test_gpu_equals_reference import EXAMPLES
 
@@ -52,3 +58,22 @@ def test_each_degradation_has_its_export_its_example_and_its_image():
 
 def test_the_command_has_each_back_end():
     assert tuple(Backend) == get_args(BackendName)
+
+
+@pytest.mark.parametrize(
+    ("table", "old", "new"),
+    [
+        (plan.Plan, "stand", "viewpoints"),
+        (plan.Plan, "pictures_per_shard", "images_per_shard"),
+        (plan.RejectTable, "least_hits", "min_hit_share"),
+        (plan.RejectTable, "most_near", "max_near_share"),
+        (robot_file.RobotFile, "kinematics.max_turn_rate_dps", "max_turn_rate_degps"),
+        (robot_file.RobotFile, "physics.centre_height_m", "center_height_m"),
+    ],
+)
+def test_a_key_that_was_renamed_is_refused_with_its_new_name(table, old, new):
+    value = 1.0
+    for part in reversed(old.split(".")):
+        value = {part: value}
+    with pytest.raises(PlanError, match=f"{old}: unknown key; (did you mean '{new}'|.*{new})"):
+        parse_table(value, table, PlanError, "file.toml")

@@ -58,7 +58,7 @@ class Hits(NamedTuple):
     """
 
     points_and_ranges_m: NDArray[np.float32]  # (height, width, 4), see below
-    draws_plus_one: NDArray[np.uint32]  # (height, width), 1 + draw item; 0: nothing is hit
+    draw_ids: NDArray[np.uint32]  # (height, width), 1 + draw item; 0: nothing is hit
     triangles: NDArray[np.uint32]  # (height, width) of the instance's mesh
     normals: NDArray[np.float32]  # (height, width, 3), viewpoint frame, unit; 0: nothing is hit
     albedos: NDArray[np.float32]  # (height, width, 3) linear RGB; 0: nothing is hit
@@ -90,4 +90,4 @@ class Hits(NamedTuple):
         return self.materials[..., 2:]
 
     def _of_something(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.where(self.draws_plus_one == 0, np.float32(np.nan), values)
+        return np.where(self.draw_ids == 0, np.float32(np.nan), values)

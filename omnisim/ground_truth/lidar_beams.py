@@ -88,4 +88,4 @@ class BeamHits(NamedTuple):
     """Hits of all beams of a revolution."""
 
     ranges_m: NDArray[np.floating]  # (rings, firings); +inf: nothing is hit
-    draws_plus_one: NDArray[np.uint32]  # (rings, firings), 1 + draw item; 0: nothing is hit
+    draw_ids: NDArray[np.uint32]  # (rings, firings), 1 + draw item; 0: nothing is hit

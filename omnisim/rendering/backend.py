@@ -162,7 +162,7 @@ class BeamCaster(Protocol):
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, indexed by `BeamHits.draws_plus_one` − 1."""
+        """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
 
     def refresh(self) -> None:
         """Update after the scene's side has changed."""

@@ -36,7 +36,7 @@ class HitSource(ABC):
     Attributes:
         camera: camera model.
         polygons: number in its mirror's mesh; None: exact.
-        draws: dynamic object and name of each instance, indexed by `Hits.draws_plus_one` − 1.
+        draws: dynamic object and name of each instance, indexed by `Hits.draw_ids` − 1.
         has_ray: (height, width) false outside of the lens or the mirror.
         deforming: instances with deforming meshes, by index.
     """

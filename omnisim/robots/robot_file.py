@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -37,6 +38,11 @@ Drift = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 class _KinematicsTable(Table):
     """Drive and its limits. Track and wheels count with `--physics` alone."""
 
+    synonyms: ClassVar[Mapping[str, str]] = {
+        "max_turn_rate_dps": "max_turn_rate_degps",
+        "max_turn_acceleration_dps2": "max_turn_acceleration_degps2",
+    }
+
     type: DriveType
     """Kind of drive."""
     track_m: Length | None = None
@@ -47,11 +53,11 @@ class _KinematicsTable(Table):
     """Meters; left out: four times the clearance, or the body's height where that is less."""
     max_speed_mps: Limit
     """Largest speed in m/s."""
-    max_turn_rate_dps: Limit
+    max_turn_rate_degps: Limit
     """Largest turn rate in °/s."""
     max_acceleration_mps2: Limit
     """Largest acceleration in m/s²."""
-    max_turn_acceleration_dps2: Limit
+    max_turn_acceleration_degps2: Limit
     """Largest turn acceleration in °/s²."""
 
 
@@ -286,9 +292,9 @@ def _kinematics(table: _KinematicsTable) -> Kinematics:
     return Kinematics(
         table.type,
         max_speed_mps=table.max_speed_mps,
-        max_turn_rate_radps=math.radians(table.max_turn_rate_dps),
+        max_turn_rate_radps=math.radians(table.max_turn_rate_degps),
         max_acceleration_mps2=table.max_acceleration_mps2,
-        max_turn_acceleration_radps2=math.radians(table.max_turn_acceleration_dps2),
+        max_turn_acceleration_radps2=math.radians(table.max_turn_acceleration_degps2),
     )
 
 

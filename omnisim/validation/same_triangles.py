@@ -95,7 +95,7 @@ class _Triangles(NamedTuple):
         """Triangles of all pixels at some poses."""
         hits = source.hits(poses)
         names = np.array(["", *(name for _, name in source.draws)])
-        return _Triangles(names[hits.draws_plus_one], hits.triangles)
+        return _Triangles(names[hits.draw_ids], hits.triangles)
 
     def equal(self, other: _Triangles) -> NDArray[np.bool_]:
         """Mask of the pixels where they are the same; nothing is the same as nothing."""

@@ -22,7 +22,7 @@ file = "rings"
 [[cameras]]
 name = "mirror"
 size_px = 32
-[stand]
+[viewpoints]
 where = "poses"
 file = "poses.tum"
 """

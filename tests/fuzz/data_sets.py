@@ -30,7 +30,7 @@ size_px = 64
 parameters = { focal_length_px = { normal = [0.0, 2.0] } }
 degradation = { noise = { read_noise_e = [1.0, 4.0] } }
 mount_turn_deg = { choice = [0.0, 1.0] }
-[stand]
+[viewpoints]
 where = "free"
 height_m = { log_uniform = [0.3, 1.2] }
 [vary]
@@ -45,7 +45,7 @@ nodes = ["goal_*"]
 file = "ball.obj"
 count = [0, 2]
 [reject]
-least_hits = 0.2
+min_hit_share = 0.2
 """
 
 

@@ -84,7 +84,7 @@ def _hits(scene, sensor, backend):
         source = camera.hit_source(NO_DETAILS)
         hits = source.hits(renderer._poses_in(state))
         names = np.array(["", *(name for _, name in source.draws)])
-        return names[hits.draws_plus_one], hits.triangles, source.has_ray
+        return names[hits.draw_ids], hits.triangles, source.has_ray
 
 
 def _same_triangles(scene, sensor):

@@ -22,9 +22,9 @@ DRIVE = """
 [kinematics]
 type = "differential"
 max_speed_mps = 1.0
-max_turn_rate_dps = 90.0
+max_turn_rate_degps = 90.0
 max_acceleration_mps2 = 0.5
-max_turn_acceleration_dps2 = 180
+max_turn_acceleration_degps2 = 180
 """
 SCANNER = '[[sensors]]\nname = "scan"\ntype = "lms200"\nposition_m = [0.1, 0, 0.3]\n'
 CAMERA = '[[sensors]]\nname = "omni"\ntype = "omnicamera"\nposition_m = [0, 0, 0.6]\n'
@@ -139,7 +139,7 @@ def test_not_found(name, words, tmp_path, monkeypatch):
         ),
         (
             DRIVE.replace("90.0", '"fast"'),
-            "kinematics.max_turn_rate_dps: expected a number, got 'fast'",
+            "kinematics.max_turn_rate_degps: expected a number, got 'fast'",
         ),
         (
             DRIVE.replace("diff", "def"),

@@ -35,9 +35,9 @@ type = "differential"
 track_m = 0.4
 wheel_diameter_m = 0.2
 max_speed_mps = 1.0
-max_turn_rate_dps = 300.0
+max_turn_rate_degps = 300.0
 max_acceleration_mps2 = 0.5
-max_turn_acceleration_dps2 = 300.0
+max_turn_acceleration_degps2 = 300.0
 [[sensors]]
 name = "optics"
 type = "omnicamera"

@@ -25,9 +25,9 @@ from tests.conftest import open_context_or_skip
 KINEMATICS = {
     "type": "differential",
     "max_speed_mps": 1.0,
-    "max_turn_rate_dps": 90.0,
+    "max_turn_rate_degps": 90.0,
     "max_acceleration_mps2": 0.5,
-    "max_turn_acceleration_dps2": 90.0,
+    "max_turn_acceleration_degps2": 90.0,
 }
 PLACE = {"position_m": [0.0, 0.0, 0.5]}
 SONAR = {"name": "sonar", "type": "usarsim_sonar", **PLACE, "cones": 2, "rays_per_cone": 4}

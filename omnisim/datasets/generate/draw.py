@@ -147,11 +147,11 @@ class _Place:
 
 
 def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
-    stand = prepared.plan.stand
-    match stand.where:
+    table = prepared.plan.viewpoints
+    match table.where:
         case "free":
             on_floor = _on_floor(prepared.free_space(scene), stream)
-            return _Place(on_floor + (0.0, 0.0, stand.height_m.draw(stream)))
+            return _Place(on_floor + (0.0, 0.0, table.height_m.draw(stream)))
         case "path":
             return _along(prepared, scene, stream)
         case "around":
@@ -168,13 +168,13 @@ def _on_floor(free: FreeSpace, stream: Stream) -> NDArray[np.float64]:
 
 def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
     """Point of a path, evenly by length, and the heading there."""
-    stand, paths = prepared.plan.stand, prepared.paths(scene)
+    table, paths = prepared.plan.viewpoints, prepared.paths(scene)
     legs = np.concatenate([np.stack((path[:-1], path[1:]), axis=1) for path in paths])
     lengths = np.linalg.norm(legs[:, 1] - legs[:, 0], axis=1)
     begin, end = legs[stream.choose(range(len(legs)), lengths.tolist())]
     direction = (end - begin) / np.linalg.norm(end - begin)
     left = np.array((-direction[1], direction[0]))
-    point = begin + stream.share() * (end - begin) + stand.beside_m.draw(stream) * left
+    point = begin + stream.share() * (end - begin) + table.beside_m.draw(stream) * left
     yaw_deg = math.degrees(math.atan2(direction[1], direction[0]))
     return _Place(_above(prepared, scene, point, stream), yaw_deg, turns_along=True)
 
@@ -182,7 +182,7 @@ def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
 def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
     """Point at a distance from an object, and the heading towards it."""
     middle = stream.choose(prepared.middles(scene))
-    distance_m = prepared.plan.stand.distance_m.draw(stream)
+    distance_m = prepared.plan.viewpoints.distance_m.draw(stream)
     angle = 2.0 * math.pi * stream.share()
     point = middle[:2] + distance_m * np.array((math.cos(angle), math.sin(angle)))
     position_m = _above(prepared, scene, point, stream)
@@ -198,7 +198,7 @@ def _above(
     floor_m = math.nan if cell is None else float(free.floor_m[cell])
     if math.isnan(floor_m):
         floor_m = float(np.nanmin(free.floor_m))
-    return np.array((*point_m, floor_m + prepared.plan.stand.height_m.draw(stream)))
+    return np.array((*point_m, floor_m + prepared.plan.viewpoints.height_m.draw(stream)))
 
 
 def _of_file(world_from_base: NDArray[np.float64]) -> _Place:
@@ -230,7 +230,7 @@ def _unit(value: float) -> float:
 def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Placed, ...]:
     """Objects on the free floor, apart from one another and from the viewpoint."""
     free = prepared.free_space(drawn.which.scene)
-    own_m = prepared.plan.stand.radius_m
+    own_m = prepared.plan.viewpoints.radius_m
     taken = [(drawn.position_m[:2], own_m)]
     placed = []
     for index, (table, shape) in enumerate(

@@ -47,7 +47,7 @@ class PlanSceneTable(Table):
     labels: Name | None = None
     """Label file, relative to the plan, instead of the scene's own labels."""
     floor_m: Annotated[float, Field(strict=True, ge=-1e6, le=1e6)] | None = None
-    """Height of the floor to stand on; left out: the one below the scene's start."""
+    """Height of the floor; left out: the one below the scene's start."""
 
     @property
     def title(self) -> str:
@@ -113,7 +113,7 @@ class PlanCameraTable(Table):
         )
 
 
-class StandTable(Table):
+class ViewpointTable(Table):
     """Places of the viewpoint."""
 
     where: Where = "free"
@@ -132,7 +132,7 @@ class StandTable(Table):
     beside_m: Distributed = fixed(0.0)
     """Distance to the left of a path, meters."""
     nodes: tuple[Name, ...] = ()
-    """Names of the objects to stand around; `*` and `?` stand for any letters."""
+    """Names of the objects around which viewpoints are; `*` and `?` match any letters."""
     distance_m: Distributed = Distribution("uniform", (1.0, 3.0))
     """Distance from the object's middle on the floor plan, meters."""
     file: Name | None = None
@@ -140,7 +140,7 @@ class StandTable(Table):
     vehicle, x forward."""
 
     @model_validator(mode="after")
-    def _complete(self) -> StandTable:
+    def _complete(self) -> ViewpointTable:
         if self.where == "around" and not self.nodes:
             raise ValueError('nodes: expected names of objects with where = "around"')
         if (self.where == "poses") != (self.file is not None):
@@ -150,7 +150,7 @@ class StandTable(Table):
         return self
 
 
-class PlacedTable(Table):
+class PlanObjectTable(Table):
     """Objects that are placed on the free floor, without touching."""
 
     file: Name
@@ -172,7 +172,7 @@ class PlacedTable(Table):
     """Distance from the viewpoint on the floor plan, meters."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> PlacedTable:
+    def _ordered(self) -> PlanObjectTable:
         if self.count[0] > self.count[1]:
             raise ValueError(f"count: expected [least, most], got {list(self.count)}")
         return self
@@ -186,31 +186,41 @@ class PlacedTable(Table):
 class RejectTable(Table):
     """Images that are drawn again."""
 
-    least_hits: Fraction = 0.1
-    """Least share of the pixels with a ray that hit something."""
+    synonyms: ClassVar[Mapping[str, str]] = {
+        "least_hits": "min_hit_share",
+        "most_near": "max_near_share",
+    }
+
+    min_hit_share: Fraction = 0.1
+    """Minimum share of the rays that hit a surface."""
     near_m: NotNegative = 0.1
-    """Range below which a surface is too near."""
-    most_near: Fraction = 0.25
-    """Largest share of the pixels that are too near."""
+    """Range below which a surface counts as too near, meters."""
+    max_near_share: Fraction = 0.25
+    """Maximum share of the rays that hit a surface nearer than `near_m`."""
     attempts: Annotated[int, Field(strict=True, ge=1, le=1000)] = 50
     """Draws until the plan is given up."""
 
     @property
     def is_needed(self) -> bool:
         """True where an image can be rejected."""
-        return self.least_hits > 0.0 or (self.near_m > 0.0 and self.most_near < 1.0)
+        return self.min_hit_share > 0.0 or (self.near_m > 0.0 and self.max_near_share < 1.0)
 
 
 class Plan(Table):
     """Data set: what is in its images, and how they are stored."""
 
-    synonyms: ClassVar[Mapping[str, str]] = {"scene": "scenes", "camera": "cameras"}
+    synonyms: ClassVar[Mapping[str, str]] = {
+        "scene": "scenes",
+        "camera": "cameras",
+        "stand": "viewpoints",
+        "pictures_per_shard": "images_per_shard",
+    }
 
     scenes: Annotated[tuple[PlanSceneTable, ...], Field(min_length=1)]
     cameras: tuple[PlanCameraTable, ...] = (PlanCameraTable(),)
-    stand: StandTable = StandTable()
+    viewpoints: ViewpointTable = ViewpointTable()
     vary: VaryTable = VaryTable()
-    objects: tuple[PlacedTable, ...] = ()
+    objects: tuple[PlanObjectTable, ...] = ()
     reject: RejectTable = RejectTable()
     channels: Annotated[tuple[Name, ...], AfterValidator(_channels)] = ()
     """Channels of ground truth beside the images."""

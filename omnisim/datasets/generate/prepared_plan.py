@@ -23,7 +23,7 @@ from omnisim.core.version import __version__
 from omnisim.datasets.free_space import FreeSpace, find_free_space
 from omnisim.datasets.free_space_file import free_space_path, read_free_space, write_free_space
 from omnisim.datasets.generate.distributions import Even
-from omnisim.datasets.generate.plan import PlacedTable, Plan, PlanSceneTable, read_plan
+from omnisim.datasets.generate.plan import Plan, PlanObjectTable, PlanSceneTable, read_plan
 from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.generate.plan_light import draw_light
 from omnisim.scene import Scene, read_scene
@@ -92,9 +92,9 @@ class PreparedPlan:
         for number in range(len(self.plan.scenes)):
             self.scene(number)
             self.find_free_space(number)
-            if self.plan.stand.where == "path":
+            if self.plan.viewpoints.where == "path":
                 self.paths(number)
-            if self.plan.stand.where == "around":
+            if self.plan.viewpoints.where == "around":
                 self.middles(number)
             for table in self.plan.vary.recolor:
                 self.instances(number, table.nodes, "vary.recolor.nodes")
@@ -131,7 +131,7 @@ class PreparedPlan:
             self._scenes[number] = scene
         return self._scenes[number]
 
-    def _scene_file(self, table: PlanSceneTable | PlacedTable) -> str | Path:
+    def _scene_file(self, table: PlanSceneTable | PlanObjectTable) -> str | Path:
         """Path beside the plan, or else what it says: a built-in name, or an absolute path."""
         beside = self.path.parent / table.file
         return beside if beside.exists() else table.file
@@ -142,7 +142,7 @@ class PreparedPlan:
         Raises:
             OmnisimError: there is none.
         """
-        if self.plan.stand.where != "poses" or self.objects:
+        if self.plan.viewpoints.where != "poses" or self.objects:
             self.free_space(number)
 
     def free_space(self, number: int) -> FreeSpace:
@@ -164,37 +164,37 @@ class PreparedPlan:
         return self._free[number]
 
     def _find_free_space(self, number: int) -> FreeSpace:
-        stand = self.plan.stand
+        places = self.plan.viewpoints
         tallest = max((one.height_m for one in self.objects), default=0.0)
         return find_free_space(
             self.scene(number),
-            stand.radius_m,
-            max(_top(stand.height_m.high), min(tallest, 2.0)),
-            stand.step_m,
+            places.radius_m,
+            max(_top(places.height_m.high), min(tallest, 2.0)),
+            places.step_m,
             self.plan.scenes[number].floor_m,
             # along paths and around objects the floor is asked for everywhere
-            stand.where == "free" and stand.region == "start",
+            places.where == "free" and places.region == "start",
         )
 
     def paths(self, number: int) -> tuple[NDArray[np.float64], ...]:
-        """Waypoints (n, 2) of the paths to stand along in a scene."""
-        scene, wanted = self.scene(number), self.plan.stand.paths
+        """Waypoints (n, 2) of the paths with viewpoints in a scene."""
+        scene, wanted = self.scene(number), self.plan.viewpoints.paths
         known = {path.name: np.array(path.waypoints_m) for path in scene.paths}
         for name in wanted:
             if name not in known:
                 raise PlanError(
-                    f"{self.path}: stand.paths: {name!r} in {scene.name}: "
+                    f"{self.path}: viewpoints.paths: {name!r} in {scene.name}: "
                     f"{did_you_mean(name, known, 'its paths are')}"
                 )
         found = tuple(known[name] for name in wanted or known)
         if not found:
-            raise PlanError(f"{self.path}: stand.where: {scene.name} has no paths")
+            raise PlanError(f"{self.path}: viewpoints.where: {scene.name} has no paths")
         return found
 
     def middles(self, number: int) -> tuple[NDArray[np.float64], ...]:
-        """Middles (3,) of the objects to stand around in a scene."""
+        """Middles (3,) of the objects with viewpoints around them in a scene."""
         scene = self.scene(number)
-        names = self.instances(number, self.plan.stand.nodes, "stand.nodes")
+        names = self.instances(number, self.plan.viewpoints.nodes, "viewpoints.nodes")
         boxes = [scene.instance_boxes[name] for name in names if name in scene.instance_boxes]
         return tuple(np.asarray(box.center_m, dtype=np.float64) for box in boxes)
 
@@ -247,7 +247,7 @@ class PreparedPlan:
         """Objects to place."""
         return tuple(map(self._object, self.plan.objects))
 
-    def _object(self, table: PlacedTable) -> PlanObject:
+    def _object(self, table: PlanObjectTable) -> PlanObject:
         scene = read_scene(
             self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
         )
@@ -265,9 +265,9 @@ class PreparedPlan:
     @cached_property
     def poses(self) -> NDArray[np.float64]:
         """Poses (n, 4, 4) of the plan's file of poses; none without one."""
-        if self.plan.stand.file is None:
+        if self.plan.viewpoints.file is None:
             return np.zeros((0, 4, 4))
-        return parse_trajectory(self.path.parent / self.plan.stand.file).world_from_base
+        return parse_trajectory(self.path.parent / self.plan.viewpoints.file).world_from_base
 
     @cached_property
     def fingerprint(self) -> str:
@@ -279,8 +279,8 @@ class PreparedPlan:
         with recorded_sources() as sources:
             for file in self.rig_files:
                 note_sources(file.sources)
-            if self.plan.stand.file is not None:
-                note_file(self.path.parent / self.plan.stand.file)
+            if self.plan.viewpoints.file is not None:
+                note_file(self.path.parent / self.plan.viewpoints.file)
             for name in self.plan.sky_files:
                 note_file(self.path.parent / name)
         parts: list[Any] = [__version__, *scenes, *objects, sources.digest(self.path.parent)]

@@ -80,7 +80,7 @@ class SampleRenderer:
             reason = rendered
         raise PlanError(
             f"{self._prepared.path}: sample {number}: rejected {plan.reject.attempts} times, last "
-            f"as {reason}: see [reject] and [stand]"
+            f"as {reason}: see [reject] and [viewpoints]"
         )
 
     def close(self) -> None:
@@ -206,9 +206,11 @@ def rejected(frame: Frame, rules: RejectTable) -> str:
     if not len(ranges):
         return "it has no pixel with a ray"
     hits = float(np.isfinite(ranges).mean())
-    if hits < rules.least_hits:
-        return f"{100 * hits:.0f} % of its pixels hit something: least_hits"
+    if hits < rules.min_hit_share:
+        return f"{100 * hits:.0f} % of its pixels hit something: min_hit_share"
     near = float((ranges < rules.near_m).mean())
-    if near > rules.most_near:
-        return f"{100 * near:.0f} % of its pixels are nearer than {rules.near_m:g} m: most_near"
+    if near > rules.max_near_share:
+        return (
+            f"{100 * near:.0f} % of its pixels are nearer than {rules.near_m:g} m: max_near_share"
+        )
     return ""

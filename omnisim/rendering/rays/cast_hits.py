@@ -69,9 +69,9 @@ def cast_hits(
     from_viewpoint_m = some.origins_m - viewpoint_m
     points[hit, :3] = from_viewpoint_m + exact.ranges_m[:, None] * some.directions
     points[hit, 3] = exact.ranges_m
-    draws_plus_one, triangles = np.zeros((2, len(points)), dtype=np.uint32)
+    draw_ids, triangles = np.zeros((2, len(points)), dtype=np.uint32)
     surfaces = shading.surfaces(exact)
-    draws_plus_one[hit] = surfaces + 1
+    draw_ids[hit] = surfaces + 1
     triangles[hit] = exact.triangles - geometry.first_of_surface[surfaces]
     view = View(some, exact, poses, footprints[hit])
     find: dict[str, Callable[[], NDArray[np.float32]]] = {
@@ -83,7 +83,7 @@ def cast_hits(
     for name, numbers in details.components.items():
         found[name] = np.zeros((len(points), numbers), dtype=np.float32)
         found[name][hit] = find[name]()
-    return CastHits(Hits(points, draws_plus_one, triangles, **found), first.triangles)
+    return CastHits(Hits(points, draw_ids, triangles, **found), first.triangles)
 
 
 def moved_points(seen: SeenPoints, other_from_current: NDArray[np.float64]) -> NDArray[np.float64]:

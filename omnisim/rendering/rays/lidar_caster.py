@@ -38,7 +38,7 @@ class LidarCaster:
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, as `BeamHits.draws_plus_one` counts them."""
+        """Dynamic object and name of each instance, as `BeamHits.draw_ids` counts them."""
         return self._scene().caster.geometry.draws
 
     def refresh(self) -> None:
@@ -68,9 +68,9 @@ class LidarCaster:
                 np.zeros(len(directions)),
                 np.full(len(directions), self._beams.max_range_m),
             )
-            ranges_m, draws_plus_one = self._cast_slice(scene, one, rays, shares)
+            ranges_m, draw_ids = self._cast_slice(scene, one, rays, shares)
             hits.ranges_m[:, firings] = ranges_m.reshape(size[0], -1)
-            hits.draws_plus_one[:, firings] = draws_plus_one.reshape(size[0], -1)
+            hits.draw_ids[:, firings] = draw_ids.reshape(size[0], -1)
 
         scene.in_threads(cast_part, parts)
         return hits
@@ -93,7 +93,7 @@ class LidarCaster:
                 *(pose.world_from_objects[number] for pose in (one.start, one.middle, one.end)),
             )
         ranges_m = np.full(len(shares), np.inf)
-        draws_plus_one = np.zeros(len(shares), dtype=np.uint32)
+        draw_ids = np.zeros(len(shares), dtype=np.uint32)
         ranges_m[hit] = scene.caster.exact(rays, found, poses).ranges_m
         for mine, some in bent:
             share = shares[hit[mine], None, None]
@@ -106,8 +106,8 @@ class LidarCaster:
             # one that it leaves meanwhile is hit as in the middle of the slice
             inside = np.flatnonzero(exact.weights.min(axis=1) > -_BESIDE)
             ranges_m[hit[mine[inside]]] = exact.ranges_m[inside]
-        draws_plus_one[hit] = geometry.surface_of_triangle[found.triangles] + 1
-        return ranges_m, draws_plus_one
+        draw_ids[hit] = geometry.surface_of_triangle[found.triangles] + 1
+        return ranges_m, draw_ids
 
 
 def _moving(one: Slice, parts: NDArray[np.intp]) -> Sequence[tuple[NDArray[np.intp], int]]:

@@ -64,7 +64,7 @@ class PixelHits:
         bands = self._scene.in_threads(of_band, self._bands)
         hits = [band.hits for band in bands]
         self._triangles = np.concatenate([band.triangles for band in bands])
-        self._draws_plus_one = np.concatenate([one.draws_plus_one for one in hits])
+        self._draws_plus_one = np.concatenate([one.draw_ids for one in hits])
         self._points_m = np.concatenate([one.points_m for one in hits]).astype(np.float64)
         none = np.empty((0, self.has_ray.shape[1], 3), dtype=np.float32)
         found = dict.fromkeys(details._fields, none)
@@ -72,7 +72,7 @@ class PixelHits:
             found[name] = self._placed([getattr(one, name) for one in hits], 0.0)
         return Hits(
             self._placed([one.points_and_ranges_m for one in hits], (0.0, 0.0, 0.0, np.inf)),
-            self._placed([one.draws_plus_one for one in hits], 0),
+            self._placed([one.draw_ids for one in hits], 0),
             self._placed([one.triangles for one in hits], 0),
             **found,
         )

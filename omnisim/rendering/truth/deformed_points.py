@@ -32,9 +32,9 @@ def deformed_hits(
     if not source.deforming or times_s[0] == times_s[1]:
         return None
     points = hits.points_and_ranges_m.copy()
-    flat, draws_plus_one = points.reshape(-1, 4), hits.draws_plus_one.ravel()
+    flat, draw_ids = points.reshape(-1, 4), hits.draw_ids.ravel()
     for draw, one in source.deforming.items():
-        seen = np.flatnonzero(draws_plus_one == draw + 1)
+        seen = np.flatnonzero(draw_ids == draw + 1)
         if len(seen):
             triangles = hits.triangles.ravel()[seen]
             viewpoint_from_mesh = _viewpoint_from_mesh(one, current)

@@ -103,8 +103,8 @@ class GroundTruth:
             "roughness": lambda: hits.roughness,
             "metallic": lambda: hits.metallic,
             "emissive": lambda: hits.emissive,
-            "semantic": lambda: self._class_of_draw.take(hits.draws_plus_one),
-            "instance": lambda: self._instance_of_draw.take(hits.draws_plus_one),
+            "semantic": lambda: self._class_of_draw.take(hits.draw_ids),
+            "instance": lambda: self._instance_of_draw.take(hits.draw_ids),
             "scene_flow": lambda: self._scene_flow(
                 hits, current, poses["next"], in_world(current, poses["next"]), np.eye(3)
             ),
@@ -171,7 +171,7 @@ def instances_of_draws(
 def _depths_m(hits: Hits, axis: NDArray[np.float64]) -> NDArray[np.float32]:
     """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: none."""
     depths_m = hits.points_m @ axis.astype(np.float32)
-    return np.where(hits.draws_plus_one == 0, np.float32(np.inf), depths_m)
+    return np.where(hits.draw_ids == 0, np.float32(np.inf), depths_m)
 
 
 def _positions_m(hits: Hits, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -179,5 +179,5 @@ def _positions_m(hits: Hits, viewpoint_m: NDArray[np.float64]) -> NDArray[np.flo
     points_m = np.empty(hits.points_m.shape)
     for axis in range(3):  # one after the other, which does not copy the points first
         np.add(hits.points_m[..., axis], viewpoint_m[axis], out=points_m[..., axis])
-    points_m.reshape(-1, 3)[np.flatnonzero(hits.draws_plus_one == 0)] = np.nan
+    points_m.reshape(-1, 3)[np.flatnonzero(hits.draw_ids == 0)] = np.nan
     return points_m

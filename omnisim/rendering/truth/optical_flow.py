@@ -120,10 +120,10 @@ class OpticalFlow:
         points_m = np.take(hits.points_and_ranges_m.reshape(-1, 4), self._valid, axis=0).astype(
             np.float64
         )
-        draws_plus_one = hits.draws_plus_one.ravel()[self._valid]
-        points_m[:, 3] = draws_plus_one > 0  # 0: a direction, which no translation moves
+        draw_ids = hits.draw_ids.ravel()[self._valid]
+        points_m[:, 3] = draw_ids > 0  # 0: a direction, which no translation moves
         has_objects = len(optical_from_current) > 1
-        objects = self._object_of_draw[draws_plus_one] if has_objects else None
+        objects = self._object_of_draw[draw_ids] if has_objects else None
         positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
         for first in range(0, len(points_m), POINTS_PER_BATCH):
             batch = slice(first, first + POINTS_PER_BATCH)

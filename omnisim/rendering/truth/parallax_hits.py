@@ -116,13 +116,13 @@ class ParallaxHits(DrawnHits):
         pose = self._viewpoint_pose(poses)
         self._passes.put_origins(self._origins_m)
         hits = self._passes.render(pose, poses.world_from_objects, details)
-        self.undecided = undecided = self.has_ray & (hits.draws_plus_one & UNKNOWN_HIT > 0)
-        hits = hits._replace(draws_plus_one=hits.draws_plus_one & ~UNKNOWN_HIT)
+        self.undecided = undecided = self.has_ray & (hits.draw_ids & UNKNOWN_HIT > 0)
+        hits = hits._replace(draw_ids=hits.draw_ids & ~UNKNOWN_HIT)
         offset_m = (pose[:3, 3] - poses.world_from_rig[:3, 3]).astype(np.float32)
         if self._ray_scene is not None and undecided.any():
             self._cast(hits, undecided, poses, pose[:3, 3], details)
             self._passes.put(hits)
-        hits.points_m[hits.draws_plus_one > 0] += offset_m
+        hits.points_m[hits.draw_ids > 0] += offset_m
         self._hits, self._from_rig_m = hits, offset_m
         return hits
 
@@ -153,7 +153,7 @@ class ParallaxHits(DrawnHits):
             details,
         )
         hits.points_and_ranges_m[undecided] = found.points_and_ranges_m
-        hits.draws_plus_one[undecided] = self._draw_of_surface[found.draws_plus_one]
+        hits.draw_ids[undecided] = self._draw_of_surface[found.draw_ids]
         hits.triangles[undecided] = found.triangles
         for name in details.components:
             getattr(hits, name)[undecided] = getattr(found, name)
@@ -165,14 +165,14 @@ class ParallaxHits(DrawnHits):
         hits, pose = deformed or self._hits, self._viewpoint_pose(other)
         if deformed is not None:
             points = deformed.points_and_ranges_m.copy()
-            points[deformed.draws_plus_one > 0, :3] -= self._from_rig_m
+            points[deformed.draw_ids > 0, :3] -= self._from_rig_m
             self._passes.put_points(deformed._replace(points_and_ranges_m=points))
         points_m = hits.points_m[self.has_ray].astype(np.float64)
-        draws_plus_one = hits.draws_plus_one[self.has_ray]
-        hit = np.flatnonzero(draws_plus_one)
-        moves = other_from_current[draws_plus_one[hit] - 1]
+        draw_ids = hits.draw_ids[self.has_ray]
+        hit = np.flatnonzero(draw_ids)
+        moves = other_from_current[draw_ids[hit] - 1]
         points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
-        starts_m = starts_of_rays(self.camera, points_m, draws_plus_one > 0, other.world_from_rig)
+        starts_m = starts_of_rays(self.camera, points_m, draw_ids > 0, other.world_from_rig)
         self._moved = other, points_m, starts_m
         offset_m = pose[:3, 3] - other.world_from_rig[:3, 3]
         self._passes.put_origins(self._placed(starts_m - offset_m))
@@ -196,7 +196,7 @@ class ParallaxHits(DrawnHits):
         geometry = scene.caster.geometry
         surface_of_draw = np.zeros(1 + len(self.draws), dtype=np.intp)
         surface_of_draw[self._draw_of_surface] = np.arange(len(self._draw_of_surface))
-        surfaces_plus_one = surface_of_draw[self._hits.draws_plus_one[undecided]]
+        surfaces_plus_one = surface_of_draw[self._hits.draw_ids[undecided]]
         triangles = geometry.first_of_surface[surfaces_plus_one - 1].astype(np.int32)
         triangles += self._hits.triangles[undecided].astype(np.int32)
         return cast_occlusion(

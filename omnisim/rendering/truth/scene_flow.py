@@ -79,14 +79,14 @@ def scene_flow(
     matrices[:, :3] = np.swapaxes(transforms[:, :, :3], 1, 2)
     offsets = transforms[:, :, 3].astype(np.float32)
     flow = np.empty((len(points), 3), dtype=np.float32)
-    draws_plus_one = hits.draws_plus_one.ravel()
+    draw_ids = hits.draw_ids.ravel()
     with np.errstate(invalid="ignore"):
         for first in range(0, len(points), POINTS_PER_BATCH):
             batch = slice(first, first + POINTS_PER_BATCH)
             flow[batch] = points[batch] @ matrices[0] + offsets[0]
             if len(transforms) == 1:
                 continue
-            objects = objects_of_draws.take(draws_plus_one[batch])
+            objects = objects_of_draws.take(draw_ids[batch])
             for index in np.unique(objects[objects > 0]).tolist():
                 on_it = np.flatnonzero(objects == index)
                 flow[first + on_it] = points[batch][on_it] @ matrices[index] + offsets[index]

@@ -282,7 +282,7 @@ class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
         instances = instances_of_draws(labels, draws, list(stage.objects))
         ranges_m = lidar.measure(hits.ranges_m, revolution)
         return PointCloud(
-            lidar.points(ranges_m, instances.take(hits.draws_plus_one)),
+            lidar.points(ranges_m, instances.take(hits.draw_ids)),
             lidar,
             plan.slices[0].start.world_from_lidar,
             plan.slices[-1].end.world_from_lidar,

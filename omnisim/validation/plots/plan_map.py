@@ -36,7 +36,7 @@ def plan_figure(prepared: PreparedPlan) -> Figure:
     figure = Figure(figsize=size_in, dpi=DPI, layout="constrained")
     for number, samples in enumerate(drawn):
         axes = figure.add_subplot(rows, columns, number + 1)
-        needs_floor = plan.stand.where != "poses" or prepared.objects
+        needs_floor = plan.viewpoints.where != "poses" or prepared.objects
         free = prepared.free_space(number) if needs_floor else None
         _draw_scene(axes, prepared, number, free, samples)
     return figure

@@ -128,9 +128,9 @@ name = "cart"
 [kinematics]
 type = "differential"
 max_speed_mps = 1.0
-max_turn_rate_dps = 30.0
+max_turn_rate_degps = 30.0
 max_acceleration_mps2 = 0.5
-max_turn_acceleration_dps2 = 30.0
+max_turn_acceleration_degps2 = 30.0
 [[sensors]]
 name = "lidar"
 type = "lidar"

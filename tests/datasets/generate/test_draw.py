@@ -24,7 +24,7 @@ def _prepared(folder, text="", **options):
 
 
 def test_a_draw_is_a_function_of_seed_and_number(tmp_path):
-    prepared = _prepared(tmp_path, "[stand]\nheight_m = [0.5, 1.0]", scene="soccer")
+    prepared = _prepared(tmp_path, "[viewpoints]\nheight_m = [0.5, 1.0]", scene="soccer")
     first, again = draw(prepared, 5, 0), draw(_prepared(tmp_path, scene="soccer"), 5, 0)
     np.testing.assert_array_equal(first.position_m[:2], again.position_m[:2])
     assert first.yaw_deg == again.yaw_deg
@@ -33,7 +33,7 @@ def test_a_draw_is_a_function_of_seed_and_number(tmp_path):
 
 
 def test_places_along_a_path_are_on_it(tmp_path):
-    text = '[stand]\nwhere = "path"\npaths = ["lap"]\nheight_m = 0.7'
+    text = '[viewpoints]\nwhere = "path"\npaths = ["lap"]\nheight_m = 0.7'
     prepared = _prepared(tmp_path, text, scene="soccer")
     path = next(one for one in load_scene("soccer").paths if one.name == "lap")
     corners = np.array(path.waypoints_m)
@@ -50,7 +50,7 @@ def test_places_along_a_path_are_on_it(tmp_path):
 
 
 def test_places_around_an_object_look_at_it(tmp_path):
-    text = '[stand]\nwhere = "around"\nnodes = ["goal_yellow*"]\ndistance_m = [1.0, 2.0]'
+    text = '[viewpoints]\nwhere = "around"\nnodes = ["goal_yellow*"]\ndistance_m = [1.0, 2.0]'
     prepared = _prepared(tmp_path, text, scene="soccer")
     middles = np.array(prepared.middles(0))
     for number in range(20):
@@ -64,7 +64,7 @@ def test_places_around_an_object_look_at_it(tmp_path):
 
 def test_poses_of_a_file_are_taken(tmp_path):
     (tmp_path / "poses.tum").write_text("0 1 2 0.5 0 0 0.7071067811865476 0.7071067811865476\n")
-    prepared = _prepared(tmp_path, '[stand]\nwhere = "poses"\nfile = "poses.tum"')
+    prepared = _prepared(tmp_path, '[viewpoints]\nwhere = "poses"\nfile = "poses.tum"')
     drawn = draw(prepared, 3, 0)
     np.testing.assert_allclose(drawn.position_m, (1.0, 2.0, 0.5))
     assert drawn.yaw_deg == pytest.approx(90.0)

@@ -168,10 +168,10 @@ def test_bad_input_is_one_line(made, tmp_path, words, message):
 
 
 def test_samples_that_see_nothing_are_drawn_again_or_refused(tmp_path):
-    plan = write_plan(tmp_path, "[reject]\nnear_m = 1000.0\nmost_near = 0.5\nattempts = 3")
+    plan = write_plan(tmp_path, "[reject]\nnear_m = 1000.0\nmax_near_share = 0.5\nattempts = 3")
     done = _omnisim("generate", plan, "-o", tmp_path / "out")
     assert "sample 0: rejected 3 times, last as " in str(done.exception)
-    assert "of its pixels are nearer than 1000 m: most_near" in str(done.exception)
+    assert "of its pixels are nearer than 1000 m: max_near_share" in str(done.exception)
     assert not (tmp_path / "out").exists()
 
 
@@ -371,7 +371,7 @@ def test_splits_stay_as_they_are_when_a_data_set_grows():
 def test_a_network_learns_depth_better_than_the_mean(tmp_path):
     torch = pytest.importorskip("torch", reason="torch is not installed")
     plan = write_plan(
-        tmp_path, "[stand]\nheight_m = [0.4, 1.2]", scene="soccer", shards=2,
+        tmp_path, "[viewpoints]\nheight_m = [0.4, 1.2]", scene="soccer", shards=2,
         images_per_shard=100, channel_format="npy",
     )  # fmt: skip
     assert _omnisim("generate", plan, "-o", tmp_path / "out", "--workers", "2").exit_code == 0

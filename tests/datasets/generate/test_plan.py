@@ -14,11 +14,11 @@ from tests.datasets.plans import write_plan
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[stand]\nhight_m = 1.0", "stand.hight_m: unknown key; did you mean 'height_m'?"),
-        ("[stand]\nheight_m = [-0.1, 1.0]", "height_m: expected heights above 0, got -0.1"),
-        ('[stand]\nwhere = "sky"', "stand.where"),
-        ('[stand]\nwhere = "around"', 'nodes: expected names of objects with where = "around"'),
-        ('[stand]\nwhere = "poses"', 'file: expected with where = "poses"'),
+        ("[viewpoints]\nhight_m = 1.0", "viewpoints.hight_m: unknown key; did you mean 'height_m'?"),
+        ("[viewpoints]\nheight_m = [-0.1, 1.0]", "height_m: expected heights above 0, got -0.1"),
+        ('[viewpoints]\nwhere = "sky"', "viewpoints.where"),
+        ('[viewpoints]\nwhere = "around"', 'nodes: expected names of objects with where = "around"'),
+        ('[viewpoints]\nwhere = "poses"', 'file: expected with where = "poses"'),
         ('[[objects]]\nfile = "a.glb"\ncount = [2, 1]', "count: expected [least, most], got"),
         ("[reject]\nattempts = 0", "reject.attempts: expected a number ≥ 1, got 0"),
         ('[[cameras]]\nsensor = "a"\noptics = "b"', "expected one of sensor, calibration"),
@@ -63,12 +63,15 @@ def test_faults_of_its_keys(tmp_path, keys, message):
     ("text", "message"),
     [
         (
-            '[stand]\nwhere = "path"\npaths = ["lapp"]',
-            "stand.paths: 'lapp' in soccer: did you mean",
+            '[viewpoints]\nwhere = "path"\npaths = ["lapp"]',
+            "viewpoints.paths: 'lapp' in soccer: did you mean",
         ),
-        ('[stand]\nwhere = "around"\nnodes = ["cow*"]', "stand.nodes = ['cow*']: no such object"),
-        ('[stand]\nwhere = "poses"\nfile = "no.tum"', "no.tum: cannot be read"),
-        ("[stand]\nradius_m = 50.0", "no free floor"),
+        (
+            '[viewpoints]\nwhere = "around"\nnodes = ["cow*"]',
+            "viewpoints.nodes = ['cow*']: no such object",
+        ),
+        ('[viewpoints]\nwhere = "poses"\nfile = "no.tum"', "no.tum: cannot be read"),
+        ("[viewpoints]\nradius_m = 50.0", "no free floor"),
         ('[[objects]]\nfile = "no.glb"', "no.glb"),
         ('[[vary.recolor]]\nnodes = ["cow"]', "vary.recolor.nodes = ['cow']: no such object"),
         ('[[cameras]]\nname = "b"\ncalibration = "no.yaml"', "no.yaml: cannot be read"),
@@ -102,7 +105,7 @@ def test_the_fingerprint_is_of_what_images_depend_on(tmp_path):
 
     first = fingerprint()
     assert fingerprint(shards=100, license="mit", title="other") == first
-    assert fingerprint('[stand]\nwhere = "free"\nradius_m = 0.25') == first  # the defaults
+    assert fingerprint('[viewpoints]\nwhere = "free"\nradius_m = 0.25') == first  # the defaults
     others = {
         fingerprint(seed=1), fingerprint(camera='preset = "webcam"'),
         fingerprint(scene="courtyard"),

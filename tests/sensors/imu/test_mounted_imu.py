@@ -213,9 +213,9 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
                 "kinematics": {
                     "type": "differential",
                     "max_speed_mps": 1.0,
-                    "max_turn_rate_dps": 90.0,
+                    "max_turn_rate_degps": 90.0,
                     "max_acceleration_mps2": 0.5,
-                    "max_turn_acceleration_dps2": 90.0,
+                    "max_turn_acceleration_degps2": 90.0,
                 },
             },
             "robot",

@@ -83,7 +83,7 @@ def _check(request: GenerateRequest) -> None:
         print_note(notice)
     for number in range(len(plan.scenes)):
         scene = prepared.scene(number)
-        if plan.stand.where == "free":
+        if plan.viewpoints.where == "free":
             free = prepared.free_space(number)
             out.print(f"{scene.name}: {free.area_m2:.1f} m² of free floor", markup=False)
     out.print(

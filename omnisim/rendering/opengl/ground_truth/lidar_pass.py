@@ -79,7 +79,7 @@ class LidarPass:
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, indexed by `BeamHits.draws_plus_one` − 1."""
+        """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
         return [(item.object_index, item.name) for item in self._buffers.draw_items]
 
     def cast(self, revolution: Revolution) -> BeamHits:

@@ -65,4 +65,4 @@ class ParallaxHitPass(RayHitPass):
     def put(self, hits: Hits) -> None:
         """Replace the points and primitives of the last hits, for occlusion."""
         self.put_points(hits)
-        self.primitives.write(np.stack((hits.draws_plus_one, hits.triangles), axis=-1))
+        self.primitives.write(np.stack((hits.draw_ids, hits.triangles), axis=-1))

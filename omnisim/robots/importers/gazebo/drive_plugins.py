@@ -14,9 +14,9 @@ _SKIDS = "skid_steer"
 # Key, element of the plugin, what is assumed without, and the key's units in one of the plugin's.
 _LIMITS = (
     ("max_speed_mps", "max_linear_velocity", 1.0, 1.0),
-    ("max_turn_rate_dps", "max_angular_velocity", np.radians(90.0), np.degrees(1.0)),
+    ("max_turn_rate_degps", "max_angular_velocity", np.radians(90.0), np.degrees(1.0)),
     ("max_acceleration_mps2", "max_linear_acceleration", 1.0, 1.0),
-    ("max_turn_acceleration_dps2", "max_angular_acceleration", np.pi, np.degrees(1.0)),
+    ("max_turn_acceleration_degps2", "max_angular_acceleration", np.pi, np.degrees(1.0)),
 )
 
 
