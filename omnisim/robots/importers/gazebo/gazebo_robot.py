@@ -25,7 +25,6 @@ from omnisim.robots.importers.imported_model import (
     load_body,
 )
 from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.sdf.element import Omissions
 from omnisim.scene.formats.sdf.models import (
     Model,
     ModelLibrary,
@@ -33,6 +32,7 @@ from omnisim.scene.formats.sdf.models import (
     read_root,
     unique_name,
 )
+from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
 _GROUND_M = 0.02  # a body whose lowest point is as near to 0 stands on the ground

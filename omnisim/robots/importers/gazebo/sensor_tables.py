@@ -16,7 +16,7 @@ from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.importers.imported_model import ImportedSensor
-from omnisim.scene.formats.sdf.element import SdfElement
+from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
 
 _CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
@@ -26,7 +26,7 @@ _LIDARS = ("lidar", "gpu_lidar", "ray", "gpu_ray")
 
 
 def read_sensors(
-    sensor: SdfElement, base_from_sensor: NDArray[np.float64]
+    sensor: XmlElement, base_from_sensor: NDArray[np.float64]
 ) -> Iterator[ImportedSensor]:
     """Sensors that a `<sensor>` is; none for kinds that omnisim has not.
 
@@ -57,7 +57,7 @@ def read_sensors(
         raise RobotFileError(str(reason)) from None
 
 
-def _camera(name: str, camera: SdfElement, base_from_camera: NDArray[np.float64]) -> ImportedSensor:
+def _camera(name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]) -> ImportedSensor:
     with error_context(camera.place):
         lens = read_lens(camera.element, camera.place)
     noise = camera.number("noise/stddev", 0.0)
@@ -67,7 +67,7 @@ def _camera(name: str, camera: SdfElement, base_from_camera: NDArray[np.float64]
 
 
 def _depth_camera(
-    name: str, camera: SdfElement, base_from_camera: NDArray[np.float64]
+    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]
 ) -> ImportedSensor:
     """Depth camera without the holes and errors that Gazebo's has not."""
     width, height = (round(camera.positive(f"image/{key}", 320.0)) for key in ("width", "height"))
@@ -89,7 +89,7 @@ def _depth_camera(
 
 
 def _lidar(
-    name: str, sensor: SdfElement, scan: SdfElement, base_from_lidar: NDArray[np.float64]
+    name: str, sensor: XmlElement, scan: XmlElement, base_from_lidar: NDArray[np.float64]
 ) -> ImportedSensor:
     """Lidar with its rings all around, or a planar scanner where there is one ring."""
     across, low, high = _angles(scan, "horizontal")
@@ -125,7 +125,7 @@ def _lidar(
     return ImportedSensor(name, base_from_lidar, values, "", notices)
 
 
-def _angles(scan: SdfElement, axis: str) -> tuple[int, float, float]:
+def _angles(scan: XmlElement, axis: str) -> tuple[int, float, float]:
     """Samples, and the angles of the first and last, in radians."""
     path = f"scan/{axis}"
     samples = round(scan.positive(f"{path}/samples", 640.0 if axis == "horizontal" else 1.0))

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from omnisim.scene.formats.sdf.element import SdfElement
 from omnisim.scene.formats.sdf.shapes import Shape
+from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.primitives import Surface, grid_triangles
 
 MOST_POINTS = 513  # of a side: half a million triangles
@@ -55,7 +55,7 @@ def _evenly(count: int) -> NDArray[np.intp]:
     return np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.intp)
 
 
-def terrain(element: SdfElement, levels: NDArray[np.float64], tile_m: float) -> Shape:
+def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> Shape:
     """Surface of a `<heightmap>`.
 
     Args:
