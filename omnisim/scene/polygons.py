@@ -25,11 +25,13 @@ def triangulate(loops: Sequence[ArrayLike]) -> tuple[NDArray[np.float64], NDArra
     depths = [sum(surrounds(other, ring[0]) for other in rings if other is not ring)
               for ring in rings]  # fmt: skip
     triangles = [np.zeros((0, 3), np.int64)]
-    for outline in np.flatnonzero(np.array(depths) % 2 == 0):
+    for outline, ring in enumerate(rings):
+        if depths[outline] % 2:
+            continue
         holes = [
             k
             for k, depth in enumerate(depths)
-            if depth == depths[outline] + 1 and surrounds(rings[outline], rings[k][0])
+            if depth == depths[outline] + 1 and surrounds(ring, rings[k][0])
         ]
         members = [outline, *holes]
         found = clip_ears([rings[k] for k in members])
@@ -45,11 +47,12 @@ def clip_ears(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
     """
     points = np.concatenate(rings)
     ends = np.cumsum([len(ring) for ring in rings], dtype=np.uint32)
-    triangles = triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
+    triangles: NDArray[np.int64] = triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    ordered = np.where(areas[:, None] < 0.0, triangles[:, ::-1], triangles)
-    return ordered[areas != 0.0]
+    triangles[areas < 0.0] = triangles[areas < 0.0, ::-1]
+    with_area: NDArray[np.int64] = triangles[areas != 0.0]
+    return with_area
 
 
 def surrounds(ring: NDArray[np.float64], point: NDArray[np.float64]) -> bool:

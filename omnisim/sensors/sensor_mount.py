@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core import poses
-from omnisim.core.files.parameters import Number, Table
+from omnisim.core.files.parameters import AboveZero, Number, Table
+from omnisim.core.files.parameters import Coordinate as Coordinate
+from omnisim.core.files.parameters import Level as Level
+from omnisim.core.files.parameters import Seed as Seed
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import Name, SensorName
 
 # No robot is larger; meters, not millimeters.
-Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
-Positive = Annotated[Number, Field(gt=0.0)]
-Level = Annotated[Number, Field(ge=0.0)]
+Positive = AboveZero
 Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
 
 
 class SensorMount(Table):

@@ -40,6 +40,15 @@ NotNegative = Annotated[Number, Field(ge=0.0, le=LARGEST)]
 Positive = Annotated[Number, Field(ge=SMALLEST, le=LARGEST)]
 Signed = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
 Fraction = Annotated[Number, Field(ge=0.0, le=1.0)]
+AboveZero = Annotated[Number, Field(gt=0.0)]
+Level = Annotated[Number, Field(ge=0.0)]
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Flag = Annotated[bool, Field(strict=True)]
+Name = Annotated[str, Field(min_length=1, strict=True)]
+Point = tuple[Signed, Signed, Signed]
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]  # one word of NumPy's seeds
+LongSeed = Annotated[int, Field(ge=0, lt=2**63, strict=True)]
 
 
 class Table(pydantic.BaseModel):

@@ -6,10 +6,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from omnisim.core.files.parameters import LARGEST, Fraction, Table
+from omnisim.core.files.parameters import LARGEST, Fraction, Name, Table
 from omnisim.datasets.generate.distributions import Distributed, Distribution, within
 
-Name = Annotated[str, Field(min_length=1, strict=True)]
 MAX_IMAGES = 100_000  # of a shard, or a setup
 COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colors are known
 

@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
 from omnisim.core.files.npz_file import read_arrays
-from omnisim.core.files.parameters import Positive, Signed, Table, parse_table
+from omnisim.core.files.parameters import Point, Positive, Table, parse_table
 from omnisim.core.files.sources import read_source
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint, content_fingerprint
 from omnisim.scene.light.baked_light import FACTORS, LARGEST, BakedLight, Probes
@@ -41,7 +41,7 @@ class _OpenTable(Table):
 
 
 class _Grid(_OpenTable):
-    origin_m: tuple[Signed, Signed, Signed]
+    origin_m: Point
     spacing_m: tuple[Positive, Positive, Positive]
     shape: tuple[Count, Count, Count]
 
