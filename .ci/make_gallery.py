@@ -34,7 +34,7 @@ VIEWPOINT_M = (0.6, -0.5, 1.2)  # off the middle: an image that is turned or mir
 YAW_DEG = 40.0
 LONGER_SIDE_PX = 400
 SUPERSAMPLING = 4
-LARGEST_BYTES = 40_000
+MAX_BYTES = 40_000
 SHEET = "all.jpg"
 COLUMNS, CELL_PX, LABEL_PX = 5, 190, 20
 OUTSIDE = (24, 24, 28)  # where a camera sees nothing
@@ -174,9 +174,9 @@ def main() -> None:
     images = {}
     for model, camera in cameras.items():
         images[model] = image_of(camera)
-        _save(images[model], FOLDER / f"{model}.jpg", LARGEST_BYTES)
+        _save(images[model], FOLDER / f"{model}.jpg", MAX_BYTES)
         print(f"{model}: {camera.width_px} × {camera.height_px} px")
-    _save(_sheet(images), FOLDER / SHEET, 4 * LARGEST_BYTES)
+    _save(_sheet(images), FOLDER / SHEET, 4 * MAX_BYTES)
     _save(_strip(images), STRIP, STRIP_BYTES)
     print(f"{FOLDER.relative_to(ROOT)}: {len(images)} models")
 

@@ -21,9 +21,9 @@ from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.robots.waypoints import check_waypoints
 
-MOST_POSES = 1_000_000
+MAX_POSES = 1_000_000
 # Turns below are rounding of the waypoints; half turns this close to one go left, too.
-SMALLEST_TURN_RAD = 1e-9
+MIN_TURN_RAD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +138,9 @@ def _segments(
     for point, leg, heading in zip(points, legs, headings.tolist(), strict=False):
         x, y = point.tolist()
         turn = wrap_angle(heading - yaw)
-        if turn < SMALLEST_TURN_RAD - math.pi:
+        if turn < MIN_TURN_RAD - math.pi:
             turn += 2.0 * math.pi
-        if abs(turn) > SMALLEST_TURN_RAD:
+        if abs(turn) > MIN_TURN_RAD:
             yield Segment((x, y, yaw), (0.0, 0.0), turn, *turning)
         yaw = heading
         yield Segment((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
@@ -148,8 +148,8 @@ def _segments(
 
 def _count(steps: float) -> int:
     """Whole steps; 5.4 m at 0.1 m are 54, whatever the rounding."""
-    if steps > MOST_POSES:
-        raise TrajectoryError(f"{steps:.3g} steps: expected at most {MOST_POSES}: make them longer")
+    if steps > MAX_POSES:
+        raise TrajectoryError(f"{steps:.3g} steps: expected at most {MAX_POSES}: make them longer")
     return max(1, math.ceil(steps - 1e-9))
 
 
@@ -158,9 +158,9 @@ def _sample(segments: list[Segment], counts: list[int], period_s: float | None =
 
     The steps are equal in time where a period is given, and else equally long.
     """
-    if sum(counts) > MOST_POSES:
+    if sum(counts) > MAX_POSES:
         raise TrajectoryError(
-            f"{sum(counts)} steps: expected at most {MOST_POSES}: make them longer"
+            f"{sum(counts)} steps: expected at most {MAX_POSES}: make them longer"
         )
     if period_s is not None:
         segments = [

@@ -30,15 +30,15 @@ import pydantic
 from pydantic import Field
 
 from omnisim.core.errors import OmnisimError, OpticsError
-from omnisim.core.files.table_faults import SMALLEST, fault_line
+from omnisim.core.files.table_faults import MIN_POSITIVE, fault_line
 
-LARGEST = 1e9  # products and quotients of a few stay within float32, as on the GPU
+MAX_NUMBER = 1e9  # products and quotients of a few stay within float32, as on the GPU
 
 Number = Annotated[float, Field(strict=True)]  # no "11", no true; whole numbers are fine
 IntOrFloat = pydantic.StrictInt | pydantic.StrictFloat  # a number as it was written
-NotNegative = Annotated[Number, Field(ge=0.0, le=LARGEST)]
-Positive = Annotated[Number, Field(ge=SMALLEST, le=LARGEST)]
-Signed = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
+NotNegative = Annotated[Number, Field(ge=0.0, le=MAX_NUMBER)]
+Positive = Annotated[Number, Field(ge=MIN_POSITIVE, le=MAX_NUMBER)]
+Signed = Annotated[Number, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]
 Fraction = Annotated[Number, Field(ge=0.0, le=1.0)]
 AboveZero = Annotated[Number, Field(gt=0.0)]
 Level = Annotated[Number, Field(ge=0.0)]

@@ -13,7 +13,7 @@ from omnisim.core.files.parameters import AboveZero, Flag, Level, Name, Number, 
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
 
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
-LARGEST_CLASS = 60_000  # files have 16 bits; some are left for the unlabeled
+MAX_CLASS = 60_000  # files have 16 bits; some are left for the unlabeled
 LinearRgb = tuple[Level, Level, Level]
 
 
@@ -196,7 +196,7 @@ class LabelTable(Table):
     """Names of nodes; `*` and `?` stand for any letters; the first table that matches is taken."""
     color: tuple[Byte, Byte, Byte] | None = None
     """8-bit sRGB in images; chosen where it is left out."""
-    id: Annotated[int, Field(ge=1, le=LARGEST_CLASS, strict=True)] | None = None
+    id: Annotated[int, Field(ge=1, le=MAX_CLASS, strict=True)] | None = None
     """ID of the class in the channel; the next free one where it is left out."""
 
 

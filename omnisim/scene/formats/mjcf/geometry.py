@@ -24,7 +24,7 @@ from omnisim.scene.primitives import (
 
 Geom = mujoco.mjtGeom
 # Half size of an infinite plane: where MuJoCo's own cameras end, or this far at least.
-LEAST_REACH_M = 100.0
+MIN_REACH_M = 100.0
 
 
 class Shape(NamedTuple):
@@ -60,7 +60,7 @@ def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
         surface = _height_field(model, data)
         return Shape(surface, None, _scaled(surface, model.hfield_size[data][:3]))
     if kind == Geom.mjGEOM_PLANE:
-        reach_m = max(float(model.vis.map.zfar * model.stat.extent), LEAST_REACH_M)
+        reach_m = max(float(model.vis.map.zfar * model.stat.extent), MIN_REACH_M)
         surface = rectangle(*(float(half) if half > 0.0 else reach_m for half in size[:2]))
         return Shape(surface, None, _scaled(surface, size))
     return _PRIMITIVES[kind](size)

@@ -26,8 +26,8 @@ from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.formats.xml.omissions import Omissions
 
-_DEEPEST = 24  # models in models
-_MOST = 200_000  # models of a world: a few files that include each other twice make billions
+_MAX_DEPTH = 24  # models in models
+_MAX_MODELS = 200_000  # models of a world: a few files that include each other twice make billions
 _SHOWN = 4  # names in a notice
 UNPLACED = "left out with the models that they are posed relative to"
 ENTITIES = ("model", "light", "actor")
@@ -119,8 +119,8 @@ class ModelLibrary:
             SceneError: a file that is damaged, models without end, or values that are none.
         """
         self._count += 1
-        if depth > _DEEPEST or self._count > _MOST:
-            raise element.error(f"at most {_DEEPEST} models in each other", "more, or a circle")
+        if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
+            raise element.error(f"at most {_MAX_DEPTH} models in each other", "more, or a circle")
         model = Model(name, element)
         taken: set[str] = set()
         for child in element.children("model", "include"):

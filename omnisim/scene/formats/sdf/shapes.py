@@ -169,8 +169,8 @@ _FEW = 20  # round shapes that may be as fine as they like
 
 def most_segments(round_shapes: int) -> int:
     """Segments of a circle in a world of so many round shapes: their triangles stay as many."""
-    fair = primitives.MOST_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
-    return max(4 * round(fair / 4.0), primitives.LEAST_SEGMENTS)
+    fair = primitives.MAX_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
+    return max(4 * round(fair / 4.0), primitives.MIN_SEGMENTS)
 
 
 def make_shape(geometry: XmlElement, kind: XmlElement, most: int) -> Shape:
