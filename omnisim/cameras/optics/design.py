@@ -24,7 +24,7 @@ import scipy  # its submodules load when first used
 
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.toml_file import toml_tables
+from omnisim.core.files.toml_file import toml_text
 
 POINTS = 501
 _TOLERANCE = 1e-12
@@ -112,7 +112,7 @@ class Design:
             "focal_length_px": focal_px,
         }
         surface = {"shape": "table", "file": profile, "position_m": [0.0, 0.0, self.vertex_m]}
-        return "".join(toml_tables({"camera": camera, "surfaces": [surface]})).lstrip()
+        return toml_text({"camera": camera, "surfaces": [surface]})
 
     def _solved(self, theta_rad: Callable[[float, float, float], float]) -> DesignedProfile:
         """Profile by its differential equation; θ is a function of image radius, r and z."""
