@@ -69,6 +69,7 @@ class Comment(str):
 
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
 def toml_text(table: Mapping[str, Any], path: str = "") -> str:
@@ -80,11 +81,7 @@ def toml_text(table: Mapping[str, Any], path: str = "") -> str:
     """
     given = {key: value for key, value in table.items() if value is not None}
     inner = {key: value for key, value in given.items() if _tables_in(value)}
-    lines = [
-        f"# {value}\n" if isinstance(value, Comment) else f"{_key(key)} = {_value(value)}\n"
-        for key, value in given.items()
-        if key not in inner
-    ]
+    lines = [_line(key, value) for key, value in given.items() if key not in inner]
     parts = ["".join(lines)] if lines else []
     for key, value in inner.items():
         below = f"{path}.{_key(key)}" if path else _key(key)
@@ -94,6 +91,12 @@ def toml_text(table: Mapping[str, Any], path: str = "") -> str:
             has_own = is_list or not one or any(not _tables_in(each) for each in one.values())
             parts.append((header if has_own else "") + toml_text(one, below))
     return "\n".join(parts)
+
+
+def _line(key: str, value: Any) -> str:
+    if isinstance(value, Comment):
+        return f"# {_CONTROL.sub(' ', value)}\n"
+    return f"{_key(key)} = {_value(value)}\n"
 
 
 def _tables_in(value: Any) -> list[Mapping[str, Any]]:

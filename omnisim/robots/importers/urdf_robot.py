@@ -14,8 +14,8 @@ from omnisim.core.errors import RobotFileError, SceneError
 from omnisim.core.short_repr import counted
 from omnisim.robots.importers.gazebo.drive_plugins import is_wheel_drive, stated_limits
 from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
-from omnisim.robots.importers.imported_model import ImportedModel, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, robot_file
+from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
+from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
 from omnisim.scene import Scene
 from omnisim.scene.files.search_path import ResourcePath
@@ -28,12 +28,11 @@ from omnisim.sensors.sensor_names import folder_name
 Poses = Mapping[str, NDArray[np.float64]]  # of the links
 
 
-def import_urdf(path: Path, output: Path, resources: Sequence[str | Path] = ()) -> ImportedModel:
+def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
     """Import a robot.
 
     Args:
         path: of the file.
-        output: the robot file that it is for: files that it names are relative to it.
         resources: folders of the packages that it names.
 
     Raises:
@@ -56,7 +55,7 @@ def import_urdf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
     found = Mechanics(robot.name or path.stem, wheels, mass_kg, center_m, sensors, limits)
     texts = {value for element in root.iter() for value in element.attrib.values()}
     folders = ResourcePath(path, resources).used(sorted(one for one in texts if "://" in one))
-    return robot_file(found, path, output, body, folders, notices)
+    return imported_robot(found, path, body, folders, notices)
 
 
 def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Wheel]:

@@ -6,8 +6,8 @@ import math
 import re
 
 from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.robots.importers.usarsim.ini import Entry, Notice, Section
-from omnisim.robots.importers.usarsim.robot_text import Sensor
 from omnisim.robots.importers.usarsim.usarsim_parts import Part, Units, angle_rad, length_m, number
 
 _SONAR, _INFRARED = re.compile(r"sonar(?!array)"), re.compile(r"^ir\d*(sensor)?$|infrared")
@@ -18,7 +18,7 @@ MAX_COUNT = 360
 
 def find_range_sensor(
     part: Part, own: Section | None, units: Units, left_out: list[Notice]
-) -> Sensor | None:
+) -> ImportedSensor | None:
     """Read a sonar or an infrared sensor; None: the part is neither."""
     is_sonar = _SONAR.search(part.short_class)
     if not (is_sonar or _INFRARED.search(part.short_class)):
@@ -44,10 +44,9 @@ def find_range_sensor(
         left_out.append((part.entry.line, words))
     elif unread:
         left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
-    return Sensor(
+    return ImportedSensor(
         name=part.name,
-        entry=part.entry,
-        kind="usarsim_sonar" if is_sonar else "usarsim_ir_sensor",
+        type="usarsim_sonar" if is_sonar else "usarsim_ir_sensor",
         position_m=part.position_m,
         angles_deg=part.angles_deg,
         comments=(f"line {part.entry.line}: {part}",),

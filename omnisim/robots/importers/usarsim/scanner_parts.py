@@ -6,8 +6,8 @@ import math
 import re
 
 from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.robots.importers.usarsim.ini import Entry, Notice, Section
-from omnisim.robots.importers.usarsim.robot_text import Sensor
 from omnisim.robots.importers.usarsim.usarsim_parts import Part, Units, angle_rad, length_m, number
 
 _SICK = re.compile(r"sick|lms\d|lms$")
@@ -18,7 +18,7 @@ TURN_RAD = 6.2832  # as it is written there
 
 def find_scanner(
     part: Part, own: Section | None, units: Units, left_out: list[Notice]
-) -> Sensor | None:
+) -> ImportedSensor | None:
     """Read a laser scanner; None with a notice where a part is none, or lacks its settings."""
     settings = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
@@ -53,10 +53,9 @@ def find_scanner(
         unread = [entry.key for key, entry in settings.items() if key not in _USED]
         if unread:
             left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
-    return Sensor(
+    return ImportedSensor(
         name=part.name,
-        entry=part.entry,
-        kind="usarsim_range_scanner",
+        type="usarsim_range_scanner",
         position_m=part.position_m,
         angles_deg=part.angles_deg,
         comments=(f"line {part.entry.line}: {part}",),
