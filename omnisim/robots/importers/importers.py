@@ -14,17 +14,51 @@ from omnisim.robots import Robot
 from omnisim.robots.importers.imported_robot import ImportedRobot
 from omnisim.robots.vehicle import Vehicle
 
-_GAZEBO, _MJCF = (".sdf", ".world"), (".xml", ".mjcf")
-SUFFIXES = (*_GAZEBO, ".urdf", *_MJCF)
+Resources = Sequence[str | Path]
+
+# Drives of robot files import none of the formats.
 
 
-def import_model(
-    path: Path, name: str | None = None, resources: Sequence[str | Path] = ()
-) -> ImportedRobot:
+def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
+    from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+
+    return import_model(path, name, resources)
+
+
+def _import_urdf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
+    from omnisim.robots.importers.urdf_robot import import_urdf
+
+    _check_no_name(path, name)
+    return import_urdf(path, resources)
+
+
+def _import_mjcf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
+    from omnisim.scene.formats.urdf.document import is_urdf
+
+    if is_urdf(path):
+        return _import_urdf(path, name, resources)
+    _check_no_name(path, name)
+    require_extra("mujoco", str(path))
+    from omnisim.robots.importers.mjcf_robot import import_mjcf  # of the extra
+
+    return import_mjcf(path, resources)
+
+
+_IMPORTERS = {
+    ".sdf": _import_gazebo,
+    ".world": _import_gazebo,
+    ".urdf": _import_urdf,
+    ".xml": _import_mjcf,
+    ".mjcf": _import_mjcf,
+}
+SUFFIXES = tuple(_IMPORTERS)
+
+
+def import_model(path: Path, name: str | None = None, resources: Resources = ()) -> ImportedRobot:
     """Import the robot of a model.
 
     Args:
-        path: of Gazebo, URDF or MuJoCo.
+        path: of one of `SUFFIXES`.
         name: of the model, in a file of several.
         resources: folders of models and packages that it names.
 
@@ -34,23 +68,12 @@ def import_model(
     """
     if not path.is_file():
         raise RobotFileError(f"{path}: no such file")
-    # drives of robot files import none of these
-    if path.suffix.lower() in _GAZEBO:
-        from omnisim.robots.importers.gazebo.gazebo_robot import import_model as import_gazebo_model
+    return _IMPORTERS.get(path.suffix.lower(), _import_mjcf)(path, name, resources)
 
-        return import_gazebo_model(path, name, resources)
+
+def _check_no_name(path: Path, name: str | None) -> None:
     if name is not None:
         raise RobotFileError(f"{path}: --class: expected none, as the file has one robot")
-    from omnisim.scene.formats.urdf.document import is_urdf
-
-    if path.suffix.lower() == ".urdf" or is_urdf(path):
-        from omnisim.robots.importers.urdf_robot import import_urdf
-
-        return import_urdf(path, resources)
-    require_extra("mujoco", str(path))
-    from omnisim.robots.importers.mjcf_robot import import_mjcf  # of the extra
-
-    return import_mjcf(path, resources)
 
 
 class LoadedModel(NamedTuple):
@@ -67,7 +90,7 @@ class LoadedModel(NamedTuple):
     notices: tuple[str, ...]
 
 
-def load_robot_model(path: Path, resources: Sequence[str | Path] = ()) -> LoadedModel:
+def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:
     """Load the robot of a model.
 
     Raises:
