@@ -76,17 +76,6 @@ def plan_in_steps(
     return _sample(segments, counts)
 
 
-def drive_in_steps(
-    waypoints_m: ArrayLike,
-    kinematics: Kinematics,
-    step_m: float,
-    step_rad: float,
-    start_yaw_rad: float | None = None,
-) -> Trajectory:
-    """Trajectory of `plan_in_steps`."""
-    return plan_in_steps(waypoints_m, kinematics, step_m, step_rad, start_yaw_rad).trajectory
-
-
 def plan_with_period(
     waypoints_m: ArrayLike,
     kinematics: Kinematics,
@@ -112,16 +101,6 @@ def plan_with_period(
     segments = list(_segments(waypoints_m, kinematics, start_yaw_rad))
     counts = [_count(segment.duration_s / period_s) for segment in segments]
     return _sample(segments, counts, period_s)
-
-
-def drive_with_period(
-    waypoints_m: ArrayLike,
-    kinematics: Kinematics,
-    period_s: float,
-    start_yaw_rad: float | None = None,
-) -> Trajectory:
-    """Trajectory of `plan_with_period`."""
-    return plan_with_period(waypoints_m, kinematics, period_s, start_yaw_rad).trajectory
 
 
 def _segments(

@@ -66,12 +66,6 @@ def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
     return _PRIMITIVES[kind](size)
 
 
-def is_infinite(model: mujoco.MjModel, geom: int) -> bool:
-    """True for a plane without an end along x or y."""
-    is_plane = int(model.geom_type[geom]) == Geom.mjGEOM_PLANE
-    return is_plane and not bool((model.geom_size[geom][:2] > 0.0).all())
-
-
 def _scaled(surface: Surface, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Positions divided by sizes (3,), of which those that are 0 stand for 1."""
     return surface.positions / np.where(sizes > 0.0, sizes, 1.0)
