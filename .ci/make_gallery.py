@@ -10,6 +10,7 @@ import inspect
 import io
 import json
 import math
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -68,6 +69,9 @@ def presets(cameras: dict[str, CentralCamera]) -> str:
     return json.dumps({"lens": lenses, "optics": systems}, indent=1) + "\n"
 
 
+_DOMAIN = r"^Domain[^:\n]*: (.+?)(?:[.;:]?\n\n|[.;:]\s|, (?:where|with|which|the rim)|(?<=\)), θ_fold)"
+
+
 def page(cameras: dict[str, CentralCamera]) -> str:
     """README of the gallery."""
     parts = [
@@ -76,17 +80,35 @@ def page(cameras: dict[str, CentralCamera]) -> str:
         "`make gallery` from the models' docstrings. Lenses look ahead, and cameras with a mirror "
         "look up into it: letters are readable in the one and mirrored in the other. `omnisim live "
         f"{SCENE}` has each one click away, [in a browser](../../../docs/how-to/live.md).\n\n"
-        f"![all models]({SHEET})\n"
+        f"![all models]({SHEET})\n",
+        "| model | camera | domain |\n| --- | --- | --- |",
     ]
+    parts[1] += "".join(
+        f"\n| [`{model}`](#{model}) | {_docstring(camera)[0].rstrip('.')} | {_domain(camera)} |"
+        for model, camera in cameras.items()
+    )
+    parts[1] += "\n"
     for model, camera in cameras.items():
-        module = inspect.getmodule(type(camera))
-        title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
+        title, text = _docstring(camera)
         seen = field_of_view(camera)
         parts.append(
             f"## {model}\n\n{title}\n\n![{model}]({model}.jpg)\n\n{_summary(seen)} "
             f"{_parameters(camera)}\n\n{text}\n"
         )
     return "\n".join(parts)
+
+
+def _docstring(camera: CentralCamera) -> tuple[str, str]:
+    """First line of a model's module, in one line, and the rest."""
+    module = inspect.getmodule(type(camera))
+    title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
+    return " ".join(title.split()), text
+
+
+def _domain(camera: CentralCamera) -> str:
+    """First clause of a model's domain."""
+    found = re.search(_DOMAIN, _docstring(camera)[1] + "\n\n", re.MULTILINE | re.DOTALL)
+    return " ".join(found[1].split()) if found else ""
 
 
 def _summary(seen: FieldOfView) -> str:
