@@ -69,7 +69,9 @@ def presets(cameras: dict[str, CentralCamera]) -> str:
     return json.dumps({"lens": lenses, "optics": systems}, indent=1) + "\n"
 
 
-_DOMAIN = r"^Domain[^:\n]*: (.+?)(?:[.;:]?\n\n|[.;:]\s|, (?:where|with|which|the rim)|(?<=\)), θ_fold)"
+_DOMAIN = (
+    r"^Domain[^:\n]*: (.+?)(?:[.;:]?\n\n|[.;:]\s|, (?:where|with|which|the rim)|(?<=\)), θ_fold)"
+)
 
 
 def page(cameras: dict[str, CentralCamera]) -> str:
