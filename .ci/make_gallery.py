@@ -10,6 +10,7 @@ import inspect
 import io
 import json
 import math
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -34,7 +35,7 @@ VIEWPOINT_M = (0.6, -0.5, 1.2)  # off the middle: an image that is turned or mir
 YAW_DEG = 40.0
 LONGER_SIDE_PX = 400
 SUPERSAMPLING = 4
-LARGEST_BYTES = 40_000
+MAX_BYTES = 40_000
 SHEET = "all.jpg"
 COLUMNS, CELL_PX, LABEL_PX = 5, 190, 20
 OUTSIDE = (24, 24, 28)  # where a camera sees nothing
@@ -68,6 +69,11 @@ def presets(cameras: dict[str, CentralCamera]) -> str:
     return json.dumps({"lens": lenses, "optics": systems}, indent=1) + "\n"
 
 
+_DOMAIN = (
+    r"^Domain[^:\n]*: (.+?)(?:[.;:]?\n\n|[.;:]\s|, (?:where|with|which|the rim)|(?<=\)), θ_fold)"
+)
+
+
 def page(cameras: dict[str, CentralCamera]) -> str:
     """README of the gallery."""
     parts = [
@@ -76,17 +82,35 @@ def page(cameras: dict[str, CentralCamera]) -> str:
         "`make gallery` from the models' docstrings. Lenses look ahead, and cameras with a mirror "
         "look up into it: letters are readable in the one and mirrored in the other. `omnisim live "
         f"{SCENE}` has each one click away, [in a browser](../../../docs/how-to/live.md).\n\n"
-        f"![all models]({SHEET})\n"
+        f"![all models]({SHEET})\n",
+        "| model | camera | domain |\n| --- | --- | --- |",
     ]
+    parts[1] += "".join(
+        f"\n| [`{model}`](#{model}) | {_docstring(camera)[0].rstrip('.')} | {_domain(camera)} |"
+        for model, camera in cameras.items()
+    )
+    parts[1] += "\n"
     for model, camera in cameras.items():
-        module = inspect.getmodule(type(camera))
-        title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
+        title, text = _docstring(camera)
         seen = field_of_view(camera)
         parts.append(
             f"## {model}\n\n{title}\n\n![{model}]({model}.jpg)\n\n{_summary(seen)} "
             f"{_parameters(camera)}\n\n{text}\n"
         )
     return "\n".join(parts)
+
+
+def _docstring(camera: CentralCamera) -> tuple[str, str]:
+    """First line of a model's module, in one line, and the rest."""
+    module = inspect.getmodule(type(camera))
+    title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
+    return " ".join(title.split()), text
+
+
+def _domain(camera: CentralCamera) -> str:
+    """First clause of a model's domain."""
+    found = re.search(_DOMAIN, _docstring(camera)[1] + "\n\n", re.MULTILINE | re.DOTALL)
+    return " ".join(found[1].split()) if found else ""
 
 
 def _summary(seen: FieldOfView) -> str:
@@ -174,9 +198,9 @@ def main() -> None:
     images = {}
     for model, camera in cameras.items():
         images[model] = image_of(camera)
-        _save(images[model], FOLDER / f"{model}.jpg", LARGEST_BYTES)
+        _save(images[model], FOLDER / f"{model}.jpg", MAX_BYTES)
         print(f"{model}: {camera.width_px} × {camera.height_px} px")
-    _save(_sheet(images), FOLDER / SHEET, 4 * LARGEST_BYTES)
+    _save(_sheet(images), FOLDER / SHEET, 4 * MAX_BYTES)
     _save(_strip(images), STRIP, STRIP_BYTES)
     print(f"{FOLDER.relative_to(ROOT)}: {len(images)} models")
 

@@ -37,7 +37,7 @@ HEIGHTS_M = {"equi-ground": 0.6}  # that the mirror is designed for
 YAW_DEG = 40.0
 LONGER_SIDE_PX = 440
 SUPERSAMPLING = 4
-LARGEST_BYTES = 50_000
+MAX_BYTES = 50_000
 PLOT_COLORS = 64
 OUTSIDE = (24, 24, 28)  # where a camera sees nothing
 ORDER = (
@@ -159,7 +159,7 @@ def _save_image(image: Image.Image, name: str) -> None:
     for quality in range(92, 20, -4):
         data = io.BytesIO()
         image.save(data, "JPEG", quality=quality, optimize=True)
-        if data.tell() <= LARGEST_BYTES:
+        if data.tell() <= MAX_BYTES:
             break
     (IMAGES / f"{name}.jpg").write_bytes(data.getvalue())
 

@@ -11,7 +11,7 @@ from benchmarks.timer import ROUNDS, WARM_UP, without_progress
 
 # Iterates over steps, given a description and their number.
 Progress = Callable[[Iterable[int], str, int], Iterator[int]]
-FEWEST_ROUNDS, FEWEST_TO_WARM_UP = 6, 2  # six are the fewest whose extremes hold a median at 95 %
+MIN_ROUNDS, MIN_TO_WARM_UP = 6, 2  # six are the fewest whose extremes hold a median at 95 %
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,6 @@ class Options:
         """Options with so many times fewer rounds, for slow variants."""
         return dataclasses.replace(
             self,
-            rounds=min(self.rounds, max(FEWEST_ROUNDS, self.rounds // times)),
-            warm_up=min(self.warm_up, max(FEWEST_TO_WARM_UP, self.warm_up // times)),
+            rounds=min(self.rounds, max(MIN_ROUNDS, self.rounds // times)),
+            warm_up=min(self.warm_up, max(MIN_TO_WARM_UP, self.warm_up // times)),
         )

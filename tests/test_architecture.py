@@ -40,6 +40,7 @@ OPENGL_LAYERS = (
 )
 HOMES = {
     "moderngl": {"rendering.opengl"},
+    "mapbox_earcut": {"scene"},
     "trimesh": {"scene"},
     "PIL": {"scene", "validation.plots"},  # textures; captions without matplotlib
     "OpenImageIO": {"core.files"},

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from omnisim.core.files.toml_file import toml_text
+from omnisim.core.files.toml_file import Comment, toml_text
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 
 TABLES = (
@@ -27,3 +27,8 @@ def test_text_is_read_back_as_the_same_table(table):
 
 def test_none_leaves_a_key_out():
     assert toml_text({"a": None, "b": 1}) == "b = 1\n"
+
+
+def test_comments_are_lines_of_their_own():
+    text = toml_text({"#": Comment("one\nline"), "b": [{"c": Comment("beside"), "d": 2}]})
+    assert text == "# one line\n\n[[b]]\n# beside\nd = 2\n"

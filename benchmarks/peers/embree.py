@@ -10,7 +10,7 @@ from benchmarks.peers.hit_colors import HitColors
 from benchmarks.peers.peer import CAMERA, ImagePeer, Peer
 from omnisim.scene.model import Scene
 
-MOST_LAYERS = 16  # surfaces on one ray that something behind is seen through
+MAX_LAYERS = 16  # surfaces on one ray that something behind is seen through
 # How far behind a surface a ray goes on, as a share of its range: some roundings of a float32.
 _BEYOND = 1e-5
 
@@ -52,7 +52,7 @@ class EmbreeColors(ImagePeer):
         total = np.zeros_like(directions)
         rays = np.arange(len(total))
         share = np.ones((len(rays), 1), dtype=np.float32)
-        for _ in range(MOST_LAYERS):
+        for _ in range(MAX_LAYERS):
             found = self.rays.mesh.hits(origins_m, directions)
             hit = np.flatnonzero(found.triangles >= 0)
             if len(hit) < len(rays):

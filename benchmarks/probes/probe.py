@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Long enough that a wait for the GPU of some 10 µs does not count.
-LEAST_SECONDS = 3e-3
-LEAST_FILL_SECONDS = 5e-4  # of one draw: several make a probe, and a call costs some 2 µs
-MOST_REPEATS = 4096
-SMALLEST_SIDE_PX, LARGEST_SIDE_PX = 512, 4096
+MIN_SECONDS = 3e-3
+MIN_FILL_SECONDS = 5e-4  # of one draw: several make a probe, and a call costs some 2 µs
+MAX_REPEATS = 4096
+MIN_SIDE_PX, MAX_SIDE_PX = 512, 4096
 _TRIES = 3  # the quickest counts: the first compiles
 
 
@@ -65,16 +65,16 @@ def repeated(
         return work
 
     times = 1
-    while times < MOST_REPEATS and quickest(work_of(times)) < LEAST_SECONDS:
+    while times < MAX_REPEATS and quickest(work_of(times)) < MIN_SECONDS:
         times *= 2
     return Probe(name, unit, times * amount, work_of(times))
 
 
 def side_px(context: moderngl.Context) -> int:
     """Side of a square that takes long enough to fill, if any does."""
-    side = SMALLEST_SIDE_PX
+    side = MIN_SIDE_PX
     with context:
-        while side < LARGEST_SIDE_PX:
+        while side < MAX_SIDE_PX:
             target = context.framebuffer([context.renderbuffer((side, side), 4)])
             program = context.program(vertex_shader=FULL_SCREEN, fragment_shader=CONSTANT)
             vertex_array = context.vertex_array(program, [])
@@ -84,7 +84,7 @@ def side_px(context: moderngl.Context) -> int:
                 drawn.render(moderngl.TRIANGLES, vertices=3)
                 context.finish()
 
-            if quickest(fill) >= LEAST_FILL_SECONDS:
+            if quickest(fill) >= MIN_FILL_SECONDS:
                 break
             side *= 2
     return side

@@ -24,8 +24,8 @@ HALF_M = 3.0
 _REPEATS = 4.0  # of the texture along a wall: finer than the texels, so that two levels are read
 _TEXTURE_PX = 256
 # Of the image: half a million texels, on a GPU up to eight million.
-_SIDE_PX, _LARGEST_SIDE_PX = 512, 2048
-_LEAST_SECONDS = 5e-3  # Python's calls are some tenths of a millisecond
+_SIDE_PX, _MAX_SIDE_PX = 512, 2048
+_MIN_SECONDS = 5e-3  # Python's calls are some tenths of a millisecond
 
 
 def empty_room(scene: Scene) -> Scene:
@@ -54,7 +54,7 @@ def room_probe(scene: str, room: Stage) -> Probe:
     while True:
         camera = at_setting(OmniCamera(polygons=PAPER_POLYGONS), "fast").resized(side_px)
         frame = RepeatedFrame.at_start(room, camera)
-        if quickest(frame.render_faces) >= _LEAST_SECONDS or 2 * side_px > _LARGEST_SIDE_PX:
+        if quickest(frame.render_faces) >= _MIN_SECONDS or 2 * side_px > _MAX_SIDE_PX:
             break
         frame.renderer.close()
         side_px *= 2

@@ -42,10 +42,10 @@ HELD = "fast"  # the setting whose bounds count
 FRAMES = {"fast": 500, "default": 100}
 SETTLED = 50  # frames until all that is made once is made
 STARTS = 5
-MOST_UNEVEN = 1.3  # p99 to p50
+MAX_UNEVEN = 1.3  # p99 to p50
 # Python asks the system for an arena of 1 MiB at a time: less cannot be text from none.
-MOST_GROWTH_MIB = 1.0
-MOST_START_S = 1.5
+MAX_GROWTH_MIB = 1.0
+MAX_START_S = 1.5
 SLOW = 1.3  # times the median
 _NEAR = 31  # frames whose median is what the view costs
 _FILL_SIDE_PX = 512
@@ -252,13 +252,13 @@ def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
     for row in _of_kind(rows, "frames"):
         if row["setting"] == HELD:
             name = f"p99 to p50 of {row['rounds']} frames, {HELD}"
-            bounds.append(Measure(name, row["p99_to_p50"], bound=MOST_UNEVEN))
+            bounds.append(Measure(name, row["p99_to_p50"], bound=MAX_UNEVEN))
     for row in _of_kind(rows, "memory"):
         name = f"memory grown after frame {row['settled_frames']}, {row['setting']}, MiB"
-        bounds.append(Measure(name, row["growth_mib"], bound=MOST_GROWTH_MIB))
+        bounds.append(Measure(name, row["growth_mib"], bound=MAX_GROWTH_MIB))
     for row in _of_kind(rows, "start-up"):
         if row["what"] == CACHED:
-            bounds.append(Measure("start to first image, s", row["seconds"], bound=MOST_START_S))
+            bounds.append(Measure("start to first image, s", row["seconds"], bound=MAX_START_S))
     return bounds
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from omnisim.validation.plots import style
 
-_MOST = 4.0  # times the median: what is above is cut off
+_MAX_RATIO = 4.0  # times the median: what is above is cut off
 
 
 def drive_figure(report: dict[str, Any]) -> Figure:
@@ -56,6 +56,6 @@ def drive_figure(report: dict[str, Any]) -> Figure:
         ):
             values = series[name]
             below.plot(values / np.median(values), color=color, linewidth=0.8, label=label)
-        below.set_ylim(0.0, _MOST)
+        below.set_ylim(0.0, _MAX_RATIO)
         below.legend(framealpha=0.85, edgecolor="none", fontsize=8, ncols=3, loc="upper left")
     return figure

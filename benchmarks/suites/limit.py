@@ -48,9 +48,9 @@ from omnisim.rendering.stage import Stage
 from omnisim.validation.report.measure import Measure
 
 HELD = "fast"  # the setting whose bounds count
-MOST_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame
-MOST_SAMPLES = 3.7  # shaded for each pixel of the mirror
-MOST_FRAME_MS, MOST_BATCHED_MS = 0.4, 0.03  # of the processor, for a frame, and in a batch
+MAX_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame
+MAX_SAMPLES = 3.7  # shaded for each pixel of the mirror
+MAX_FRAME_MS, MAX_BATCHED_MS = 0.4, 0.03  # of the processor, for a frame, and in a batch
 
 figure = limit_figure
 
@@ -179,16 +179,16 @@ def _bounds(rows: Sequence[dict[str, Any]]) -> list[Measure]:
     return [
         Measure(f"the processor's ms {what}: {row['scene']}", row[key], bound=most)
         for what, key, most in (
-            (f"a frame of {FRAME_PX}²", "frame_ms", MOST_FRAME_MS),
-            (f"an image of {BATCH_PX}² in a batch of {BATCH}", "batched_ms", MOST_BATCHED_MS),
+            (f"a frame of {FRAME_PX}²", "frame_ms", MAX_FRAME_MS),
+            (f"an image of {BATCH_PX}² in a batch of {BATCH}", "batched_ms", MAX_BATCHED_MS),
         )
         for row in idle
     ] + [
         Measure(f"{what}: {row['scene']}, {HELD}", row[key], bound=most)
         for what, key, most in (
             ("mirror pass, capture and readback, of a frame",
-             "after_faces_share", MOST_AFTER_FACES),
-            ("shaded samples a pixel of the mirror", "samples_a_mirror_px", MOST_SAMPLES),
+             "after_faces_share", MAX_AFTER_FACES),
+            ("shaded samples a pixel of the mirror", "samples_a_mirror_px", MAX_SAMPLES),
         )
         for row in held
     ]  # fmt: skip

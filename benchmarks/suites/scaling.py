@@ -45,8 +45,8 @@ TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000)
 SIZES_PX = (128, 256, 512, 1024, 2048)
 CAMERAS = (1, 2, 4, 8, 16, 32, 64)
 BATCHES, BATCH_PX = (1, 2, 4, 8, 16, 32, 64, 128, 256), 84  # images, and their side
-HELD_BATCH, MOST_BATCH_RATIO = 64, 0.6  # of the time of single frames
-LARGE, LEAST = 1_000_000, 1.0  # as large as towns are that the bound is asked for
+HELD_BATCH, MAX_BATCH_RATIO = 64, 0.6  # of the time of single frames
+LARGE, MIN_RATIO = 1_000_000, 1.0  # as large as towns are that the bound is asked for
 OURS, AS_GOOD, EMBREE = "omnisim", "omnisim, as good as a ray a pixel", "embree"
 POSES = 6
 # Along the street and across it, and turned: nothing is special about one heading.
@@ -82,7 +82,7 @@ def run(
     bounds = [
         Measure(
             f"Embree's rays to a frame, {row['triangles']} triangles", row["embree_ratio"],
-            bound=LEAST, at_least=True,
+            bound=MIN_RATIO, at_least=True,
         )
         for count, row in zip(triangles, rows, strict=True)
         if "embree_ratio" in row and count <= LARGE
@@ -98,7 +98,7 @@ def run(
             Measure(
                 f"a batch of {row['cameras']} images of {BATCH_PX}² to single frames",
                 row["batch_ratio"],
-                bound=MOST_BATCH_RATIO,
+                bound=MAX_BATCH_RATIO,
             )
             for row in rows
             if row["against"] == "batch" and row["cameras"] == HELD_BATCH

@@ -28,12 +28,12 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.monotone import LARGEST_RADIUS_PX, first_root, polyval, solve_polynomial
+from omnisim.cameras.monotone import MAX_RADIUS_PX, first_root, polyval, solve_polynomial
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.core.errors import OpticsError
 
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
-LEAST_SLOPE = 1e-3  # of the slope at the axis
+MIN_SLOPE = 1e-3  # of the slope at the axis
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,9 @@ class FThetaInverseCamera(RadialCamera):
         """Radius where the domain ends."""
         thetas = np.array([0.0, *self.coefficients])
         slopes = polynomial.polyder(thetas)
-        slopes[0] *= 1.0 - LEAST_SLOPE
+        slopes[0] *= 1.0 - MIN_SLOPE
         thetas[0] = -self.theta_max_rad
-        end = first_root(thetas, LARGEST_RADIUS_PX)
+        end = first_root(thetas, MAX_RADIUS_PX)
         return first_root(slopes, end)
 
     @property

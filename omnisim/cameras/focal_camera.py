@@ -11,7 +11,7 @@ from omnisim.core.errors import OpticsError
 
 # Far past any camera; squares of what follows from them still fit into a float.
 FOCAL_LENGTHS_PX = (1e-30, 1e30)
-LARGEST_PX = 1e15
+MAX_PX = 1e15
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ class TwoFocalCamera(ParametricCamera):
 
 
 def _check_principal_point(principal_point_px: tuple[float, float]) -> None:
-    if not all(abs(value) <= LARGEST_PX for value in principal_point_px):
+    if not all(abs(value) <= MAX_PX for value in principal_point_px):
         raise OpticsError(
-            f"camera: principal_point_px: expected numbers within ±{LARGEST_PX:g}, "
+            f"camera: principal_point_px: expected numbers within ±{MAX_PX:g}, "
             f"got {principal_point_px}"
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from omnisim.core.errors import OpticsError
 
-LARGEST_COEFFICIENT = 1e60  # times a power of a radius it is finite
+MAX_COEFFICIENT = 1e60  # times a power of a radius it is finite
 
 
 def check_limits(
@@ -79,8 +79,8 @@ def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
     if not isinstance(value, list | tuple):
         raise _unexpected(key, "a list of numbers", value)
     found = tuple(number({key: one}, key) for one in value)
-    if found and max(map(abs, found)) > LARGEST_COEFFICIENT:
-        raise _unexpected(key, f"numbers up to {LARGEST_COEFFICIENT:g}", value)
+    if found and max(map(abs, found)) > MAX_COEFFICIENT:
+        raise _unexpected(key, f"numbers up to {MAX_COEFFICIENT:g}", value)
     return found
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Coefficients = Sequence[float] | NDArray[np.floating[Any]]
 
-LARGEST_RADIUS_PX = 1e12  # far beyond any image
+MAX_RADIUS_PX = 1e12  # far beyond any image
 _EPS = float(np.finfo(float).eps)
 MAX_STEPS = 100  # bisection alone needs some sixty
 

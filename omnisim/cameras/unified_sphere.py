@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays
+from omnisim.cameras.plane_camera import EDGE_RAD, PlanePoints
 
 MAX_RADIUS = 1e6  # on the normalized plane, where nothing else ends it: a direction at its limit
 
@@ -39,3 +40,21 @@ def lift_alpha(plane: NDArray[np.float64], alpha: float) -> Rays:
     directions = np.concatenate((plane, z[..., None]), axis=-1)
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     return Rays(directions, valid)
+
+
+def project_alpha(
+    directions: NDArray[np.float64],
+    z: NDArray[np.float64],
+    distance: NDArray[np.float64],
+    alpha: float,
+    length: NDArray[np.float64],
+) -> PlanePoints:
+    """Points of the plane of directions (..., 3) that are at `z` of a `distance` to a center.
+
+    `length` (...,) is the directions' own, which counts for rounding.
+    """
+    valid = z > (cosine_limit(alpha) - EDGE_RAD) * distance
+    scale = alpha * distance + (1.0 - alpha) * z
+    valid &= scale > 1e-12 * length
+    scale = np.where(valid, scale, 1.0)
+    return PlanePoints(directions[..., :2] / scale[..., None], valid)

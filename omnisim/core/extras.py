@@ -12,6 +12,7 @@ DISTRIBUTION = "omnisim-camera"  # the index has another one that is called omni
 
 # Module of each package, by the package's name on the index, as in pyproject.toml.
 REQUIRED = {
+    "mapbox-earcut": "mapbox_earcut",
     "numpy": "numpy",
     "OpenImageIO": "OpenImageIO",
     "pillow": "PIL",

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.core.errors import OmnisimError
 
 # Beyond, products of coordinates overflow the GPU's floats.
-LARGEST_M = 1e15
+MAX_M = 1e15
 # Looser than float32 rounding of a rotation, far below a tenth of a pixel.
 POSE_TOLERANCE = 1e-6
 
@@ -34,10 +34,9 @@ def pose(
     """
     position = np.asarray(position_m, dtype=np.float64)
     angles_deg = (roll_deg, pitch_deg, yaw_deg)
-    if position.shape != (3,) or not np.all(np.abs(position) < LARGEST_M):  # false for NaN, too
+    if position.shape != (3,) or not np.all(np.abs(position) < MAX_M):  # false for NaN, too
         raise OmnisimError(
-            f"position {position.tolist()}: expected three finite numbers in meters "
-            f"below {LARGEST_M:g}"
+            f"position {position.tolist()}: expected three finite numbers in meters below {MAX_M:g}"
         )
     if not all(math.isfinite(angle) for angle in angles_deg):
         raise OmnisimError(f"roll, pitch, yaw {angles_deg}: expected finite numbers in degrees")
@@ -81,7 +80,7 @@ def check_poses(matrices: object) -> NDArray[np.float64]:
         raise OmnisimError(
             f"poses: expected finite matrices (n, 4, 4), got an array of shape {checked.shape}"
         )
-    is_right = (np.abs(checked) < LARGEST_M).all(axis=(1, 2))
+    is_right = (np.abs(checked) < MAX_M).all(axis=(1, 2))
     if is_right.all():  # or squares may overflow
         is_right = is_pose(checked)
     if not is_right.all():
@@ -99,7 +98,7 @@ def _matrices(given: object, what: str) -> NDArray[np.float64]:
 
 
 def _check_values(matrix: NDArray[np.float64], what: str) -> None:
-    if not np.all(np.abs(matrix) < LARGEST_M):
+    if not np.all(np.abs(matrix) < MAX_M):
         raise OmnisimError(f"{what}: expected a finite 4 × 4 matrix")
     if not is_pose(matrix):
         raise OmnisimError(f"{what}: expected a rotation and a translation, no scale, no mirroring")

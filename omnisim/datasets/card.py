@@ -17,7 +17,7 @@ from omnisim.datasets.statistics import RANGE_EDGES_M, Statistics
 EXAMPLE = "example.jpg"
 EXAMPLES, EXAMPLE_COLUMNS, GAP_PX = 8, 4, 4
 BAR = 30  # letters of the longest bar
-MOST_CLASSES = 60
+MAX_CLASSES = 60
 
 
 def write_card(folder: Path, manifest: Manifest) -> None:
@@ -61,7 +61,7 @@ def _text(manifest: Manifest) -> str:
         _table("Samples by scene", statistics.scenes),
         _table("Samples by camera", statistics.cameras),
         _ranges(statistics),
-        _table("Pixels by class", dict(statistics.classes.most_common(MOST_CLASSES))),
+        _table("Pixels by class", dict(statistics.classes.most_common(MAX_CLASSES))),
     ]
     return "\n".join(part for part in parts if part)
 

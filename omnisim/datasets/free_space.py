@@ -22,7 +22,7 @@ from omnisim.scene.model import Scene
 from omnisim.scene.space.floor import HeightField
 from omnisim.scene.space.triangles import triangles_within
 
-MOST_CELLS = 1000  # to a side of the floor plan, around the scene's start
+MAX_CELLS = 1000  # to a side of the floor plan, around the scene's start
 CELLS_PER_RADIUS = 4.0
 # From a surface to the point on it that is known, and from both ends to the middles of their cells.
 MARGIN_CELLS = 2.0 / 3.0 + math.sqrt(2.0)
@@ -167,8 +167,8 @@ class _Grid:
         """Cells of a scene, as far as they are near its start."""
         low, high = (corner[:2] for corner in scene.bounds_m())
         start = np.array(scene.start.position_m[:2])
-        low = np.maximum(low, start - 0.5 * MOST_CELLS * cell_m) - cell_m
-        high = np.minimum(high, start + 0.5 * MOST_CELLS * cell_m) + cell_m
+        low = np.maximum(low, start - 0.5 * MAX_CELLS * cell_m) - cell_m
+        high = np.minimum(high, start + 0.5 * MAX_CELLS * cell_m) + cell_m
         columns, rows = np.maximum(np.ceil((high - low) / cell_m).astype(int), 1)
         return cls(low, cell_m, (int(rows), int(columns)))
 

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from omnisim.core.files.atomic_file import atomic_write
 
-BLOCK_BYTES = 1 << 20
-
 
 def write_tar(path: Path, folder: Path) -> tuple[str, int]:
     """Write all files of a folder into a tar, whole or not at all.

@@ -43,9 +43,9 @@ from omnisim.ground_truth.previews import preview
 
 BOXES_3D = "boxes_3d.json"
 _SIDECARS = ("channels.json", "coco.json", BOXES_3D)  # beside those of single channels
-_LARGEST = 2**16 - 1
+_MAX_ID = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
-_NOTHING_HIT = _LARGEST
+_NOTHING_HIT = _MAX_ID
 _RANGE_ABOUT = (
     "length of the ray from the effective viewpoint, in steps, at least 1; the scale is this "
     "image's own"
@@ -196,12 +196,12 @@ def _normal_steps(normals: NDArray[Any]) -> NDArray[np.uint16]:
 
 
 def _share_steps(shares: NDArray[Any]) -> NDArray[np.uint16]:
-    steps = np.rint(1.0 + (_LARGEST - 1) * np.clip(shares, 0.0, 1.0))
+    steps = np.rint(1.0 + (_MAX_ID - 1) * np.clip(shares, 0.0, 1.0))
     return np.where(np.isnan(shares), 0.0, steps).astype(np.uint16)
 
 
 # Values as the numbers of a PNG file, and the scale that its description states.
-_SHARE_SCALE = {"zero": 1, "steps_per_unit": _LARGEST - 1}
+_SHARE_SCALE = {"zero": 1, "steps_per_unit": _MAX_ID - 1}
 _NORMAL_SCALE = {"zero": 32768, "steps_per_unit": 32767}
 _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]]] = {
     "normals": (_normal_steps, _NORMAL_SCALE),
@@ -245,8 +245,8 @@ def _write(
 def _ids(
     path: Path, name: str, ids: NDArray[np.integer[Any]], labels: Labels | None
 ) -> NDArray[np.uint8 | np.uint16]:
-    if ids.max(initial=0) > _LARGEST:
-        raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_LARGEST}: expected .exr")
+    if ids.max(initial=0) > _MAX_ID:
+        raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_MAX_ID}: expected .exr")
     # by the scene's labels, not the image's: all images of a scene have the same depth
     few = name == "semantic" and labels is not None and labels.classes[-1].id < 256
     return ids.astype(np.uint8 if few else np.uint16)

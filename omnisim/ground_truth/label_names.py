@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # the names of channels and classes alone need no NumPy
 
 NOTHING = 0  # ID of class and instance where nothing is hit
 _GOLDEN = 0.61803398875  # hues that far apart never come close to one another
-_LARGEST_ID = 2**32 - 1  # of the channels' type
+_MAX_ID = 2**32 - 1  # of the channels' type
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Labels:
 
 
 def _id(value: Any) -> int:
-    if not isinstance(value, int) or not 0 <= value <= _LARGEST_ID:
+    if not isinstance(value, int) or not 0 <= value <= _MAX_ID:
         raise ValueError("expected a whole number")
     return value
 

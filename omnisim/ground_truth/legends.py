@@ -11,7 +11,7 @@ from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.label_names import Labels, distinct_color
 from omnisim.ground_truth.previews import NEAR_TO_FAR, OCCLUSION, range_limits, signed_limit
 
-MOST_ITEMS = 14  # of a list, the largest first
+MAX_ITEMS = 14  # of a list, the largest first
 Legend = dict[str, Any]
 _AXES = {
     "position": "x, y, z modulo 1 m as red, green, blue",
@@ -64,8 +64,8 @@ def _items(ids: NDArray[Any], names: dict[int, str], colors: dict[int, str]) -> 
     present, counts = np.unique(ids, return_counts=True)
     order = np.argsort(-counts, kind="stable")
     found = [int(present[at]) for at in order if int(present[at]) in names]
-    items = [{"name": names[one], "color": colors[one]} for one in found[:MOST_ITEMS]]
-    return {"kind": "list", "items": items, "more": max(0, len(found) - MOST_ITEMS)}
+    items = [{"name": names[one], "color": colors[one]} for one in found[:MAX_ITEMS]]
+    return {"kind": "list", "items": items, "more": max(0, len(found) - MAX_ITEMS)}
 
 
 def _hex(color: Any) -> str:

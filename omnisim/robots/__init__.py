@@ -12,7 +12,7 @@ from omnisim.core.trajectories.odometry import (
 )
 from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.robots.kinematics import Kinematics, check_drivable, find_violation
-from omnisim.robots.motion_profile import drive_in_steps, drive_with_period
+from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
 from omnisim.robots.robot_file import Chassis, Footprint, Robot, load_robot, parse_robot, read_robot
 from omnisim.robots.robot_lookup import builtin_robots, find_robot
 from omnisim.robots.timing import time_poses
@@ -26,12 +26,12 @@ __all__ = [
     "Robot",
     "builtin_robots",
     "check_drivable",
-    "drive_in_steps",
-    "drive_with_period",
     "find_robot",
     "find_violation",
     "load_robot",
     "parse_robot",
+    "plan_in_steps",
+    "plan_with_period",
     "read_odometry",
     "read_robot",
     "simulate_odometry",

@@ -21,9 +21,9 @@ from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.robots.waypoints import check_waypoints
 
-MOST_POSES = 1_000_000
+MAX_POSES = 1_000_000
 # Turns below are rounding of the waypoints; half turns this close to one go left, too.
-SMALLEST_TURN_RAD = 1e-9
+MIN_TURN_RAD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,17 +76,6 @@ def plan_in_steps(
     return _sample(segments, counts)
 
 
-def drive_in_steps(
-    waypoints_m: ArrayLike,
-    kinematics: Kinematics,
-    step_m: float,
-    step_rad: float,
-    start_yaw_rad: float | None = None,
-) -> Trajectory:
-    """Trajectory of `plan_in_steps`."""
-    return plan_in_steps(waypoints_m, kinematics, step_m, step_rad, start_yaw_rad).trajectory
-
-
 def plan_with_period(
     waypoints_m: ArrayLike,
     kinematics: Kinematics,
@@ -114,16 +103,6 @@ def plan_with_period(
     return _sample(segments, counts, period_s)
 
 
-def drive_with_period(
-    waypoints_m: ArrayLike,
-    kinematics: Kinematics,
-    period_s: float,
-    start_yaw_rad: float | None = None,
-) -> Trajectory:
-    """Trajectory of `plan_with_period`."""
-    return plan_with_period(waypoints_m, kinematics, period_s, start_yaw_rad).trajectory
-
-
 def _segments(
     waypoints_m: ArrayLike, kinematics: Kinematics, start_yaw_rad: float | None
 ) -> Iterator[Segment]:
@@ -138,9 +117,9 @@ def _segments(
     for point, leg, heading in zip(points, legs, headings.tolist(), strict=False):
         x, y = point.tolist()
         turn = wrap_angle(heading - yaw)
-        if turn < SMALLEST_TURN_RAD - math.pi:
+        if turn < MIN_TURN_RAD - math.pi:
             turn += 2.0 * math.pi
-        if abs(turn) > SMALLEST_TURN_RAD:
+        if abs(turn) > MIN_TURN_RAD:
             yield Segment((x, y, yaw), (0.0, 0.0), turn, *turning)
         yaw = heading
         yield Segment((x, y, heading), tuple(leg.tolist()), 0.0, *driving)
@@ -148,8 +127,8 @@ def _segments(
 
 def _count(steps: float) -> int:
     """Whole steps; 5.4 m at 0.1 m are 54, whatever the rounding."""
-    if steps > MOST_POSES:
-        raise TrajectoryError(f"{steps:.3g} steps: expected at most {MOST_POSES}: make them longer")
+    if steps > MAX_POSES:
+        raise TrajectoryError(f"{steps:.3g} steps: expected at most {MAX_POSES}: make them longer")
     return max(1, math.ceil(steps - 1e-9))
 
 
@@ -158,9 +137,9 @@ def _sample(segments: list[Segment], counts: list[int], period_s: float | None =
 
     The steps are equal in time where a period is given, and else equally long.
     """
-    if sum(counts) > MOST_POSES:
+    if sum(counts) > MAX_POSES:
         raise TrajectoryError(
-            f"{sum(counts)} steps: expected at most {MOST_POSES}: make them longer"
+            f"{sum(counts)} steps: expected at most {MAX_POSES}: make them longer"
         )
     if period_s is not None:
         segments = [

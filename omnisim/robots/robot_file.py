@@ -14,25 +14,20 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from omnisim.core.errors import RobotFileError, TrajectoryError
-from omnisim.core.files.parameters import Number, Table, parse_table
+from omnisim.core.files.parameters import Coordinate, Length, Name, Number, Table, parse_table
 from omnisim.core.files.toml_file import read_toml
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.kinematics import DriveType, Kinematics
 from omnisim.robots.robot_lookup import find_robot
-from omnisim.sensors.sensor_names import Name
 
 # Of robots whose file does not say: a wheel of 0.2 m drives over a door sill.
 DEFAULT_CLEARANCE_M = 0.05
 
-Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
-Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
-Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Noise = Annotated[Number, Field(ge=0.0, le=1000.0)]
 Mass = Annotated[Number, Field(ge=1e-3, le=1e6)]
 Friction = Annotated[Number, Field(ge=1e-3, le=10.0)]
-Drift = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
 
 
 class _KinematicsTable(Table):
@@ -64,11 +59,11 @@ class _KinematicsTable(Table):
 class _OdometryTable(Table):
     """Errors of the wheels' readings."""
 
-    distance_scale: Scale = 1.0
+    distance_scale: Length = 1.0
     """Meters reported for a meter driven."""
-    turn_scale: Scale = 1.0
+    turn_scale: Length = 1.0
     """Radians reported for a radian turned: above 1 where wheels skid."""
-    drift_deg_per_m: Drift = 0.0
+    drift_deg_per_m: Coordinate = 0.0
     """Degrees of turn reported for a meter driven straight: wheels of unequal size."""
     distance_noise_m_per_sqrt_m: Noise = 0.0
     """Standard deviation of the distance after 1 m, meters."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -18,7 +19,7 @@ from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.degradations import Degradation
-from omnisim.rendering.camera.omnicamera import Polygons
+from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.robot_file import Footprint, Robot, load_robot
 from omnisim.scene import Scene, read_scene
@@ -76,8 +77,12 @@ class Vehicle:
         return cls.from_robot(load_robot(source))
 
     @classmethod
-    def from_robot(cls, robot: Robot) -> Vehicle:
+    def from_robot(cls, robot: Robot, cameras: Mapping[str, OmniCamera] = {}) -> Vehicle:
         """Build what a robot file describes.
+
+        Args:
+            robot: of a robot file, or of an import.
+            cameras: by the names of sensors, instead of those of sensor files.
 
         Raises:
             RobotFileError: a file that is missing or no body, a sensor that cannot be, that stands
@@ -85,12 +90,12 @@ class Vehicle:
             SensorFileError: naming the sensor file, key, value and what was expected.
         """
         with recorded_sources() as sources:
-            vehicle = cls._of(robot)
+            vehicle = cls._of(robot, cameras)
         tables = {key: value for key, value in vars(robot).items() if key not in _PLACES}
         return vehicle.identified(source_digest(fingerprint(tables), sources.digest(robot.folder)))
 
     @classmethod
-    def _of(cls, robot: Robot) -> Vehicle:
+    def _of(cls, robot: Robot, cameras: Mapping[str, OmniCamera]) -> Vehicle:
         body = _load_body(robot)
         sensors: list[MountedSensor] = []
         mounts = parse_mounts(robot)
@@ -102,6 +107,11 @@ class Vehicle:
             _check_hidden(mount, body, where)
             for built in mount.sensors(robot.folder, where):
                 sensor = dataclasses.replace(built, rate=rate)
+                if isinstance(sensor, MountedCamera) and sensor.name in cameras:
+                    camera = cameras[sensor.name]
+                    base_from_rig = mount.base_from_mount @ camera.base_from_rig
+                    camera = dataclasses.replace(camera, base_from_rig=base_from_rig)
+                    sensor = dataclasses.replace(sensor, sensor=camera)
                 if any(sensor.name == other.name for other in sensors):
                     raise RobotFileError(
                         f"{sensor_source(robot, sensor.name)}: a second sensor of this name: "

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import TrajectoryError
-from omnisim.core.poses import LARGEST_M
+from omnisim.core.poses import MAX_M
 from omnisim.core.trajectories.formats.text_table import read_text_table
 
 
@@ -26,7 +26,7 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
         raise TrajectoryError(f"waypoints: expected at least 2, got {len(points)}")
     if points.ndim != 2 or points.shape[1] != 2:
         raise TrajectoryError(f"waypoints of shape {points.shape}: expected (n, 2)")
-    finite = np.all(np.abs(points) < LARGEST_M, axis=1)  # false for NaN, too
+    finite = np.all(np.abs(points) < MAX_M, axis=1)  # false for NaN, too
     if not np.all(finite):
         k = int(np.argmin(finite))
         raise TrajectoryError(

@@ -58,7 +58,7 @@ from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.omnicamera.mounted_omnicamera import CAMERA_POSES
 from omnisim.sensors.sensor import DriveSettings, Moment, MountedSensor
 
-LARGEST_SEED = 2**63 - 1
+MAX_SEED = 2**63 - 1
 SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding lead further
 
 
@@ -160,7 +160,7 @@ class Drive:
         return PlannedDrive(self, truth, SplineMotion(truth), route_given=digest)
 
     def _check_seed(self) -> None:
-        if not 0 <= self.seed <= LARGEST_SEED:
+        if not 0 <= self.seed <= MAX_SEED:
             raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
 
     def _check_sensors(self, truth: Trajectory) -> None:

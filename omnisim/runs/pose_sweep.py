@@ -14,7 +14,7 @@ from omnisim.core.trajectories import Trajectory
 from omnisim.robots.kinematics import steps_between
 
 SPACING_M = 0.05  # of the outermost corner, between poses
-MOST_PER_STEP = 200  # poses: a longer step is a jump, and no way that is driven
+MAX_PER_STEP = 200  # poses: a longer step is a jump, and no way that is driven
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Sweep:
             return cls(poses, np.zeros(1, dtype=np.intp), np.ones(1, dtype=bool), times)
         moved = steps_between(poses)
         arcs_m = np.abs(moved.distances_m) + reach_m * np.abs(moved.turns_rad)
-        counts = np.clip(np.ceil(arcs_m / SPACING_M), 1.0, MOST_PER_STEP).astype(np.intp)
+        counts = np.clip(np.ceil(arcs_m / SPACING_M), 1.0, MAX_PER_STEP).astype(np.intp)
         counts = np.append(counts, 1)  # the last pose
         steps = np.repeat(np.arange(len(poses)), counts)
         within = np.arange(len(steps)) - np.repeat(np.cumsum(counts) - counts, counts)

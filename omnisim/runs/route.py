@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import TrajectoryError, did_you_mean
 from omnisim.core.files.sources import note_file, recorded_sources, source_digest
-from omnisim.core.poses import LARGEST_M
+from omnisim.core.poses import MAX_M
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory, check_continuous, parse_trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
@@ -31,9 +31,9 @@ from omnisim.runs.pose_sweep import Sweep
 from omnisim.scene import Scene
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
-LARGEST_STEP_DEG = 90.0
-LARGEST_STEP_M = 1.0  # of poses without times: farther is a jump
-LARGEST_SPEED_MPS = 100.0  # of a robot without limits of its own: faster is a jump
+MAX_STEP_DEG = 90.0
+MAX_STEP_M = 1.0  # of poses without times: farther is a jump
+MAX_SPEED_MPS = 100.0  # of a robot without limits of its own: faster is a jump
 # Above and below the map: recorded heights have errors, and a flat map has none.
 ROOM_M = 1.0
 NOTED_M = 0.005  # farthest from 0 without a note on the floor's height
@@ -190,15 +190,15 @@ def _check_numbers(route: Route) -> None:
     """Refuse impossible steps, rates and ground heights; NaN, too."""
     if not route.step_m > 0.0:
         raise TrajectoryError(f"step {route.step_m:g} m: expected more than 0")
-    if not 0.0 < route.step_deg <= LARGEST_STEP_DEG:
+    if not 0.0 < route.step_deg <= MAX_STEP_DEG:
         raise TrajectoryError(
-            f"turn step {route.step_deg:g}°: expected more than 0, at most {LARGEST_STEP_DEG:g}"
+            f"turn step {route.step_deg:g}°: expected more than 0, at most {MAX_STEP_DEG:g}"
         )
     if route.rate_hz is not None and not 0.0 < route.rate_hz < math.inf:
         raise TrajectoryError(f"rate {route.rate_hz:g} Hz: expected a finite number above 0")
-    if route.ground_m is not None and not abs(route.ground_m) < LARGEST_M:
+    if route.ground_m is not None and not abs(route.ground_m) < MAX_M:
         raise TrajectoryError(
-            f"ground {route.ground_m:g} m: expected a finite number below {LARGEST_M:g}"
+            f"ground {route.ground_m:g} m: expected a finite number below {MAX_M:g}"
         )
 
 
@@ -256,7 +256,7 @@ def _from_file(
             if vehicle.kinematics is not None:
                 check_drivable(trajectory, vehicle.kinematics, recording.source, lines)
             else:
-                check_continuous(trajectory, math.inf, recording.source, LARGEST_SPEED_MPS, lines)
+                check_continuous(trajectory, math.inf, recording.source, MAX_SPEED_MPS, lines)
         except TrajectoryError as reason:
             raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
     has_times = recording.times_s is not None or route.rate_hz is not None
@@ -266,12 +266,12 @@ def _from_file(
 def _check_steps(recording: ParsedTrajectory) -> None:
     """Refuse jumps between poses without times, which no speed tells from a drive."""
     lengths_m = step_lengths_m(recording.world_from_base)
-    jumps = np.flatnonzero(lengths_m > LARGEST_STEP_M)
+    jumps = np.flatnonzero(lengths_m > MAX_STEP_M)
     if len(jumps):
         k = jumps[0]
         raise TrajectoryError(
             f"{recording.source}:{recording.line_numbers[k + 1]}: step {k} → {k + 1}: "
-            f"{lengths_m[k]:g} m without times: expected at most {LARGEST_STEP_M:g} m: --rate HZ "
+            f"{lengths_m[k]:g} m without times: expected at most {MAX_STEP_M:g} m: --rate HZ "
             "gives times, --ignore-limits drives it all the same"
         )
 

@@ -54,7 +54,7 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.written_files import is_written
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import read_trajectory
-from omnisim.core.trajectories.trajectory import LARGEST_S
+from omnisim.core.trajectories.trajectory import MAX_S
 from omnisim.ground_truth import CHANNELS
 from omnisim.runs.run_manifest import Manifest, first_difference, parse_manifest, read_manifest
 from omnisim.sensors.sensor import MountedSensor, StepContent
@@ -282,7 +282,7 @@ def read_times(path: Path, count: int) -> NDArray[np.float64]:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except ValueError:
         raise RunError(f"{path}: expected the column {TIME}, a number a line") from None
-    is_known = np.all(np.abs(times_s) < LARGEST_S)  # false for NaN, too
+    is_known = np.all(np.abs(times_s) < MAX_S)  # false for NaN, too
     if head != TIME or len(times_s) != count or not (is_known and np.all(np.diff(times_s) > 0.0)):
         raise RunError(f"{path}: expected {TIME} and {count} times that increase")
     return times_s

@@ -30,7 +30,7 @@ from omnisim.sensors.omnicamera.mounted_omnicamera import IMAGE_SUFFIX
 
 # Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's color:
 # white lines, walls and paper are everywhere.
-LEAST_SATURATION = 0.5
+MIN_SATURATION = 0.5
 Track = Callable[[Iterable[int]], Iterable[int]]
 
 
@@ -40,7 +40,7 @@ def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
     for landmark in landmarks:
         for band in landmark.bands:
             brightest = max(band.linear_rgb)
-            if brightest > 0.0 and 1.0 - min(band.linear_rgb) / brightest >= LEAST_SATURATION:
+            if brightest > 0.0 and 1.0 - min(band.linear_rgb) / brightest >= MIN_SATURATION:
                 found.add(band.color)
     return tuple(sorted(found))
 

@@ -16,7 +16,7 @@ from omnisim.core.poses import (
     rotation_from_quaternion,
 )
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
-from omnisim.core.trajectories.trajectory import LARGEST_S
+from omnisim.core.trajectories.trajectory import MAX_S
 from omnisim.sensors.rate import printed_s
 
 COLUMNS = (
@@ -65,7 +65,7 @@ def read_states(path: Path) -> tuple[NDArray[np.float64], MotionStates]:
     except ValueError:
         raise RunError(f"{path}: is damaged: expected numbers between commas") from None
     width = len(COLUMNS.split(","))
-    is_known = table.shape == (len(table), width) and np.all(np.abs(table) < LARGEST_S)
+    is_known = table.shape == (len(table), width) and np.all(np.abs(table) < MAX_S)
     if head != COLUMNS or not len(table) or not is_known:  # false for NaN, too
         raise RunError(f"{path}: expected the columns {COLUMNS} and finite numbers")
     norms = np.linalg.norm(table[:, 4:8], axis=1)

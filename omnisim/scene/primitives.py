@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 MAX_DEVIATION = 5e-4
 MIN_DEVIATION_M = 5e-5
-LEAST_SEGMENTS, MOST_SEGMENTS = 16, 160
+MIN_SEGMENTS, MAX_SEGMENTS = 16, 160
 
 
 class Surface(NamedTuple):
@@ -33,11 +33,11 @@ class Surface(NamedTuple):
     normals: NDArray[np.float64] | None
 
 
-def segments(radius_m: float, most: int = MOST_SEGMENTS) -> int:
+def segments(radius_m: float, most: int = MAX_SEGMENTS) -> int:
     """Segments of a circle, a multiple of four."""
     deviation = max(MAX_DEVIATION, MIN_DEVIATION_M / max(radius_m, MIN_DEVIATION_M))
     count = 4 * math.ceil(math.pi / math.acos(1.0 - min(deviation, 1.0)) / 4.0)
-    return min(max(count, LEAST_SEGMENTS), most)
+    return min(max(count, MIN_SEGMENTS), most)
 
 
 def rectangle(half_x: float, half_y: float) -> Surface:
@@ -66,7 +66,7 @@ def box(half_sizes: ArrayLike) -> Surface:
     )
 
 
-def ellipsoid(radii: ArrayLike, most: int = MOST_SEGMENTS) -> Surface:
+def ellipsoid(radii: ArrayLike, most: int = MAX_SEGMENTS) -> Surface:
     """Ellipsoid about the origin, of radii (3,)."""
     sizes = np.asarray(radii, dtype=np.float64)
     count = segments(float(sizes.max()), most)
@@ -77,7 +77,7 @@ def ellipsoid(radii: ArrayLike, most: int = MOST_SEGMENTS) -> Surface:
     return Surface(unit.positions * sizes * outside, unit.triangles, normals)
 
 
-def cylinder(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) -> Surface:
+def cylinder(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
     """Closed cylinder about z."""
     count = segments(radius_m, most)
     outer = radius_m * _outside(count)
@@ -86,7 +86,7 @@ def cylinder(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) -
     return join(side, *caps)
 
 
-def capsule(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) -> Surface:
+def capsule(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
     """Cylinder about z between two half spheres; its half length is without them."""
     count = segments(radius_m, most)
     top = _dome(count, 0.0, 0.5 * math.pi)
@@ -100,7 +100,7 @@ def capsule(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) ->
     )
 
 
-def cone(radius_m: float, half_length_m: float, most: int = MOST_SEGMENTS) -> Surface:
+def cone(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
     """Closed cone about z, its tip up."""
     count = segments(radius_m, most)
     outer = radius_m * _outside(count)

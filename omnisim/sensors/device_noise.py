@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from omnisim.core.errors import OpticsError
 
 MAX_SEED = 2**32 - 1  # one word of NumPy's seeds each, so that no two runs of words are alike
-DeviceSeed = Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)]
 
 
 def check_number(name: str, number: object) -> None:

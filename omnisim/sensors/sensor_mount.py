@@ -13,14 +13,11 @@ from pydantic import Field
 
 from omnisim.core import poses
 from omnisim.core.errors import OpticsError, RobotFileError
-from omnisim.core.files.parameters import Number, Table
+from omnisim.core.files.parameters import Coordinate, Level, Number, Table
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import Name, SensorName
 
 # No robot is larger; meters, not millimeters.
-Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
-Positive = Annotated[Number, Field(gt=0.0)]
-Level = Annotated[Number, Field(ge=0.0)]
 Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
 
 if TYPE_CHECKING:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
+
+from omnisim.core.files.parameters import Name as Name
 
 # No dots: the run's own files have some.
 FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
@@ -22,5 +24,4 @@ def _check_folder_name(name: str) -> str:
     return name
 
 
-Name = Annotated[str, Field(min_length=1, strict=True)]
 SensorName = Annotated[Name, AfterValidator(_check_folder_name)]

@@ -23,7 +23,7 @@ from omnisim.rendering.stage import Stage
 
 BESIDE_M = 0.2
 _DIRECTIONS = 720  # that the nearest thing is looked for in
-_LEAST_M = 0.05
+_MIN_M = 0.05
 
 
 class SameTriangles(NamedTuple):
@@ -75,7 +75,7 @@ def pose_beside_nearest(
     sensor_m = (start @ sensor.base_from_rig)[:3, 3]
     angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
     directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
-    near_m, far_m = np.full(len(angles), _LEAST_M), np.full(len(angles), np.inf)
+    near_m, far_m = np.full(len(angles), _MIN_M), np.full(len(angles), np.inf)
     origins_m = np.tile(sensor_m, (len(angles), 1))
     ranges_m = rays.first_hits(Rays(origins_m, directions, near_m, far_m)).ranges_m
     nearest = int(np.argmin(np.where(ranges_m > 2.0 * BESIDE_M, ranges_m, np.inf)))

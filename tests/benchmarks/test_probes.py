@@ -14,7 +14,7 @@ from omnisim.scene import load_scene
 @pytest.fixture(autouse=True)
 def once(monkeypatch):
     """As often as it takes to be sure of a rate: once."""
-    monkeypatch.setattr(probe, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(probe, "MIN_SECONDS", 0.0)
 
 
 def _counts(context, work):
@@ -82,11 +82,11 @@ def test_probes_are_repeated_until_a_clock_can_tell(context, monkeypatch):
     ticks = iter(np.arange(1000) * 1.0)
     # three times each; a call takes a second, whatever it does, so that the first try is enough
     monkeypatch.setattr(probe.time, "perf_counter", lambda: next(ticks))
-    monkeypatch.setattr(probe, "LEAST_SECONDS", 1.0)
+    monkeypatch.setattr(probe, "MIN_SECONDS", 1.0)
     one = probe.repeated(context, "x", "px", 5.0, done.append)
     assert (one.amount, done) == (5.0, [0, 0, 0])
-    monkeypatch.setattr(probe, "LEAST_SECONDS", 2.0)
-    monkeypatch.setattr(probe, "MOST_REPEATS", 4)
+    monkeypatch.setattr(probe, "MIN_SECONDS", 2.0)
+    monkeypatch.setattr(probe, "MAX_REPEATS", 4)
     assert probe.repeated(context, "x", "px", 5.0, done.append).amount == 20.0
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.settings import at_setting
-from benchmarks.suites.limit import HELD, MOST_SAMPLES
+from benchmarks.suites.limit import HELD, MAX_SAMPLES
 from omnisim import OmniCamera, Stage
 from omnisim.scene import load_scene
 from tests.scenes import with_warehouse
@@ -19,4 +19,4 @@ def test_little_is_shaded_that_the_image_does_not_show(source):
         mirror_px = np.count_nonzero(frame.render()[..., 3])
         samples = frame.count().virtual_cameras.samples / mirror_px
     # fewer than one a pixel would be magnified
-    assert 1.0 < samples <= MOST_SAMPLES
+    assert 1.0 < samples <= MAX_SAMPLES

@@ -33,6 +33,6 @@ def test_page_is_up_to_date(maker):
 def test_every_model_has_a_small_image(maker):
     for model, camera in maker.gallery_cameras().items():
         path = maker.FOLDER / f"{model}.jpg"
-        assert path.stat().st_size <= maker.LARGEST_BYTES
+        assert path.stat().st_size <= maker.MAX_BYTES
         with Image.open(path) as image:
             assert image.size == (camera.width_px, camera.height_px)

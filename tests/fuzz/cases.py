@@ -15,8 +15,8 @@ from omnisim.core.errors import NoticeWarning, OmnisimError
 from tests.fuzz.mutations import mutate
 from tests.fuzz.readers import READERS
 
-LONGEST_LINE = 700
-LARGEST_BYTES = 512 << 20  # that reading a sample of some kilobytes may add
+MAX_LINE = 700
+MAX_BYTES = 512 << 20  # that reading a sample of some kilobytes may add
 SILENT = (
     DeprecationWarning,
     PendingDeprecationWarning,
@@ -123,8 +123,8 @@ def _read(case: Case, place: Path) -> Finding | None:
             where = f"{Path(warning.filename).name}:{warning.lineno}"
             return Finding(case, f"warning: {warning.category.__name__} {where}", str(warning))
     added = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) << 10
-    if added > LARGEST_BYTES:
-        return Finding(case, f"memory: more than {LARGEST_BYTES >> 20} MiB", f"{added >> 20} MiB")
+    if added > MAX_BYTES:
+        return Finding(case, f"memory: more than {MAX_BYTES >> 20} MiB", f"{added >> 20} MiB")
     return None
 
 
@@ -135,8 +135,8 @@ def message_fault(message: str, place: str) -> str:
             return "names no file"
         if not line.isprintable():
             return "has a letter that cannot be printed"
-        if len(line) > LONGEST_LINE:
-            return f"has more than {LONGEST_LINE} letters in a line"
+        if len(line) > MAX_LINE:
+            return f"has more than {MAX_LINE} letters in a line"
     if re.search(r"\((?!OS)\w*Error\)|Traceback|object at 0x|numpy\.|<class '", message):
         return "speaks of Python"
     return ""

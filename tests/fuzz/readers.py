@@ -447,7 +447,7 @@ def _read_route(name: str, folder: Path) -> None:
 
 
 def _import_robots(folder: Path) -> None:
-    import_robot(folder / "a.ini", "OmniP2AT")
+    import_robot(folder / "a.ini", "OmniP2AT").write(folder / "robot.toml")
 
 
 def _readers() -> list[Reader]:
@@ -505,7 +505,7 @@ def _readers() -> list[Reader]:
         Reader("robot", _robot, lambda f: Vehicle.load(f / "robot.toml"),
                ("robot.toml", "omnicam.toml")),
         Reader("gazebo-robot", partial(_copy, GAZEBO_ROBOT, "a.sdf"),
-               lambda f: import_model(f / "a.sdf", f / "robot.toml")),
+               lambda f: import_model(f / "a.sdf").write(f / "robot.toml")),
         Reader("urdf-robot", partial(_write, "a.urdf", URDF_ROBOT),
                lambda f: load_robot_model(f / "a.urdf")),
         Reader("mujoco-robot", partial(_write, "a.xml", MUJOCO_ROBOT),

@@ -76,7 +76,7 @@ def test_faults_of_a_reader_are_findings(tmp_path, monkeypatch, fault, kind):
     """A reader of the test's own, which a forked process has; the cases that follow go on."""
     monkeypatch.setattr(workers, "_SPAWN", multiprocessing.get_context("fork"))
     monkeypatch.setattr(workers, "LIMIT_CPU_S", 0.5)
-    monkeypatch.setattr(cases, "LARGEST_BYTES", 50 << 20)
+    monkeypatch.setattr(cases, "MAX_BYTES", 50 << 20)
 
     def read(folder):
         if (folder / "a.txt").read_bytes() != b"1":

@@ -56,8 +56,8 @@ def test_boxes_are_the_bounds_in_the_frame_of_the_instance(scale):
     (found,) = scene.instance_boxes.values()
     theirs = trimesh.Trimesh(points * np.array(scale), triangles, process=False)
     low, high = theirs.triangles.reshape(-1, 3).min(0), theirs.triangles.reshape(-1, 3).max(0)
-    centerd = _matrix() @ trimesh.transformations.translation_matrix(0.5 * (low + high))
-    _same_box(found, centerd, high - low)
+    centered = _matrix() @ trimesh.transformations.translation_matrix(0.5 * (low + high))
+    _same_box(found, centered, high - low)
 
 
 def test_parts_of_one_name_have_one_box_along_the_axes_of_the_first():

@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.robots.kinematics import Kinematics, find_violation, steps_between
-from omnisim.robots.motion_profile import drive_in_steps, drive_with_period
+from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
 from omnisim.robots.robot_file import load_robot
 from omnisim.robots.waypoints import check_waypoints
 
@@ -21,7 +21,7 @@ def paper_lap(robot=SUPER_SCOUT, clockwise=True):
         beside, above = above, beside
     start, opposite = (-2.7, -1.8), (2.7, 1.8)
     corners = (start, beside, opposite, above, start, opposite)
-    return drive_in_steps(corners, robot.kinematics, 0.41, math.radians(12.0))
+    return plan_in_steps(corners, robot.kinematics, 0.41, math.radians(12.0)).trajectory
 
 
 @pytest.mark.parametrize("robot", [SUPER_SCOUT, PIONEER_2_AT])
@@ -40,7 +40,7 @@ def test_paper_lap(robot, clockwise):
 
 def test_a_leg_by_hand():
     """3 m at 1 m/s and 0.5 m/s²: 2 s and 1 m to speed up, 1 s and 1 m, 2 s and 1 m to brake."""
-    leg = drive_in_steps([(0, 0), (0, 3)], ROBOT, 0.5, 1.0)
+    leg = plan_in_steps([(0, 0), (0, 3)], ROBOT, 0.5, 1.0).trajectory
     np.testing.assert_allclose(leg.positions_m[:, 1], np.arange(7) * 0.5)
     np.testing.assert_allclose(leg.yaw_rad, QUARTER)
     root = math.sqrt(2.0)
@@ -48,13 +48,13 @@ def test_a_leg_by_hand():
 
 
 def test_a_leg_too_short_for_the_top_speed():
-    leg = drive_in_steps([(0, 0), (0.5, 0)], ROBOT, 0.25, 1.0)
+    leg = plan_in_steps([(0, 0), (0.5, 0)], ROBOT, 0.25, 1.0).trajectory
     np.testing.assert_allclose(leg.times_s, (0, 1, 2))
 
 
 def test_a_turn_by_hand():
     """2 rad at 2 rad/s and 4 rad/s²: half a second and 0.5 rad, twice, and 1 rad between."""
-    turn = drive_in_steps([(1, 1), (2, 1)], ROBOT, 10.0, 0.5, start_yaw_rad=-2.0)
+    turn = plan_in_steps([(1, 1), (2, 1)], ROBOT, 10.0, 0.5, start_yaw_rad=-2.0).trajectory
     np.testing.assert_allclose(turn.yaw_rad[:5], (-2, -1.5, -1, -0.5, 0), atol=1e-15)
     np.testing.assert_allclose(turn.times_s[:5], (0, 0.5, 0.75, 1, 1.5))
     np.testing.assert_array_equal(turn.positions_m[:5, :2], np.ones((5, 2)))
@@ -75,7 +75,7 @@ def test_a_turn_by_hand():
     ],
 )
 def test_turns_the_short_way(points, start_yaw, turns):
-    plan = drive_in_steps(points, ROBOT, 1.0, 0.1, start_yaw)
+    plan = plan_in_steps(points, ROBOT, 1.0, 0.1, start_yaw).trajectory
     found = steps_between(plan.world_from_base).turns_rad
     runs = np.split(found, np.flatnonzero(np.diff(np.abs(found) > 1e-12)) + 1)
     totals = [float(np.sum(run)) for run in runs if abs(run[0]) > 1e-12]
@@ -88,9 +88,9 @@ def test_any_path_is_within_the_limits_and_through_its_waypoints(seed):
     points = rng.normal(size=(6, 2)) * 10.0 ** rng.uniform(-2, 2)
     robot = Kinematics("skid_steer", *(10.0 ** rng.uniform(-1, 1, 4)))
     step_m, step_rad = 10.0 ** rng.uniform(-1, 1), rng.uniform(0.1, 1.5)
-    in_steps = drive_in_steps(points, robot, step_m, step_rad)
+    in_steps = plan_in_steps(points, robot, step_m, step_rad).trajectory
     period_s = in_steps.duration_s / rng.uniform(20, 200)
-    with_period = drive_with_period(points, robot, period_s)
+    with_period = plan_with_period(points, robot, period_s).trajectory
     for plan in (in_steps, with_period):
         assert find_violation(plan, robot) is None
         for point in points:
@@ -109,7 +109,7 @@ def test_any_path_is_within_the_limits_and_through_its_waypoints(seed):
 
 
 def test_whole_steps_whatever_the_rounding():
-    assert len(drive_in_steps([(0, 0), (5.4, 0)], ROBOT, 0.1, 1.0)) == 55
+    assert len(plan_in_steps([(0, 0), (5.4, 0)], ROBOT, 0.1, 1.0).trajectory) == 55
 
 
 @pytest.mark.parametrize(
@@ -134,11 +134,11 @@ def test_bad_waypoints(points, words):
 def test_bad_steps(value):
     path = [(0, 0), (1, 0)]
     with pytest.raises(TrajectoryError, match=r"step_m = .*: expected more than 0"):
-        drive_in_steps(path, ROBOT, value, 0.1)
+        plan_in_steps(path, ROBOT, value, 0.1)
     with pytest.raises(TrajectoryError, match=r"step_rad = .*: expected more than 0"):
-        drive_in_steps(path, ROBOT, 0.1, value)
+        plan_in_steps(path, ROBOT, 0.1, value)
     with pytest.raises(TrajectoryError, match=r"period_s = .*: expected a finite number above 0"):
-        drive_with_period(path, ROBOT, value)
+        plan_with_period(path, ROBOT, value)
 
 
 def test_other_bad_requests():
@@ -146,8 +146,8 @@ def test_other_bad_requests():
     with pytest.raises(
         TrajectoryError, match=r"step_rad = 3: expected more than 0, at most 1\.5708"
     ):
-        drive_in_steps(path, ROBOT, 0.1, 3.0)
+        plan_in_steps(path, ROBOT, 0.1, 3.0)
     with pytest.raises(TrajectoryError, match=r"1e\+09 steps: expected at most 1000000"):
-        drive_in_steps(path, ROBOT, 1e-9, 0.1)
+        plan_in_steps(path, ROBOT, 1e-9, 0.1)
     with pytest.raises(TrajectoryError, match=r"start_yaw_rad = nan: expected a finite number"):
-        drive_in_steps(path, ROBOT, 0.1, 0.1, math.nan)
+        plan_in_steps(path, ROBOT, 0.1, 0.1, math.nan)

@@ -7,7 +7,7 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose, rotation_from_quaternion
 from omnisim.core.trajectories.trajectory import poses_on_ground
 from omnisim.robots.kinematics import Kinematics, find_violation
-from omnisim.robots.motion_profile import drive_in_steps
+from omnisim.robots.motion_profile import plan_in_steps
 from omnisim.robots.timing import time_poses
 
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
@@ -15,7 +15,7 @@ ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 
 @pytest.mark.parametrize("step_m", [0.05, 0.2, 1.0])
 def test_as_fast_as_a_plan_and_a_step_at_most_faster(step_m):
-    plan = drive_in_steps([(0, 0), (5, 0), (5, 3), (0, 0)], ROBOT, step_m, 0.2)
+    plan = plan_in_steps([(0, 0), (5, 0), (5, 3), (0, 0)], ROBOT, step_m, 0.2).trajectory
     timed = time_poses(plan.world_from_base, ROBOT)
     assert find_violation(timed, ROBOT) is None
     slack = 3 * step_m / ROBOT.max_speed_mps + 2 * 0.2 / ROBOT.max_turn_rate_radps

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from tests.soak.frames import SCENES, frames
 from tests.soak.kills import kills
-from tests.soak.live import LARGEST_GROWTH as LIVE_GROWTH
+from tests.soak.live import MAX_GROWTH as LIVE_GROWTH
 from tests.soak.live import live
-from tests.soak.renderers import LARGEST_GROWTH, renderers
+from tests.soak.renderers import MAX_GROWTH, renderers
 
 
 def main() -> None:
@@ -26,7 +26,7 @@ def main() -> None:
     if options.what == "renderers":
         growth = renderers(options.times, print_line)
         print(f"{options.times} renderers: {growth / 1e3:+.0f} kB each")
-        sys.exit(growth > LARGEST_GROWTH)
+        sys.exit(growth > MAX_GROWTH)
     if options.what == "frames":
         grown = frames(options.times, options.scene, print_line)
         print(f"{options.times} frames: {grown.memory / 1e6:+.1f} MB, {dict(grown.objects)}")

@@ -14,7 +14,7 @@ from tests.soak.renderers import resident_bytes
 
 # Bytes, whatever the number of frames: what batches of changing sizes free comes back in parts,
 # which moves the memory up and down by 5 MB. Kept images of 6000 frames would take 10 MB.
-LARGEST_GROWTH = 8e6
+MAX_GROWTH = 8e6
 SIZES_PX = (24, 40)
 BATCHES = (16, 5, 40, 40, 1, 23)  # more and fewer than before, and the same
 CHANNELS = ("rgba", "range", "instance", "flow")
@@ -47,7 +47,7 @@ class Growth(NamedTuple):
     @property
     def is_flat(self) -> bool:
         """Nothing grew."""
-        return self.memory <= LARGEST_GROWTH and not self.objects
+        return self.memory <= MAX_GROWTH and not self.objects
 
 
 def frames(times: int, scene: str = "sheets", print_line=print) -> Growth:

@@ -7,7 +7,7 @@ KINDS = (
     *("Buffer", "Framebuffer", "Program", "Renderbuffer", "Sampler", "Shader", "Texture"),
     "VertexArray",
 )
-_MOST_NAMES = 1 << 13
+_MAX_NAMES = 1 << 13
 
 
 def gl_objects() -> Counter[str]:
@@ -18,5 +18,5 @@ def gl_objects() -> Counter[str]:
     for kind in KINDS:
         address = egl.eglGetProcAddress(f"glIs{kind}".encode())
         exists = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(address)
-        found[kind] = sum(exists(name) for name in range(1, _MOST_NAMES))
+        found[kind] = sum(exists(name) for name in range(1, _MAX_NAMES))
     return found

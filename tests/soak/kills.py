@@ -31,7 +31,7 @@ MAIN = (
     "from omnisim.apps.cli.app import main; main()"
 )
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-LONGEST_S = 600.0
+MAX_S = 600.0
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -70,7 +70,7 @@ def finish(folder: Path) -> None:
         RuntimeError: the command fails.
     """
     process = start(folder)
-    _, errors = process.communicate(timeout=LONGEST_S)
+    _, errors = process.communicate(timeout=MAX_S)
     if process.returncode != 0:
         raise RuntimeError(f"{folder}: exit status {process.returncode}: {errors}")
 
@@ -91,7 +91,7 @@ def kill(folder: Path, moments: random.Random, duration_s: float, files: int) ->
     wanted = there + moments.randint(1, max(1, files - there))
     process = start(folder)
     by_files = moments.random() < 0.5
-    until = time.monotonic() + (LONGEST_S if by_files else moments.uniform(0.0, duration_s))
+    until = time.monotonic() + (MAX_S if by_files else moments.uniform(0.0, duration_s))
     while process.poll() is None and time.monotonic() < until:
         if by_files and _count(folder) >= wanted:
             time.sleep(moments.uniform(0.0, 0.05))

@@ -12,7 +12,7 @@ from tests.soak.renderers import resident_bytes
 
 WARM_SHARE = 0.4  # of the actions, until every camera and view has been there once
 # Bytes after that, whatever was done: what a camera more or less holds at a moment.
-LARGEST_GROWTH = 60e6
+MAX_GROWTH = 60e6
 
 
 def live(times: int, seed: int, print_line=print) -> float:

@@ -12,7 +12,7 @@ from tests.scenes import room, scene_of
 WARM = 20  # renderers until all that is kept once is there
 # Bytes to a renderer. Measured: 26 kB over 30 and 6 kB over 1000, as what is kept once comes late;
 # a renderer that is never released has 6.6 MB, one in an OpenGL context of its own 66 kB.
-LARGEST_GROWTH = 50e3
+MAX_GROWTH = 50e3
 CAMERA = OmniCamera(polygons=None).resized(24)
 
 

@@ -17,7 +17,7 @@ from omnisim.apps.live.presets import with_preset
 from omnisim.apps.live.viewpoint_motion import Pilot, Place, Wish
 from omnisim.core.errors import OutputError, SceneError
 
-REST_S, LONGEST_REST_S = 0.12, 1.5  # after the last change until the fine image
+REST_S, MAX_REST_S = 0.12, 1.5  # after the last change until the fine image
 HELD_S = 1.0  # after which keys count as let go: the page repeats them
 SAME_EDIT_S = 1.5  # changes of one key within this time are undone together
 UNDO_STEPS = 200
@@ -187,7 +187,7 @@ class Session:
         """An image is done, in a time: the longer the fine ones take, the later they begin."""
         with self._condition:
             if draw.is_fine:
-                self._rest_s = min(max(REST_S, 0.3 * seconds), LONGEST_REST_S)
+                self._rest_s = min(max(REST_S, 0.3 * seconds), MAX_REST_S)
             self._coarse = max(self._coarse, draw.shown.change)
             if draw.is_fine:
                 self._fine = draw.shown.change

@@ -25,7 +25,7 @@ UNWARPED = ("panorama", "perspective", "birdseye")
 PANORAMA_PX, LOWEST_RAD = 720, math.radians(-45.0)
 PERSPECTIVE_PX = (480, 360)
 BIRDSEYE_PX, EXTENT_PER_HEIGHT = 360, 4.0
-LEAST_HEIGHT_M = 0.02
+MIN_HEIGHT_M = 0.02
 FINE_SAMPLES = 2  # to a side of a pixel: a table has 24 bytes of each
 _KEPT = 8  # remap tables, coarse and fine
 
@@ -65,7 +65,7 @@ class ViewMaker:
         if name == "perspective":
             fov_rad, yaw_rad, pitch_rad = np.radians((gaze.fov_deg, gaze.yaw_deg, gaze.pitch_deg))
             return perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
-        height_m = max(height_m, LEAST_HEIGHT_M)
+        height_m = max(height_m, MIN_HEIGHT_M)
         return birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
 
     def image(

@@ -16,7 +16,7 @@ from omnisim.robots.kinematics import Kinematics
 FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # of free flight at full keys
 SPEED_UP_S = 0.15  # to full speed in free flight
 NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # of a point that is reached
-LONGEST_STEP_S = 0.2  # of a motion between two images: a pause is no jump
+MAX_STEP_S = 0.2  # of a motion between two images: a pause is no jump
 FARTHEST_M = 1e5
 # Digits of positions in meters and angles in degrees: what a command line is to repeat.
 DIGITS_M, DIGITS_DEG = 4, 3
@@ -129,7 +129,7 @@ class FreeFlight(Pilot):
 
     def advance(self, seconds: float) -> None:
         """Move on; speeds follow the keys within a fraction of a second."""
-        seconds = min(seconds, LONGEST_STEP_S)
+        seconds = min(seconds, MAX_STEP_S)
         wish, place = self.wish, self.place
         asked = np.array((wish.ahead, wish.left, wish.up, wish.turn, wish.tilt)) * wish.fast
         asked *= (FLIGHT_MPS, FLIGHT_MPS, FLIGHT_MPS, TURN_DEGPS, TURN_DEGPS)
@@ -181,7 +181,7 @@ class WheelDrive(Pilot):
 
     def advance(self, seconds: float) -> None:
         """Move on along an arc; a contact stops the robot."""
-        seconds = min(seconds, LONGEST_STEP_S)
+        seconds = min(seconds, MAX_STEP_S)
         if seconds <= 0.0:
             return
         limits = self._limits

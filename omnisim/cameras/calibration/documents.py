@@ -18,8 +18,8 @@ import yaml
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.sources import note_bytes
 
-LARGEST_BYTES = 1 << 26
-LARGEST_GROWTH = 100_000  # nodes that a YAML text's aliases may add
+MAX_BYTES = 1 << 26
+MAX_GROWTH = 100_000  # nodes that a YAML text's aliases may add
 _HEADER = re.compile(r"\A\s*%YAML[ :][^\n]*\n?")
 
 
@@ -61,12 +61,12 @@ def read_text(path: Path) -> str:
     """
     try:
         with path.open("rb") as file:
-            data = file.read(LARGEST_BYTES + 1)
+            data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as reason:
         words = getattr(reason, "strerror", None) or str(reason)
         raise CalibrationError(f"{path}: cannot be read: {words}") from None
     note_bytes(path, data)
-    if len(data) > LARGEST_BYTES:
+    if len(data) > MAX_BYTES:
         raise CalibrationError(f"{path}: expected a calibration file, got more than 64 MiB")
     try:
         text = data.decode("utf-8-sig")
@@ -150,7 +150,7 @@ def _load_yaml(text: str) -> Any:
         sizes: dict[int, float] = {}
         if node is None:
             return None
-        if _size(node, sizes) - len(sizes) > LARGEST_GROWTH:
+        if _size(node, sizes) - len(sizes) > MAX_GROWTH:
             raise yaml.YAMLError("expected plain values, got aliases that grow without bound")
         return loader.construct_document(node)
     finally:

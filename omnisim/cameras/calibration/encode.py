@@ -258,14 +258,14 @@ def nearest_fit(
         CalibrationError: no model is near, with the reasons.
     """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
-    centerd = {"principal_point_px": middle} if form.centerd else {}
+    centered = {"principal_point_px": middle} if form.centered else {}
     fits = []
     for target, fixed in form.fits:
         if model not in (None, target):
             continue
         try:
             with np.errstate(all="ignore"):  # a step too far of a fit is taken back
-                fit = fit_model(target, {**fixed, **centerd})
+                fit = fit_model(target, {**fixed, **centered})
         except OmnisimError as error:
             reasons.append(str(error).removeprefix("camera: "))
             continue

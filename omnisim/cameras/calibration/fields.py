@@ -15,8 +15,8 @@ from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.parameters import Number, Table, parse_table
 from omnisim.core.poses import check_pose
 
-LARGEST_SIZE_PX = 32768
-SIZE = f"a whole number from 1 to {LARGEST_SIZE_PX}"
+MAX_SIZE_PX = 32768
+SIZE = f"a whole number from 1 to {MAX_SIZE_PX}"
 TableT = TypeVar("TableT", bound=pydantic.BaseModel)
 
 
@@ -38,7 +38,7 @@ def check_choice(value: str, choices: Iterable[str], place: str) -> None:
 
 def _whole_size(value: Any) -> int:
     """Whole number of pixels; some formats write it with a point, as 1280.0."""
-    if type(value) in (int, float) and 1 <= value <= LARGEST_SIZE_PX and value == int(value):
+    if type(value) in (int, float) and 1 <= value <= MAX_SIZE_PX and value == int(value):
         return int(value)
     raise ValueError(f"expected {SIZE}")
 

@@ -48,7 +48,7 @@ MIN_COVERED = 0.05  # of the source's pixels; less is no image of it
 MAX_RMS = 0.02  # as a share of the image's longer side; more is another kind of image
 WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # from the axis, of the first lenses tried
 INNER = 0.85  # of the image's radius
-LEAST_SHARE = 0.3  # of the area samples that see something; else there are more of them
+MIN_SHARE = 0.3  # of the area samples that see something; else there are more of them
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
 
@@ -133,7 +133,7 @@ def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Sam
     """
     inner = _spread_pixels(camera, AREA_SAMPLES, phase)
     share = float(camera.ray_from_pixel(inner).valid.mean())
-    if 0.0 < share < LEAST_SHARE:
+    if 0.0 < share < MIN_SHARE:
         inner = _spread_pixels(camera, round(AREA_SAMPLES / share), phase)
     edge = edge_pixels(camera, EDGE_SAMPLES, phase)
     pixels = np.concatenate((inner, edge, corner_pixels(camera)))

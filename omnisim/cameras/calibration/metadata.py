@@ -31,14 +31,13 @@ from omnisim.cameras.calibration.fields import ForeignTable, Matrix, parse, pose
 from omnisim.cameras.calibration.formats.format import MetadataPlace
 from omnisim.cameras.central_error import CentralError
 from omnisim.core.errors import CalibrationError
-from omnisim.core.files.parameters import Number
+from omnisim.core.files.parameters import Flag, Number
 
 _COMMENTS = {
     MetadataPlace.LINES: ("# ", "", re.compile(r"^# omnisim (\{.*)$", re.M)),
     MetadataPlace.XML: ("<!-- ", " -->", re.compile(r"^<!-- omnisim (\{.*) -->$", re.M)),
 }
 Angle = Annotated[Number, Field(gt=0.0, le=math.pi)]
-Flag = Annotated[bool, Field(strict=True)]
 
 
 class DistanceMetadata(ForeignTable):

@@ -24,8 +24,8 @@ PAPER_K = 11.546
 PAPER_C = 2.321
 PAPER_METERS_PER_UNIT = 0.04  # an assumption: the paper names no unit
 DEFAULT_RIM_RAD = math.radians(105.0)  # an assumption: the paper names no rim
-LARGEST_K = 1e6  # from there on a paraboloid, to a millionth, and rounding begins to show
-SMALLEST_C_M, LARGEST_C_M = 1e-6, 1e6
+MAX_K = 1e6  # from there on a paraboloid, to a millionth, and rounding begins to show
+MIN_C_M, MAX_C_M = 1e-6, 1e6
 
 
 class SurfacePoints(NamedTuple):
@@ -62,15 +62,15 @@ class HyperbolicMirror:
             value = getattr(self, name)
             if not isinstance(value, Real) or not math.isfinite(value):
                 raise OpticsError(f"mirror: {name}: expected a finite number, got {value!r}")
-        if not 2.0 <= self.k <= LARGEST_K:
-            raise OpticsError(f"mirror: k: expected 2 (Eq. 1) to {LARGEST_K:g}, got {self.k:g}")
+        if not 2.0 <= self.k <= MAX_K:
+            raise OpticsError(f"mirror: k: expected 2 (Eq. 1) to {MAX_K:g}, got {self.k:g}")
         for name in ("c", "meters_per_unit"):
             value = getattr(self, name)
             if value <= 0.0:
                 raise OpticsError(f"mirror: {name}: expected more than 0, got {value:g}")
-        if not SMALLEST_C_M <= self.c_m <= LARGEST_C_M:
+        if not MIN_C_M <= self.c_m <= MAX_C_M:
             raise OpticsError(
-                f"mirror: c · meters_per_unit: expected {SMALLEST_C_M:g} to {LARGEST_C_M:g} m, "
+                f"mirror: c · meters_per_unit: expected {MIN_C_M:g} to {MAX_C_M:g} m, "
                 f"got {self.c_m:g} m"
             )
         if not 0.0 < self.theta_max_rad < self.theta_limit_rad:
@@ -93,9 +93,9 @@ class HyperbolicMirror:
         Raises:
             OpticsError: a radius ≤ 0, or anything that the constructor refuses.
         """
-        if not 0.0 < rim_radius_m <= LARGEST_C_M:
+        if not 0.0 < rim_radius_m <= MAX_C_M:
             raise OpticsError(
-                f"mirror: rim_radius_m: expected more than 0 and at most {LARGEST_C_M:g}, "
+                f"mirror: rim_radius_m: expected more than 0 and at most {MAX_C_M:g}, "
                 f"got {rim_radius_m:g}"
             )
         unbounded = cls(k, c, meters_per_unit, 1e-3)  # checks k, c and the scale first

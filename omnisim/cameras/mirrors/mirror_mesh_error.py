@@ -23,7 +23,7 @@ from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS, sector_triangles_
 # Steps of the samples between two corners of a triangle, for the largest error, where what is near
 # the largest sample is sampled again, and for means.
 _STEPS, _FINE_STEPS = 16, 64
-_LARGEST_RINGS = math.isqrt(MAX_POLYGONS // 4)
+_MAX_RINGS = math.isqrt(MAX_POLYGONS // 4)
 
 
 class MeshError(NamedTuple):
@@ -103,7 +103,7 @@ def needed_polygons(
     def suffices(rings: int) -> bool:
         return largest_error(mirror, 4 * rings, rings, shown) <= max_error
 
-    return fewest_polygons(suffices, _LARGEST_RINGS)
+    return fewest_polygons(suffices, _MAX_RINGS)
 
 
 def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int | None:

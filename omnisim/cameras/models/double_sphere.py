@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.model_parameters import check_limits
-from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
-from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit
+from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
+from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit, project_alpha
 from omnisim.core.errors import OpticsError
 
 
@@ -83,11 +83,7 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
         d1 = np.linalg.norm(directions, axis=-1)
         z = self.xi * d1 + directions[..., 2]
         d2 = np.sqrt(directions[..., 0] ** 2 + directions[..., 1] ** 2 + z * z)
-        valid = z > (cosine_limit(self.alpha) - EDGE_RAD) * d2
-        scale = self.alpha * d2 + (1.0 - self.alpha) * z
-        valid &= scale > 1e-12 * d1
-        scale = np.where(valid, scale, 1.0)
-        return PlanePoints(directions[..., :2] / scale[..., None], valid)
+        return project_alpha(directions, z, d2, self.alpha, d1)
 
     def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/double_sphere.glsl`."""

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.model_parameters import check_limits
-from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
-from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit
+from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
+from omnisim.cameras.unified_sphere import lift_alpha, plane_limit, project_alpha
 from omnisim.core.errors import OpticsError
 
 
@@ -68,11 +68,7 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
     def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
         x, y, z = np.moveaxis(directions, -1, 0)
         distance = np.sqrt(self.beta * (x * x + y * y) + z * z)
-        valid = z > (cosine_limit(self.alpha) - EDGE_RAD) * distance
-        scale = self.alpha * distance + (1.0 - self.alpha) * z
-        valid &= scale > 1e-12 * distance
-        scale = np.where(valid, scale, 1.0)
-        return PlanePoints(directions[..., :2] / scale[..., None], valid)
+        return project_alpha(directions, z, distance, self.alpha, distance)
 
     def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/eucm.glsl`."""

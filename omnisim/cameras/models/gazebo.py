@@ -34,7 +34,7 @@ from omnisim.cameras.model_parameters import check_limits
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.core.errors import OpticsError
 
-_LARGEST_ARGUMENT = {"sin": 0.5 * math.pi, "tan": math.radians(89.9), "id": math.inf}
+_MAX_ARGUMENT = {"sin": 0.5 * math.pi, "tan": math.radians(89.9), "id": math.inf}
 FUNCTIONS: Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
     "sin": np.sin,
     "tan": np.tan,
@@ -85,7 +85,7 @@ class GazeboCamera(FocalCamera, RadialCamera):
     @property
     def theta_edge_rad(self) -> float:
         """Angle from the axis where the domain ends."""
-        return min(self.theta_max_rad, self.c2 * (_LARGEST_ARGUMENT[self.function] - self.c3))
+        return min(self.theta_max_rad, self.c2 * (_MAX_ARGUMENT[self.function] - self.c3))
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.c1 * FUNCTIONS[self.function](theta / self.c2 + self.c3)

@@ -35,13 +35,13 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.monotone import LARGEST_RADIUS_PX, first_root, polyval, solve_increasing
+from omnisim.cameras.monotone import MAX_RADIUS_PX, first_root, polyval, solve_increasing
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.core.errors import OpticsError
 
 MAX_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
-LARGEST_COEFFICIENT = 1e9  # far beyond any lens, and its products stay finite
-LEAST_SLOPE = 1e-3  # of the slope at the axis
+MAX_COEFFICIENT = 1e9  # far beyond any lens, and its products stay finite
+MIN_SLOPE = 1e-3  # of the slope at the axis
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ class OcamcalibCamera(RadialCamera):
                 f"camera: polynomial: expected 1 to {MAX_COEFFICIENTS} coefficients with a0 < 0, "
                 f"got {self.polynomial}"
             )
-        if not max(map(abs, self.polynomial)) <= LARGEST_COEFFICIENT:
+        if not max(map(abs, self.polynomial)) <= MAX_COEFFICIENT:
             raise OpticsError(
-                f"camera: polynomial: expected numbers up to {LARGEST_COEFFICIENT:g}, got "
+                f"camera: polynomial: expected numbers up to {MAX_COEFFICIENT:g}, got "
                 f"{self.polynomial}"
             )
         if len(self.affine) != 3 or self.affine[0] - self.affine[1] * self.affine[2] <= 0.0:
@@ -94,8 +94,8 @@ class OcamcalibCamera(RadialCamera):
         heights = np.array(self.polynomial)
         rises = polynomial.polysub(polynomial.polymulx(polynomial.polyder(heights)), heights)
         squares = polynomial.polyadd([0.0, 0.0, 1.0], polynomial.polymul(heights, heights))
-        least = LEAST_SLOPE / -heights[0]
-        end = first_root(polynomial.polysub(rises, least * squares), LARGEST_RADIUS_PX)
+        least = MIN_SLOPE / -heights[0]
+        end = first_root(polynomial.polysub(rises, least * squares), MAX_RADIUS_PX)
         # sin(θ_max) F(ρ) + cos(θ_max) ρ = 0 at θ_max
         sine, cosine = math.sin(self.theta_max_rad), math.cos(self.theta_max_rad)
         at_theta_max = polynomial.polyadd(sine * heights, [0.0, cosine])

@@ -21,10 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras.distortion_inverse import undistort
 from omnisim.cameras.monotone import first_root, solve_polynomial
 from omnisim.cameras.plane_camera import PlanePoints, unit_vectors
 
-MAX_STEPS = 60
 ROUNDING = 1e-14  # of the distance between a point and the distorted inverse of it
 
 
@@ -65,27 +65,9 @@ class RadialTangential(NamedTuple):
         start = solve_polynomial(radial, radius, 0.0, limit)
         plane = unit_vectors(distorted, radius) * start[..., None]
         if self.p1 or self.p2:
-            searched = self._descend(plane.reshape(-1, 2), distorted.reshape(-1, 2), limit)
-            plane = searched.reshape(plane.shape)
+            plane = undistort(self.distort, self._newton_step, plane, distorted, limit)
         miss = np.abs(self.distort(plane) - distorted).max(axis=-1)
         return PlanePoints(plane, miss <= ROUNDING * np.maximum(1.0, radius))
-
-    def _descend(
-        self, plane: NDArray[np.float64], distorted: NDArray[np.float64], limit: float
-    ) -> NDArray[np.float64]:
-        """Points (n, 2) by Newton's steps within `limit`, each until it converges."""
-        found = plane.copy()
-        active = np.arange(len(plane))
-        for _ in range(MAX_STEPS):
-            following = plane - self._newton_step(plane, self.distort(plane) - distorted)
-            length = np.hypot(following[:, 0], following[:, 1])
-            following *= (limit / np.maximum(length, limit))[:, None]
-            found[active] = following
-            moves = np.abs(following - plane).max(axis=-1) > 1e-15 * limit
-            if not moves.any():
-                break
-            active, plane, distorted = active[moves], following[moves], distorted[moves]
-        return found
 
     def _newton_step(
         self, plane: NDArray[np.float64], error: NDArray[np.float64]

@@ -34,6 +34,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays, Uniforms
+from omnisim.cameras.distortion_inverse import undistort
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.monotone import first_root, solve_increasing
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints, unit_vectors
@@ -41,7 +42,6 @@ from omnisim.core.errors import OpticsError
 
 MAX_RADIUS = 50.0
 MAX_TILT_RAD = math.radians(80.0)
-MAX_STEPS = 60
 COEFFICIENT_COUNTS = (8, 12, 14)
 ROUNDING = 1e-13  # of the distance between a point and the distorted inverse of it
 
@@ -165,28 +165,10 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         start = solve_increasing(grown, slope, radius, 0.0, self.radius_limit)
         plane = unit_vectors(distorted, radius) * start[..., None]
         if any(self.distortion[2:4]) or self.prism.any():
-            plane = self._descend(plane.reshape(-1, 2), distorted.reshape(-1, 2)).reshape(
-                plane.shape
-            )
+            limit = self.radius_limit
+            plane = undistort(self.distort, self._newton_step, plane, distorted, limit)
         miss = np.abs(self.distort(plane) - distorted).max(axis=-1)
         return PlanePoints(plane, miss <= ROUNDING * np.maximum(1.0, radius))
-
-    def _descend(
-        self, plane: NDArray[np.float64], distorted: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Undistorted points (n, 2) by Newton's steps within the domain, until each converges."""
-        solved, limit = plane.copy(), self.radius_limit
-        active = np.arange(len(plane))
-        for _ in range(MAX_STEPS):
-            following = plane - self._newton_step(plane, self.distort(plane) - distorted)
-            length = np.hypot(following[:, 0], following[:, 1])
-            following *= (limit / np.maximum(length, limit))[:, None]
-            solved[active] = following
-            moves = np.abs(following - plane).max(axis=-1) > 1e-15 * limit
-            if not moves.any():
-                break
-            active, plane, distorted = active[moves], following[moves], distorted[moves]
-        return solved
 
     def _newton_step(
         self, plane: NDArray[np.float64], error: NDArray[np.float64]

@@ -24,11 +24,11 @@ import scipy  # its submodules load when first used
 
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.toml_file import toml_tables
+from omnisim.core.files.toml_file import toml_text
 
 POINTS = 501
 _TOLERANCE = 1e-12
-_LARGEST_RADIUS = 100.0  # of a mirror, in distances to its vertex
+_MAX_RADIUS = 100.0  # of a mirror, in distances to its vertex
 
 
 class DesignedProfile(NamedTuple):
@@ -112,7 +112,7 @@ class Design:
             "focal_length_px": focal_px,
         }
         surface = {"shape": "table", "file": profile, "position_m": [0.0, 0.0, self.vertex_m]}
-        return "".join(toml_tables({"camera": camera, "surfaces": [surface]})).lstrip()
+        return toml_text({"camera": camera, "surfaces": [surface]})
 
     def _solved(self, theta_rad: Callable[[float, float, float], float]) -> DesignedProfile:
         """Profile by its differential equation; θ is a function of image radius, r and z."""
@@ -129,7 +129,7 @@ class Design:
         setattr(beyond_rim, "terminal", True)  # noqa: B010  as SciPy wants it
         solution = scipy.integrate.solve_ivp(
             slope,
-            (0.0, _LARGEST_RADIUS * self.vertex_m),
+            (0.0, _MAX_RADIUS * self.vertex_m),
             [self.vertex_m],
             method="DOP853",
             rtol=_TOLERANCE,
@@ -140,7 +140,7 @@ class Design:
         if solution.status != 1:
             raise OpticsError(
                 f"design: half_angle: expected an angle that the mirror reaches within "
-                f"{_LARGEST_RADIUS:g} distances, got {self.half_angle_deg:g}°"
+                f"{_MAX_RADIUS:g} distances, got {self.half_angle_deg:g}°"
             )
         assert solution.sol is not None
         radii_m = np.linspace(0.0, float(solution.t[-1]), POINTS)

@@ -23,12 +23,12 @@ from omnisim.cameras.optics.tracing import Fate, Paths
 
 _GRID = 64  # rays to a side of the image from which Newton's method starts
 _FAR_TURN = 0.5  # between rays of neighbors, as a chord; more rays are traced between them
-_MOST_CELLS, _PARTS = 256, 8  # of the grid that have more rays, and how many to a side
+_MAX_CELLS, _PARTS = 256, 8  # of the grid that have more rays, and how many to a side
 _MARGIN = 0.02  # of the image's side around it
 _STARTS = 4  # nearest rays by direction, of which the best is taken
 _ITERATIONS = 30
 _CONVERGED = 1e-13  # step, as a share of the path's length
-_LARGEST_STEP = 0.5  # as a share of the surface's radius of curvature, and of its distance
+_MAX_STEP = 0.5  # as a share of the surface's radius of curvature, and of its distance
 _RETRIES = (0, 1, 2, 3, 5, 8, 13, 21)  # among all rays by how near they pass a point
 _POINTS_PER_BATCH = 1 << 13
 _MISS = 1e-7  # of its distance: a traced ray that passes a point farther off does not show it
@@ -257,7 +257,7 @@ class Inverse:
                 for number, basis in enumerate(bases)
             ]
         )
-        return moves, _LARGEST_STEP * limits
+        return moves, _MAX_STEP * limits
 
 
 def _grid(camera: CentralCamera) -> Floats:
@@ -275,7 +275,7 @@ def _between(grid: Floats, directions: Floats) -> Floats:
     for corner in (directions[1:, :-1], directions[:-1, 1:], directions[1:, 1:]):
         turn = np.linalg.norm(corner - directions[:-1, :-1], axis=2)
         turns = np.maximum(turns, np.nan_to_num(turn))  # NaN: one of them is not seen
-    cells = np.argwhere(turns > _FAR_TURN)[:_MOST_CELLS]
+    cells = np.argwhere(turns > _FAR_TURN)[:_MAX_CELLS]
     shares = (np.arange(_PARTS) + 0.5) / _PARTS
     first, last = grid[cells[:, 0], cells[:, 1]], grid[cells[:, 0] + 1, cells[:, 1] + 1]
     offsets = np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 2)

@@ -12,7 +12,7 @@ from omnisim.core.errors import OpticsError, did_you_mean
 # wavelengths of sRGB's primaries.
 Medium = str | float | tuple[float, float, float]  # name, index, or those of R, G and B
 
-LARGEST_INDEX = 5.0
+MAX_INDEX = 5.0
 D_LINE_UM = 0.58756
 WAVELENGTHS_UM: Mapping[str, float] = {"R": 0.6114, "G": 0.5491, "B": 0.4642}
 
@@ -79,8 +79,8 @@ def refractive_index(medium: Medium, color: str | None = None) -> float:
             raise OpticsError(f"medium: expected indices of R, G and B, got {len(medium)}")
         medium = medium[list(WAVELENGTHS_UM).index(color or "G")]
     if not isinstance(medium, str):
-        if not 1.0 <= medium <= LARGEST_INDEX:
-            raise OpticsError(f"medium: expected an index of 1 to {LARGEST_INDEX:g}, got {medium}")
+        if not 1.0 <= medium <= MAX_INDEX:
+            raise OpticsError(f"medium: expected an index of 1 to {MAX_INDEX:g}, got {medium}")
         return medium
     if medium not in MEDIA:
         raise OpticsError(f"medium {medium!r}: {did_you_mean(medium, MEDIA)}")

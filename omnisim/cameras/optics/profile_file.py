@@ -15,7 +15,7 @@ from omnisim.core.trajectories.formats.text_table import read_text_table
 
 _COLUMNS = ["r_m", "z_m"]
 _SAMPLES = 1 << 14  # of a profile's length
-_NEAR, _LEAST_SLOPE = 1e-6, 1e-3  # of the radius, from the axis; there a smooth tip is level
+_NEAR, _MIN_SLOPE = 1e-6, 1e-3  # of the radius, from the axis; there a smooth tip is level
 
 
 def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
@@ -91,7 +91,7 @@ def sampled(shape: Shape, radius_m: float, count: int) -> SampledProfile:
     heights_m = shape.sag_m(radii_m)
     near_m = _NEAR * radius_m
     rise_m = shape.sag_m(np.array([near_m])) - heights_m[0]
-    pointed = bool(abs(rise_m[0]) > _LEAST_SLOPE * near_m)
+    pointed = bool(abs(rise_m[0]) > _MIN_SLOPE * near_m)
     between_m = 0.5 * (radii_m[1:] + radii_m[:-1])
     spline = TabulatedProfile(radii_m, heights_m, pointed)
     deviation_m = np.abs(spline.sag_m(between_m) - shape.sag_m(between_m)).max()

@@ -19,7 +19,7 @@ from omnisim.core.errors import OpticsError
 
 _TURN = np.diag(MIRROR_FROM_OPTICAL)
 _SAMPLES = 4097  # of a profile
-_LARGEST_SLANT = 2.0  # between parts of a profile, by how narrow they are seen
+_MAX_SLANT = 2.0  # between parts of a profile, by how narrow they are seen
 _BISECTIONS = 64
 _SHARE_OF_TIP = 1e-8  # of the rim's radius: so near to the axis a tip has its normal
 
@@ -123,7 +123,7 @@ def _ring_radii_m(surface: Surface, rim_m: float, rings: int, camera_m: Floats) 
     samples_m = np.linspace(0.0, rim_m, _SAMPLES)
     steps = np.diff(seen(samples_m))
     ends_m = np.array([surface.hole_radius_m, rim_m])
-    if steps.min() * _LARGEST_SLANT > steps.max():  # false for NaN, too
+    if steps.min() * _MAX_SLANT > steps.max():  # false for NaN, too
         radii_m = _bisected(seen, _spaced(seen(ends_m), rings), rim_m)
     else:
         lengths_m = profile_lengths_m(surface.shape, samples_m)

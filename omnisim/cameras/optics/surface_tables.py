@@ -27,6 +27,8 @@ from omnisim.cameras.optics.surface import Surface
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError
 from omnisim.core.files.parameters import (
+    Coordinate,
+    Length,
     Number,
     Parameters,
     Table,
@@ -35,9 +37,7 @@ from omnisim.core.files.parameters import (
     table_of,
 )
 
-Coordinate = Annotated[Number, Field(ge=-1e3, le=1e3)]
 _Angle = Annotated[Number, Field(ge=-360.0, le=360.0)]
-Length = Annotated[Number, Field(gt=0.0, le=1e3)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 _Numbers = Annotated[tuple[Number, ...], Field(max_length=1_000_000)]
 _Row = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
@@ -130,7 +130,7 @@ class TableShape(Table):
 class SphereShape(Table):
     """A sphere."""
 
-    radius_m: Annotated[Number, Field(ge=-1e3, le=1e3)]
+    radius_m: Coordinate
     """Meters; more than 0: bulges towards the camera."""
 
 

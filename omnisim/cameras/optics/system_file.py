@@ -15,14 +15,13 @@ from omnisim.cameras.camera_table import camera_from_table
 from omnisim.cameras.optics.surface import Rod
 from omnisim.cameras.optics.surface_tables import (
     AlignmentTable,
-    Length,
     MediumKey,
     Point,
     SurfaceTable,
 )
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core.errors import CalibrationError, OmnisimError, SensorFileError
-from omnisim.core.files.parameters import Number, Table, described, parse_table
+from omnisim.core.files.parameters import Flag, Length, Number, Table, described, parse_table
 from omnisim.core.files.toml_file import read_tables
 from omnisim.core.poses import POSE_TOLERANCE, is_rotation
 
@@ -113,7 +112,7 @@ class OpticsFile(Table):
     """Origin of the sensor's frame, meters in the system's; by default the camera's pinhole."""
     color: Literal["R", "G", "B"] | None = None
     """Primary whose wavelength is refracted; left out: helium's d line."""
-    chromatic: Annotated[bool, Field(strict=True)] = False
+    chromatic: Flag = False
     """Draw red, green and blue each by rays of its own wavelength: three times the work. Ground
     truth is that of green."""
     camera: CameraTable

@@ -32,9 +32,9 @@ JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
 _PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
-_LARGEST_EXACT = 1 << 24  # whole numbers that a float32 holds
+_MAX_EXACT = 1 << 24  # whole numbers that a float32 holds
 # Longer metadata ends the process in JPEG's writer, and TIFF's reader does not find it.
-_LARGEST_TEXT, _SHORT_TEXTS = 65_000, (".jpg", ".jpeg", ".tif", ".tiff")
+_MAX_TEXT, _SHORT_TEXTS = 65_000, (".jpg", ".jpeg", ".tif", ".tiff")
 _QUIET = threading.RLock()  # held while standard error is discarded
 _KINDS = {
     "uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT
@@ -101,9 +101,9 @@ def image_bytes(
         given |= _jpeg_attributes(jpeg_quality, _JPEG_SUBSAMPLING)
     attributes = _with_metadata(given, metadata)
     size = len(str(attributes.get(METADATA_KEY, "")))
-    if size > _LARGEST_TEXT and path.suffix.lower() in _SHORT_TEXTS:
+    if size > _MAX_TEXT and path.suffix.lower() in _SHORT_TEXTS:
         raise OutputError(
-            f"{path}: expected a camera of at most {_LARGEST_TEXT} bytes, got {size}, which .png "
+            f"{path}: expected a camera of at most {_MAX_TEXT} bytes, got {size}, which .png "
             "and .exr hold"
         )
     return _encode(path, pixels, attributes)
@@ -190,8 +190,8 @@ def write_channels(
         where = f"{path}: channel {name}"
         if values.ndim != 2 or values.shape != shape or values.size == 0:
             raise OutputError(f"{where}: expected (height, width), got {values.shape}")
-        if values.dtype.kind in "iu" and np.any(np.abs(values.astype(np.float64)) > _LARGEST_EXACT):
-            raise OutputError(f"{where}: expected whole numbers up to {_LARGEST_EXACT}")
+        if values.dtype.kind in "iu" and np.any(np.abs(values.astype(np.float64)) > _MAX_EXACT):
+            raise OutputError(f"{where}: expected whole numbers up to {_MAX_EXACT}")
         if values.dtype.kind not in "fiub":
             raise OutputError(f"{where}: expected numbers, got {values.dtype}")
         floats.append(values.astype(np.float32))

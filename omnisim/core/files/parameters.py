@@ -30,16 +30,25 @@ import pydantic
 from pydantic import Field
 
 from omnisim.core.errors import OmnisimError, OpticsError
-from omnisim.core.files.table_faults import SMALLEST, fault_line
+from omnisim.core.files.table_faults import MIN_POSITIVE, fault_line
 
-LARGEST = 1e9  # products and quotients of a few stay within float32, as on the GPU
+MAX_NUMBER = 1e9  # products and quotients of a few stay within float32, as on the GPU
 
 Number = Annotated[float, Field(strict=True)]  # no "11", no true; whole numbers are fine
 IntOrFloat = pydantic.StrictInt | pydantic.StrictFloat  # a number as it was written
-NotNegative = Annotated[Number, Field(ge=0.0, le=LARGEST)]
-Positive = Annotated[Number, Field(ge=SMALLEST, le=LARGEST)]
-Signed = Annotated[Number, Field(ge=-LARGEST, le=LARGEST)]
+NotNegative = Annotated[Number, Field(ge=0.0, le=MAX_NUMBER)]
+Positive = Annotated[Number, Field(ge=MIN_POSITIVE, le=MAX_NUMBER)]
+Signed = Annotated[Number, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]
 Fraction = Annotated[Number, Field(ge=0.0, le=1.0)]
+AboveZero = Annotated[Number, Field(gt=0.0)]
+Level = Annotated[Number, Field(ge=0.0)]
+Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
+Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Flag = Annotated[bool, Field(strict=True)]
+Name = Annotated[str, Field(min_length=1, strict=True)]
+Point = tuple[Signed, Signed, Signed]
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]  # one word of NumPy's seeds
+LongSeed = Annotated[int, Field(ge=0, lt=2**63, strict=True)]
 
 
 class Table(pydantic.BaseModel):

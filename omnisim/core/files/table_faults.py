@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 from omnisim.core.errors import did_you_mean
 from omnisim.core.files.inner_tables import headers_with, table_in
 
-SMALLEST = 1e-9  # of positive numbers: stands for 0
+MIN_POSITIVE = 1e-9  # of positive numbers: stands for 0
 _MAX_HEADERS = 3  # of tables that have a key; more are no hint
 _RELATIONS = {
     "greater_than": ("a number >", "gt"),
@@ -88,7 +88,7 @@ def _expected(
     if kind in _RELATIONS:
         words, name = _RELATIONS[kind]
         limit = fault["ctx"][name]
-        return "a number > 0" if limit == SMALLEST else f"{words} {limit:g}"
+        return "a number > 0" if limit == MIN_POSITIVE else f"{words} {limit:g}"
     if kind in _KINDS:
         return _KINDS[kind]
     begin = r"^(expected|Input should be|(String|Tuple) should have) "

@@ -62,40 +62,26 @@ def find_beside(folder: Path, name: str, key: str, error: type[OmnisimError]) ->
     return path
 
 
-def toml_keys(values: Mapping[str, Any]) -> str:
-    """Keys and plain values, a line each.
+class Comment(str):
+    """Comment among the values of a table to write; its key does not matter."""
 
-    Numbers, lists of numbers, words, true and false are written alike in JSON and in TOML.
-    """
-    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in values.items())
-
-
-def toml_tables(values: Mapping[str, Any], prefix: str = "") -> tuple[str, str]:
-    """Plain keys, and tables and lists of tables; `prefix` is before the names of these."""
-    own, parts = {}, ""
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            parts += f"\n[{prefix}{key}]\n{toml_keys(value)}"
-        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            parts += "".join(f"\n[[{prefix}{key}]]\n{toml_keys(table)}" for table in value)
-        else:
-            own[key] = value
-    return toml_keys(own), parts
+    __slots__ = ()
 
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
 def toml_text(table: Mapping[str, Any], path: str = "") -> str:
     """Table as TOML: its values first, then its tables and lists of tables.
 
     Args:
-        table: words, numbers, booleans, lists and tables; None leaves a key out.
+        table: words, numbers, booleans, lists, tables and comments; None leaves a key out.
         path: of the table in its file.
     """
     given = {key: value for key, value in table.items() if value is not None}
     inner = {key: value for key, value in given.items() if _tables_in(value)}
-    lines = [f"{_key(key)} = {_value(value)}\n" for key, value in given.items() if key not in inner]
+    lines = [_line(key, value) for key, value in given.items() if key not in inner]
     parts = ["".join(lines)] if lines else []
     for key, value in inner.items():
         below = f"{path}.{_key(key)}" if path else _key(key)
@@ -105,6 +91,12 @@ def toml_text(table: Mapping[str, Any], path: str = "") -> str:
             has_own = is_list or not one or any(not _tables_in(each) for each in one.values())
             parts.append((header if has_own else "") + toml_text(one, below))
     return "\n".join(parts)
+
+
+def _line(key: str, value: Any) -> str:
+    if isinstance(value, Comment):
+        return f"# {_CONTROL.sub(' ', value)}\n"
+    return f"{_key(key)} = {_value(value)}\n"
 
 
 def _tables_in(value: Any) -> list[Mapping[str, Any]]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import TrajectoryError
-from omnisim.core.poses import LARGEST_M, wrap_angles
+from omnisim.core.poses import MAX_M, wrap_angles
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories.trajectory import Trajectory
 
@@ -100,7 +100,7 @@ class Odometry:
                 f"turns {self.turns_rad.shape}: expected (n,), (n − 1,) and (n − 1,)"
             )
         values = np.concatenate((self.times_s, self.distances_m, self.turns_rad, self.start))
-        if not np.all(np.abs(values) < LARGEST_M) or len(self.start) != 3:
+        if not np.all(np.abs(values) < MAX_M) or len(self.start) != 3:
             raise TrajectoryError(
                 "odometry: expected finite times, distances, turns and x, y, yaw of the start"
             )

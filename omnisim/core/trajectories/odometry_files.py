@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.core.poses import LARGEST_M, wrap_angle
+from omnisim.core.poses import MAX_M, wrap_angle
 from omnisim.core.trajectories.formats.parsed_trajectory import read_times
 from omnisim.core.trajectories.formats.text_table import check_printed_times, read_text_table
 from omnisim.core.trajectories.odometry import Odometry
@@ -51,9 +51,9 @@ def read_odometry(path: Path) -> Odometry:
     table = table.without_header()
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])
-    far = np.any(np.abs(numbers) >= LARGEST_M, axis=1)
+    far = np.any(np.abs(numbers) >= MAX_M, axis=1)
     if np.any(far):
-        raise table.fault(table.lines[int(np.argmax(far))], f"expected numbers below {LARGEST_M:g}")
+        raise table.fault(table.lines[int(np.argmax(far))], f"expected numbers below {MAX_M:g}")
     readings, poses = numbers[:, 1:3], numbers[:, 3:]
     if np.any(readings[0] != 0.0):
         raise table.fault(

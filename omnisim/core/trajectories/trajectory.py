@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import (
-    LARGEST_M,
+    MAX_M,
     interpolate_pose,
     is_pose,
     pose_from_rotation,
@@ -18,7 +18,7 @@ from omnisim.core.poses import (
 )
 from omnisim.core.short_repr import counted, short_repr
 
-LARGEST_S = 1e12  # some 30 000 years: a stamp beyond is in another unit
+MAX_S = 1e12  # some 30 000 years: a stamp beyond is in another unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.fl
             f"trajectory: expected positions (n, 2) and headings (n,), got {positions.shape} and "
             f"{yaw.shape}"
         )
-    if not np.all(np.abs(yaw) < LARGEST_M):  # false for NaN, too
+    if not np.all(np.abs(yaw) < MAX_M):  # false for NaN, too
         raise TrajectoryError("trajectory: expected headings that are finite numbers in radians")
     level = np.column_stack((positions, np.zeros(len(yaw))))
     return pose_from_rotation(rotation_from_yaw(yaw), level)
@@ -184,7 +184,7 @@ def check_poses(poses: NDArray[np.float64]) -> None:
     Raises:
         TrajectoryError: naming the first such pose.
     """
-    finite = np.all(np.abs(poses) < LARGEST_M, axis=(1, 2))  # false for NaN, too
+    finite = np.all(np.abs(poses) < MAX_M, axis=(1, 2))  # false for NaN, too
     if not np.all(finite):
         raise TrajectoryError(f"trajectory: pose {np.argmin(finite)}: expected finite numbers")
     proper = is_pose(poses)
@@ -196,7 +196,7 @@ def check_poses(poses: NDArray[np.float64]) -> None:
 
 
 def _check_times(times: NDArray[np.float64]) -> None:
-    finite = np.abs(times) < LARGEST_S
+    finite = np.abs(times) < MAX_S
     if not np.all(finite):
         k = np.argmin(finite)
         raise TrajectoryError(f"trajectory: time {k} is {times[k]:g} s: expected a finite time")

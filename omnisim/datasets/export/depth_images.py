@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from omnisim.datasets.export.export_format import PrintNote
 
-LARGEST = np.iinfo(np.uint16).max
+MAX_DEPTH = np.iinfo(np.uint16).max
 
 
 class FarDepths:
@@ -27,12 +27,12 @@ class FarDepths:
     def encode(self, depths_m: NDArray[np.floating[Any]]) -> NDArray[np.uint16]:
         """Steps (height, width) of depths, +inf for none."""
         steps = np.round(np.where(np.isfinite(depths_m), depths_m, 0.0) * self._steps_per_m)
-        fits = (steps >= 0.0) & (steps <= LARGEST)
+        fits = (steps >= 0.0) & (steps <= MAX_DEPTH)
         self._count += int(np.count_nonzero(~fits))
         return np.where(fits, steps, 0.0).astype(np.uint16)
 
     def note(self, print_note: PrintNote) -> None:
         """Note the depths that were too far, if any."""
         if self._count:
-            limit_m = LARGEST / self._steps_per_m
+            limit_m = MAX_DEPTH / self._steps_per_m
             print_note(f"{self._camera}: {self._count} depths past {limit_m:.1f} m are 0: none")

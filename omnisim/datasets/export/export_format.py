@@ -16,7 +16,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.sensors.sensor import MountedSensor
 
 NANOSECONDS = 1_000_000_000
-LARGEST_S = 2**31 - 1  # in 2038: ROS counts seconds in signed 32 bits
+MAX_S = 2**31 - 1  # in 2038: ROS counts seconds in signed 32 bits
 
 PrintNote = Callable[[str], None]
 
@@ -41,7 +41,7 @@ class ExportSettings:
         Raises:
             OutputError: a stamp before 1970, or later than ROS can count.
         """
-        largest_s = LARGEST_S - self.start_ns / NANOSECONDS
+        largest_s = MAX_S - self.start_ns / NANOSECONDS
         for time_s in times_s.tolist():
             if not -self.start_ns / NANOSECONDS <= time_s < largest_s:  # true for NaN, too
                 raise OutputError(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import RunError
 from omnisim.datasets.export.file_headers import FileHeader
 
-LARGEST = 1e30  # of what the formats' floats hold
+MAX_NUMBER = 1e30  # of what the formats' floats hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ def read_table(path: Path, *names: str) -> StoredTable:
         values = np.array(rows[1:], dtype=np.float64).reshape(-1, len(names))
     except ValueError:
         raise RunError(f"{path}: expected {len(names)} numbers a line") from None
-    if np.any(np.isfinite(values) & (np.abs(values) > LARGEST)):
-        raise RunError(f"{path}: expected numbers below {LARGEST:g}")
+    if np.any(np.isfinite(values) & (np.abs(values) > MAX_NUMBER)):
+        raise RunError(f"{path}: expected numbers below {MAX_NUMBER:g}")
     columns = {name: values[:, index] for index, name in enumerate(names)}
     return StoredTable(FileHeader(path, comments), columns)

@@ -23,7 +23,7 @@ import numpy as np
 import scipy  # its submodules load when first used
 from pydantic import AfterValidator, PlainValidator
 
-from omnisim.core.files.parameters import LARGEST
+from omnisim.core.files.parameters import MAX_NUMBER
 
 Kind = Literal["constant", "uniform", "normal", "log_uniform", "choice"]
 T = TypeVar("T")
@@ -32,7 +32,7 @@ EXPECTED = (
     "a number, [low, high], { normal = [mean, deviation] }, { log_uniform = [low, high] } or "
     "{ choice = [...] }"
 )
-LARGEST_SEED = 2**63 - 1
+MAX_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def _checked(kind: Kind, numbers: Any, count: int | None) -> Distribution:
 
 def _is_number(value: Any) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and abs(value) <= LARGEST  # false for NaN, too
+    return is_number and abs(value) <= MAX_NUMBER  # false for NaN, too
 
 
 Distributed = Annotated[Distribution, PlainValidator(_parse)]
@@ -182,7 +182,7 @@ def within(low: float, high: float) -> AfterValidator:
     def check(value: Distribution) -> Distribution:
         numbers = value.numbers[:1] if value.kind == "normal" else value.numbers
         if min(numbers) < low or max(numbers) > high:
-            span = f"{low:g} to {high:g}" if high < LARGEST else f"numbers ≥ {low:g}"
+            span = f"{low:g} to {high:g}" if high < MAX_NUMBER else f"numbers ≥ {low:g}"
             raise ValueError(f"expected {span}, got {value}")
         return value
 

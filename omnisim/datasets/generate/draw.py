@@ -21,7 +21,7 @@ from omnisim.datasets.generate.prepared_plan import PlanObject, PreparedPlan
 
 # Purposes of streams: one more number drawn for one moves no other.
 _WHICH, _PLACE, _VARY, _COLORS, _OBJECTS = range(5)
-MOST_TRIES = 200  # for a place that keeps its distances
+MAX_TRIES = 200  # for a place that keeps its distances
 
 
 @dataclass(frozen=True)
@@ -258,7 +258,7 @@ def _apart(
     Raises:
         PlanError: there is none.
     """
-    for _ in range(MOST_TRIES):
+    for _ in range(MAX_TRIES):
         angle, distance = 2.0 * math.pi * stream.share(), distance_m.draw(stream)
         point = viewpoint_m + distance * np.array((math.cos(angle), math.sin(angle)))
         cell = free.cell_of(point)
@@ -267,7 +267,7 @@ def _apart(
         if all(np.hypot(*(point - other)) > radius + shape.radius_m for other, radius in taken):
             return np.array((*point, free.floor_m[cell]))
     raise PlanError(
-        f"objects: {shape.title}: no free place of {shape.radius_m:.2g} m in {MOST_TRIES} draws: "
+        f"objects: {shape.title}: no free place of {shape.radius_m:.2g} m in {MAX_TRIES} draws: "
         "expected fewer or smaller objects, or another distance_m"
     )
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from omnisim.core.errors import OmnisimError, PlanError
-from omnisim.core.files.parameters import Fraction, NotNegative, Positive, Table
+from omnisim.core.files.parameters import Flag, Fraction, Name, NotNegative, Positive, Table
 from omnisim.core.files.toml_file import read_toml
-from omnisim.datasets.generate.distributions import LARGEST_SEED, Distributed, Distribution
-from omnisim.datasets.generate.plan_vary import MAX_IMAGES, Name, VaryTable, fixed
+from omnisim.datasets.generate.distributions import MAX_SEED, Distributed, Distribution
+from omnisim.datasets.generate.plan_vary import MAX_IMAGES, VaryTable, fixed
 from omnisim.ground_truth import check_channels
 from omnisim.ground_truth.coco import BoxLimits
 
@@ -67,7 +67,7 @@ class PlanCameraTable(Table):
     camera_name: Name | None = None
     """Camera of the calibration file, or "all": the whole rig, each pose seen by each camera; left
     out: the first."""
-    mirrored: Annotated[bool, Field(strict=True)] | None = None
+    mirrored: Flag | None = None
     """It looks into a mirror; left out: as in the file's metadata."""
     optics: Name | None = None
     """Optics file, relative to the plan."""
@@ -234,7 +234,7 @@ class Plan(Table):
     """Samples of a shard."""
     shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1
     """Number of shards."""
-    seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] = 0
+    seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = 0
     """Seed of all that is drawn: another seed, other images."""
     image_format: Literal["png", "jpg"] = "png"
     """File format of the images."""

@@ -6,10 +6,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from omnisim.core.files.parameters import LARGEST, Fraction, Table
+from omnisim.core.files.parameters import MAX_NUMBER, Fraction, Name, Table
 from omnisim.datasets.generate.distributions import Distributed, Distribution, within
 
-Name = Annotated[str, Field(min_length=1, strict=True)]
 MAX_IMAGES = 100_000  # of a shard, or a setup
 COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colors are known
 
@@ -67,7 +66,7 @@ class VarySkyTable(Table):
     """Environment maps, .hdr or .exr, relative to the plan: one for each setup."""
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
     """Turn of the map, or of north, in degrees, counter-clockwise seen from above."""
-    brightness: Annotated[Distributed, within(0.0, LARGEST)] = fixed(0.8)
+    brightness: Annotated[Distributed, within(0.0, MAX_NUMBER)] = fixed(0.8)
     """Brightness of a level white surface under sky and sun; 1 is white."""
     turbidity: Annotated[Distributed, within(2.0, 10.0)] = Distribution("uniform", (2.0, 6.0))
     """Haze of the clear sky: 2 very clear, 6 hazy."""

@@ -25,7 +25,7 @@ from omnisim.datasets.tar_file import write_tar
 from omnisim.ground_truth.channel_files import limit_boxes
 from omnisim.ground_truth.coco import BoxLimits
 
-MOST_WAITING = 4  # samples that are rendered and not yet written
+MAX_WAITING = 4  # samples that are rendered and not yet written
 KEY_DIGITS = 9
 # what a summary that was not written by `ShardSummary.to_json` may raise
 _DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
@@ -136,7 +136,7 @@ class ShardMaker:
                 for sample in self._renderer.order(numbers):
                     found = self._renderer.render(sample)
                     waiting.append(writer.submit(self._write, scratch, found, statistics))
-                    while len(waiting) > MOST_WAITING or (waiting and waiting[0].done()):
+                    while len(waiting) > MAX_WAITING or (waiting and waiting[0].done()):
                         waiting.popleft().result()
                     yield sample
                 for future in waiting:

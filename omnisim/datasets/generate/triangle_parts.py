@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.bounds import triangle_bounds
 
-LEAST_UP = 0.5  # cosine of the steepest floor's slope: 60°
+MIN_UP = 0.5  # cosine of the steepest floor's slope: 60°
 EDGE = 1e-9  # share of a triangle: a point on the edge of two is on one of them at least
 
 
 def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (n,) of triangles (n, 3, 3) whose slope can be walked on."""
     normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    flat: NDArray[np.bool_] = np.abs(normals[:, 2]) > LEAST_UP * np.linalg.norm(normals, axis=1)
+    flat: NDArray[np.bool_] = np.abs(normals[:, 2]) > MIN_UP * np.linalg.norm(normals, axis=1)
     return flat
 
 

@@ -19,7 +19,7 @@ from omnisim.core.files.atomic_file import remove_partials
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.shard import ShardMaker
 
-MOST_DEATHS = 3  # of workers on one shard, until it is given up
+MAX_DEATHS = 3  # of workers on one shard, until it is given up
 END_S = 5.0  # that a worker has for removing its files
 _THREADS = "LP_NUM_THREADS"  # of Mesa's rasterizer in a process
 
@@ -75,9 +75,9 @@ def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Made]
                     worker.end()
                     if worker.shard is not None:
                         deaths[worker.shard] += 1
-                        if deaths[worker.shard] >= MOST_DEATHS:
+                        if deaths[worker.shard] >= MAX_DEATHS:
                             raise PlanError(
-                                f"shard {worker.shard}: {MOST_DEATHS} workers ended without a word "
+                                f"shard {worker.shard}: {MAX_DEATHS} workers ended without a word "
                                 "(killed, or out of memory): expected fewer --workers"
                             ) from None
                         todo.appendleft(worker.shard)

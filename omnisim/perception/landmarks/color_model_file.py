@@ -15,9 +15,9 @@ import numpy as np
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix
 from omnisim.core.files.npz_file import read_arrays
-from omnisim.core.files.parameters import Table, parse_table
+from omnisim.core.files.parameters import AboveZero, Level, Name, Point, Table, parse_table
 from omnisim.perception.landmarks.color_model import ColorModel
-from omnisim.scene.files.scene_file import Level, LinearRgb, Name, Point, Positive
+from omnisim.scene.files.scene_file import LinearRgb
 from omnisim.scene.model import ColorBand, Landmark
 
 FORMAT = 1
@@ -30,13 +30,13 @@ class _StoredBand(Table):
     color: Name
     linear_rgb: LinearRgb
     bottom_m: Level
-    top_m: Positive
+    top_m: AboveZero
 
 
 class _StoredLandmark(Table):
     name: Name
     position_m: Point
-    footprint_m: tuple[Positive, Positive]
+    footprint_m: tuple[AboveZero, AboveZero]
     bands: tuple[_StoredBand, ...]
 
 

@@ -29,7 +29,7 @@ from omnisim.perception.unwarping.panorama import CameraMount, Panorama
 from omnisim.scene.model import Landmark
 
 Key = TypeVar("Key")
-SMALLEST_PX = 4  # of a region: less is a speck
+MIN_PX = 4  # of a region: less is a speck
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class LandmarkDetector:
     def find(self, panorama: NDArray[np.uint8]) -> list[Detection]:
         """Detect landmarks in a panorama of the detector's own."""
         classes = self.classes(panorama)
-        regions = find_regions(classes, len(self.model.colors), SMALLEST_PX)
+        regions = find_regions(classes, len(self.model.colors), MIN_PX)
         doubled = wrapped_around(panorama)
         found: list[tuple[Landmark, LandmarkMeasurement]] = []
         in_pillars: set[int] = set()

@@ -25,8 +25,8 @@ MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
 # More than an average error, 0.17 px: light that falls off around a beacon moves the middle of its
 # mask by 0.4 px, and alike in images that follow each other.
 COLUMN_SIGMA_PX = 0.3
-MOST_SIGMAS = 4.0  # that edges of one landmark may disagree
-LARGEST_M = 30.0  # beyond, nothing of these sizes has a pixel
+MAX_SIGMAS = 4.0  # that edges of one landmark may disagree
+MAX_M = 30.0  # beyond, nothing of these sizes has a pixel
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def _fit_range(
         ranges, paper, sigmas = [], [], []
         for height_m, row, sigma_px, ahead_m in edges:
             range_m = float(panorama.ranges_m(row, height_m))
-            if not 0.0 < range_m + ahead_m < LARGEST_M:
+            if not 0.0 < range_m + ahead_m < MAX_M:
                 return None
             ranges.append(range_m + ahead_m)
             paper.append(float(panorama.ranges_eq2_m(row, height_m)) + ahead_m)
@@ -164,7 +164,7 @@ def _fit_range(
         mean = float(weights @ ranges)
         misfits = np.abs(np.array(ranges) - mean) / sigmas
         # 2 %: what the model itself may be off, a polygon for a circle or a mesh for a mirror
-        allowed = MOST_SIGMAS + 0.02 * mean / min(sigmas)
+        allowed = MAX_SIGMAS + 0.02 * mean / min(sigmas)
         if misfits.max() <= allowed:
             sigma = float(math.sqrt(np.sum(np.square(weights * sigmas))))
             return mean, float(weights @ paper), sigma
@@ -193,7 +193,7 @@ def measure_wide(
     # the nearest corner is a column or two wide: a mean with its neighbors would miss it
     nearest = int(ranges.argmin())
     range_m = float(ranges[nearest])
-    if not 0.0 < range_m < LARGEST_M:
+    if not 0.0 < range_m < MAX_M:
         return None
     longest, shortest = math.hypot(*landmark.footprint_m), min(landmark.footprint_m)
     # where it is nearest its top is seen, or behind that the top of its far end

@@ -18,9 +18,9 @@ from omnisim.core.files.toml_file import read_toml
 DEFAULT = Path(__file__).with_name("default.toml")
 
 # Past anything that makes sense, and far from where a float's square ends.
-_LARGEST = 1e12
-NotNegative = Annotated[Number, Field(ge=0.0, le=_LARGEST)]
-Positive = Annotated[Number, Field(gt=0.0, le=_LARGEST)]
+_MAX_NUMBER = 1e12
+NotNegative = Annotated[Number, Field(ge=0.0, le=_MAX_NUMBER)]
+Positive = Annotated[Number, Field(gt=0.0, le=_MAX_NUMBER)]
 
 
 class StartNoise(Table):

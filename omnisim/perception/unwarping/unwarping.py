@@ -18,10 +18,10 @@ from omnisim.core.bilinear import corner_and_weights
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 
-MOST_SAMPLES = 8  # to a side of a view's pixel
+MAX_SAMPLES = 8  # to a side of a view's pixel
 # A view is made in blocks of rows, so that what is in between stays small, at 24 bytes a sample.
 BLOCK_SAMPLES = 1 << 21
-MOST_KEPT_SAMPLES = 1 << 24
+MAX_KEPT_SAMPLES = 1 << 24
 _STEPS = 65535  # linear steps of 1/65535 are finer than any step of 8-bit sRGB
 _SRGB = srgb8_from_linear(np.arange(_STEPS + 1) / _STEPS)
 
@@ -78,7 +78,7 @@ class Unwarping:
         self._samples = samples
         self.valid = np.zeros((view.height_px, view.width_px), dtype=bool)
         self._kept: list[_RowBlock] | None = []
-        if self.valid.size * samples**2 > MOST_KEPT_SAMPLES:
+        if self.valid.size * samples**2 > MAX_KEPT_SAMPLES:
             self._kept = None
         for block in self._make_blocks():
             self.valid[block.rows] = block.valid
@@ -172,4 +172,4 @@ def _samples_needed(
         (right.positions_px - here.positions_px, down.positions_px - here.positions_px)
     )
     longest = 2.0 * np.linalg.norm(steps, axis=-1)[:, seen].max()
-    return int(min(MOST_SAMPLES, max(1, math.ceil(longest - 0.5))))
+    return int(min(MAX_SAMPLES, max(1, math.ceil(longest - 0.5))))

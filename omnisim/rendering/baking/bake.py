@@ -27,7 +27,7 @@ from omnisim.scene.model import Scene
 TILE = 4096  # patches
 _LINKS = 32  # rays from each patch, between which all bounces but the last are counted
 _AIMED_LINKS = 16  # rays to what shines
-_MOST_PLACES = 32
+_MAX_PLACES = 32
 _BRIGHT = 4.0  # times the mean: rays are aimed at what reflects more
 _TRIED_PATCHES = 8  # one of so many tells which lights are worth rays
 _DIRECT, _GATHER = range(2)  # stages of random numbers
@@ -166,7 +166,7 @@ class Bake:
             return some, []
         points = points_at(self.rays, self.transport, self.patches, starts[0], starts[-1])
         base, counts = starts[some] - starts[0], counts[some]
-        number = int(min(counts.max(), _MOST_PLACES))
+        number = int(min(counts.max(), _MAX_PLACES))
         places = []
         for at in range(number):
             entries = base + np.where(counts <= number, at % counts, at * counts // number)

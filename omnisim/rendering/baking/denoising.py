@@ -21,7 +21,7 @@ from omnisim.rendering.baking.sampling import Floats
 _STEPS = (1, 2, 4)  # texels between the samples of the filter
 _KERNEL = (1.0, 2.0 / 3.0, 1.0 / 6.0)  # by their distance, of a cubic B-spline
 _ALIKE = 2.0  # standard deviations
-_LEAST_COSINE = 0.9
+_MIN_COSINE = 0.9
 _PLANE_TEXELS, _NEAR_TEXELS = 0.5, 1.5  # off the plane; farther than in the atlas
 _BAND = 256  # rows at once
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
@@ -124,7 +124,7 @@ def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Fl
             weight = maps.known[shifted] & (off_plane < _PLANE_TEXELS * spacing)
             weight &= np.einsum("ijc,ijc->ij", away, away) <= reach * reach
             alike = np.einsum("ijc,ijc->ij", maps.normals[shifted], normals)
-            weight &= alike > _LEAST_COSINE
+            weight &= alike > _MIN_COSINE
             kernel = np.float32(_KERNEL[abs(down)] * _KERNEL[abs(right)])
             yield shifted, weight * kernel
 

@@ -19,9 +19,9 @@ from omnisim.rendering.baking.sampling import Floats, spread_points, turned
 from omnisim.rendering.baking.transport import PatchHits, Transport
 
 LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
-_SHORTEST_M2 = 1e-8
+_MIN_M2 = 1e-8
 _TRIED = 64  # rays from each place that tell who gives it light
-_LEAST_SHARE = 0.2  # of rays that go to all emitters
+_MIN_SHARE = 0.2  # of rays that go to all emitters
 
 
 class _AimedRays(NamedTuple):
@@ -94,7 +94,7 @@ class Emitters:
         factors = received / received.sum() / np.maximum(powers, 1e-300)
         focused = copy.copy(self)
         focused._choose_by(
-            self._shares * (_LEAST_SHARE + (1.0 - _LEAST_SHARE) * factors[self._side_of])
+            self._shares * (_MIN_SHARE + (1.0 - _MIN_SHARE) * factors[self._side_of])
         )
         return focused
 
@@ -127,7 +127,7 @@ class Emitters:
         entries = self._first[patches] + np.minimum(within, self._counts[patches] - 1)
         origins = np.repeat(at.origins_m, rays, axis=0)
         away = self._points.origins_m[entries] - origins
-        squared = np.maximum(np.einsum("nc,nc->n", away, away), np.float32(_SHORTEST_M2))
+        squared = np.maximum(np.einsum("nc,nc->n", away, away), np.float32(_MIN_M2))
         away /= np.sqrt(squared)[:, None]
         cosines = np.einsum("nc,nc->n", np.repeat(at.normals, rays, axis=0), away)
         above = np.einsum("nc,nc->n", np.repeat(at.planes, rays, axis=0), away)

@@ -18,7 +18,7 @@ _BATCH = 1 << 17
 _PROBING = np.array(
     [[1.0, 0.0, 0.0], [0.5, 0.866, 0.0], [0.5, -0.433, 0.75], [0.5, -0.433, -0.75]], np.float32
 )
-_MOST_INSIDE = 1  # of them
+_MAX_INSIDE = 1  # of them
 
 
 class Points(NamedTuple):
@@ -77,5 +77,5 @@ def usable(rays: RayScene, transport: Transport, patches: Patches) -> Patches:
             inside += (hits.patches == INSIDE) | (
                 transport.is_back(hits) & (hits.ranges_m < near_m)
             )
-        kept.append(inside <= _MOST_INSIDE)
+        kept.append(inside <= _MAX_INSIDE)
     return patches.kept(np.concatenate(kept))

@@ -18,12 +18,12 @@ from omnisim.scene.model import Scene
 
 PROBE_BUDGET = 16384
 TILE = 1024
-_LEAST_SPACING_M, _LEAST_SIZE_M = 0.25, 1e-3
+_MIN_SPACING_M, _MIN_SIZE_M = 0.25, 1e-3
 # Around places of cameras the grid is as large as spacings of this width allow, or the least of it.
 _WIDEST_SPACING_M = 0.6
 _AROUND_M = ((np.inf, np.inf), (32.0, 16.0), (16.0, 8.0), (8.0, 4.0))  # level, upwards
 _RAYS = 256
-_MOST_INSIDE = 0.25  # share of rays that meet backs
+_MAX_INSIDE = 0.25  # share of rays that meet backs
 _PROBES = 2  # stage of random numbers
 
 
@@ -64,14 +64,14 @@ def probe_grid(scene: Scene) -> ProbeGrid:
         spacing_m, shape = _spacing(last - first)
         if spacing_m <= _WIDEST_SPACING_M:
             break
-    steps = np.maximum(last - first, _LEAST_SIZE_M) / shape
+    steps = np.maximum(last - first, _MIN_SIZE_M) / shape
     nx, ny, nz = (int(number) for number in shape)
     return ProbeGrid(first + 0.5 * steps, steps, (nx, ny, nz))
 
 
 def _spacing(size_m: NDArray[np.float64]) -> tuple[float, NDArray[np.intp]]:
     """Spacing of a grid that keeps to the budget, and its numbers of probes."""
-    spacing_m = _LEAST_SPACING_M
+    spacing_m = _MIN_SPACING_M
     while True:
         shape = np.maximum(np.ceil(size_m / spacing_m).astype(np.intp), 1)
         if shape.prod() <= PROBE_BUDGET:
@@ -122,7 +122,7 @@ class ProbeBaker:
         self._add_lamps(moments, origins)
         return {
             "sh": factors_of_moments(moments).astype(np.float32),
-            "valid": inside <= _MOST_INSIDE * _RAYS,
+            "valid": inside <= _MAX_INSIDE * _RAYS,
         }
 
     def _light(self, hits: PatchHits, directions: Floats) -> Floats:

@@ -22,7 +22,7 @@ from omnisim.rendering.sensor_tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
 
 # Of pixels: those stretched by more are drawn as if they were by this.
 IMAGE_ANISOTROPY = 2.0
-_MOST = 90.0  # % of the pixels, whose mip levels there are
+_PERCENTILE = 90.0  # % of the pixels, whose mip levels there are
 _GUTTER_PX = 2  # samples of a pixel are looked up in the tile of its center
 _MAX_RAYS = 20_000  # whose points, near and far, are counted
 _STEP = 2.0 * GRID_STEP  # tangents from a point to the next: what is beside one is seen, too
@@ -136,7 +136,7 @@ def _mip_level(
                 u, v = tangents.T
                 inside = (u >= left) & (u < right) & (v >= top) & (v < bottom)
                 texels.append(tile.face_size_px * wider[inside])
-    return float(np.log2(np.percentile(np.concatenate(texels), _MOST)))
+    return float(np.log2(np.percentile(np.concatenate(texels), _PERCENTILE)))
 
 
 def _singular_values(steps: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

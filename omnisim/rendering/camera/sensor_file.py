@@ -25,7 +25,14 @@ from omnisim.cameras.mirrors.hyperbolic_mirror import (
 )
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core.errors import CalibrationError, OpticsError, SensorFileError
-from omnisim.core.files.parameters import Number, Table, described, parse_table
+from omnisim.core.files.parameters import (
+    AboveZero,
+    Coordinate,
+    Number,
+    Table,
+    described,
+    parse_table,
+)
 from omnisim.core.files.toml_file import read_tables
 from omnisim.rendering.auto_mesh import most_polygons
 from omnisim.rendering.camera.degradations.degradation import Degradation
@@ -47,14 +54,12 @@ DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 
 
 Size = Annotated[int, Field(ge=1, le=MAX_IMAGE_PX, strict=True)]
-Coordinate = Annotated[Number, Field(ge=-1000.0, le=1000.0)]
-Positive = Annotated[Number, Field(gt=0.0)]
 PolygonCount = Annotated[
     Literal["auto", "exact"] | pydantic.StrictInt,
     described("a whole number, 'auto' or 'exact'"),
 ]
 FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_IMAGE_PX} or 'auto'")]
-FocalLength = Annotated[Literal["fit"] | Positive, described("a number > 0 or 'fit'")]
+FocalLength = Annotated[Literal["fit"] | AboveZero, described("a number > 0 or 'fit'")]
 PrincipalPoint = Annotated[
     Literal["center"] | tuple[Number, Number], described("[u, v] in pixels or 'center'")
 ]
@@ -80,14 +85,14 @@ class MirrorTable(Table):
     """Profile of the mirror: Baker and Nayar's hyperboloid, the paper's Eq. 1."""
     k: Annotated[Number, Field(ge=2.0)] = PAPER_K
     """Parameter k of the profile, without a unit."""
-    c: Positive = PAPER_C
+    c: AboveZero = PAPER_C
     """From the effective viewpoint to the pinhole, in units of the profile."""
-    meters_per_unit: Positive = PAPER_METERS_PER_UNIT
+    meters_per_unit: AboveZero = PAPER_METERS_PER_UNIT
     """Meters in a unit of the profile; the paper names none: an assumption."""
     theta_max_deg: Number | None = None
     """The rim: degrees of incidence from straight down, 90 is the horizon; 105 where no rim is
     given."""
-    rim_radius_m: Positive | None = None
+    rim_radius_m: AboveZero | None = None
     """Radius of the rim in meters, in place of theta_max_deg."""
     polygons: PolygonCount = "auto"
     """Polygons of the mesh: 16, 64, 256, 1024 (the paper's), 4096, …; "auto": as few as keep the
@@ -140,7 +145,7 @@ class VirtualCamerasTable(Table):
     """Texels across the 90°; "auto": as texels_per_pixel needs."""
     texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
     """Texels to a side of the image's finest pixels; left out: as camera.quality says."""
-    near_m: Positive = DEFAULT_NEAR_M
+    near_m: AboveZero = DEFAULT_NEAR_M
     """Meters; nothing nearer is seen, and a note says so where something is. Left at 0.05, it is
     nearer in scenes of less than 1 m."""
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf

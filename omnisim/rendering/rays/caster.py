@@ -18,7 +18,7 @@ from omnisim.scene.model import Scene
 # Share of a ray's length and of its origin's coordinates by which it starts behind a surface that
 # it goes on from: some roundings of a float32.
 _BEYOND = 1e-6
-_LEAST_STEP_M = 1e-7
+_MIN_STEP_M = 1e-7
 _MESHES_KEPT = 8
 
 
@@ -273,7 +273,7 @@ def _part_mesh_of(
 def _beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
     size_m: NDArray[np.float64] = np.abs(origins_m).max(axis=1) + ranges_m
-    return ranges_m + _BEYOND * size_m + _LEAST_STEP_M
+    return ranges_m + _BEYOND * size_m + _MIN_STEP_M
 
 
 def _no_hits(count: int) -> RayHits:

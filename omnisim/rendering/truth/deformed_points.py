@@ -10,7 +10,7 @@ from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.readback import ScenePoses
 
-_LEAST = 1e-300  # squared area of a triangle that is but a line
+_MIN_AREA = 1e-300  # squared area of a triangle that is but a line
 
 
 def deformed_hits(
@@ -73,7 +73,7 @@ def _deformed(
     )
     first, second = before[:, 1] - before[:, 0], before[:, 2] - before[:, 0]
     across = np.cross(first, second)
-    squared = np.maximum(np.einsum("nc,nc->n", across, across), _LEAST)
+    squared = np.maximum(np.einsum("nc,nc->n", across, across), _MIN_AREA)
     inside = points_m - before[:, 0]
     of_second = np.einsum("nc,nc->n", np.cross(inside, second), across) / squared
     of_third = np.einsum("nc,nc->n", np.cross(first, inside), across) / squared

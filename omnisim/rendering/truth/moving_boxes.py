@@ -14,7 +14,7 @@ from omnisim.scene import Scene
 from omnisim.scene.model import Instance
 from omnisim.scene.motion.deformation import Deformation
 
-_LEAST_VOLUME = 1e-12  # of a joint's transform: flatter ones are not followed
+_MIN_VOLUME = 1e-12  # of a joint's transform: flatter ones are not followed
 
 
 class _JointBox(NamedTuple):
@@ -62,7 +62,7 @@ class MovingBoxes:
         for joint, of_joint in zip(joints.tolist(), corners, strict=True):
             matrix = matrices[joint]
             size = float(np.linalg.norm(matrix[:3, :3], 2))
-            if abs(np.linalg.det(matrix[:3, :3])) > _LEAST_VOLUME * size**3:
+            if abs(np.linalg.det(matrix[:3, :3])) > _MIN_VOLUME * size**3:
                 inverse = np.linalg.inv(matrix)
                 box = _JointBox(object_index, instance, deformation, joint, inverse)
                 self._joints.append(box)

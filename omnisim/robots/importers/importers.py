@@ -2,33 +2,63 @@
 
 from __future__ import annotations
 
-import dataclasses
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from omnisim.core.errors import RobotFileError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.sources import note_file, recorded_sources, source_digest
-from omnisim.robots import Robot, parse_robot
-from omnisim.robots.importers.imported_model import ImportedModel
+from omnisim.robots import Robot
+from omnisim.robots.importers.imported_robot import ImportedRobot
 from omnisim.robots.vehicle import Vehicle
 
-_GAZEBO, _MJCF = (".sdf", ".world"), (".xml", ".mjcf")
-SUFFIXES = (*_GAZEBO, ".urdf", *_MJCF)
+Resources = Sequence[str | Path]
+
+# Drives of robot files import none of the formats.
 
 
-def import_model(
-    path: Path, output: Path, name: str | None = None, resources: Sequence[str | Path] = ()
-) -> ImportedModel:
+def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
+    from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+
+    return import_model(path, name, resources)
+
+
+def _import_urdf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
+    from omnisim.robots.importers.urdf_robot import import_urdf
+
+    _check_no_name(path, name)
+    return import_urdf(path, resources)
+
+
+def _import_mjcf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
+    from omnisim.scene.formats.urdf.document import is_urdf
+
+    if is_urdf(path):
+        return _import_urdf(path, name, resources)
+    _check_no_name(path, name)
+    require_extra("mujoco", str(path))
+    from omnisim.robots.importers.mjcf_robot import import_mjcf  # of the extra
+
+    return import_mjcf(path, resources)
+
+
+_IMPORTERS = {
+    ".sdf": _import_gazebo,
+    ".world": _import_gazebo,
+    ".urdf": _import_urdf,
+    ".xml": _import_mjcf,
+    ".mjcf": _import_mjcf,
+}
+SUFFIXES = tuple(_IMPORTERS)
+
+
+def import_model(path: Path, name: str | None = None, resources: Resources = ()) -> ImportedRobot:
     """Import the robot of a model.
 
     Args:
-        path: of Gazebo, URDF or MuJoCo.
-        output: the robot file that it is for: files that it names are relative to it.
+        path: of one of `SUFFIXES`.
         name: of the model, in a file of several.
         resources: folders of models and packages that it names.
 
@@ -38,23 +68,12 @@ def import_model(
     """
     if not path.is_file():
         raise RobotFileError(f"{path}: no such file")
-    # drives of robot files import none of these
-    if path.suffix.lower() in _GAZEBO:
-        from omnisim.robots.importers.gazebo.gazebo_robot import import_model as import_gazebo_model
+    return _IMPORTERS.get(path.suffix.lower(), _import_mjcf)(path, name, resources)
 
-        return import_gazebo_model(path, output, name, resources)
+
+def _check_no_name(path: Path, name: str | None) -> None:
     if name is not None:
         raise RobotFileError(f"{path}: --class: expected none, as the file has one robot")
-    from omnisim.scene.formats.urdf.document import is_urdf
-
-    if path.suffix.lower() == ".urdf" or is_urdf(path):
-        from omnisim.robots.importers.urdf_robot import import_urdf
-
-        return import_urdf(path, output, resources)
-    require_extra("mujoco", str(path))
-    from omnisim.robots.importers.mjcf_robot import import_mjcf  # of the extra
-
-    return import_mjcf(path, output, resources)
 
 
 class LoadedModel(NamedTuple):
@@ -71,22 +90,15 @@ class LoadedModel(NamedTuple):
     notices: tuple[str, ...]
 
 
-def load_robot_model(path: Path, resources: Sequence[str | Path] = ()) -> LoadedModel:
+def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:
     """Load the robot of a model.
 
     Raises:
         OmnisimError: as `import_model` and `Vehicle.from_robot` do.
     """
-    with TemporaryDirectory() as folder:
-        output = Path(folder, "robot.toml")
-        imported = import_model(path, output, None, resources)
-        for name, text in imported.sensor_files.items():
-            output.with_name(name).write_text(text)
-        robot = parse_robot(tomllib.loads(imported.text), str(path), output.parent)
-        vehicle = Vehicle.from_robot(robot)
-    if vehicle.body is not None:  # its name is in images: not where this machine has it
-        body = vehicle.body.altered("", name=path.name)
-        vehicle = dataclasses.replace(vehicle, body=body)
+    imported = import_model(path, None, resources)
+    robot = imported.robot(path)
+    vehicle = Vehicle.from_robot(robot, imported.cameras)
     with recorded_sources() as sources:
         note_file(path)
     content = None if vehicle.body is None else fingerprint(vehicle.body)

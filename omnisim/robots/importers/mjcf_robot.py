@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.robots.importers.imported_model import ImportedModel, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, robot_file
+from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
+from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
 from omnisim.scene.formats.mjcf.camera_lens import lens_of
 from omnisim.scene.formats.mjcf.camera_mount import Mount
@@ -28,12 +27,11 @@ _INERTIAL = (mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER
 _OBJECTS = mujoco.mjtObj
 
 
-def import_mjcf(path: Path, output: Path, resources: Sequence[str | Path] = ()) -> ImportedModel:
+def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
     """Import a robot, the only body in the world of its model.
 
     Args:
         path: of the model.
-        output: the robot file that it is for: files that it names are relative to it.
         resources: of no use to MuJoCo.
 
     Raises:
@@ -54,7 +52,7 @@ def import_mjcf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
     body = load_body(path, resources, notices)
     if body is not None:
         body = without_world(body, path)
-    return robot_file(found, path, output, body, (), notices)
+    return imported_robot(found, path, body, (), notices)
 
 
 def _mechanics(
@@ -145,13 +143,13 @@ def _cameras(
         if not name or model.cam_bodyid[number] == 0:
             continue
         try:
-            text = sensor_toml(OmniCamera(lens_of(model, name), polygons=None))
+            camera = OmniCamera(lens_of(model, name), polygons=None)
         except OmnisimError as reason:
             notices.append(f"left out: {reason}")
             continue
         pose = Mount("camera", number).pose(data)
         unique = unique_name(folder_name(name), taken)
-        yield ImportedSensor(unique, pose, {"type": "omnicamera"}, text)
+        yield ImportedSensor.at(unique, "omnicamera", pose, {}, camera)
 
 
 def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor]:
@@ -164,4 +162,4 @@ def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor
     for number, site in enumerate(sorted(sites)):
         name = folder_name(_name(model, _OBJECTS.mjOBJ_SITE, site) or f"imu_{number}")
         pose = Mount("site", site).pose(data)
-        yield ImportedSensor(name, pose, {"type": "imu", "device": "ideal"})
+        yield ImportedSensor.at(name, "imu", pose, {"device": "ideal"})

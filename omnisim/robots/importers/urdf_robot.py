@@ -14,27 +14,25 @@ from omnisim.core.errors import RobotFileError, SceneError
 from omnisim.core.short_repr import counted
 from omnisim.robots.importers.gazebo.drive_plugins import is_wheel_drive, stated_limits
 from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
-from omnisim.robots.importers.imported_model import ImportedModel, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, robot_file
+from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
+from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
 from omnisim.scene import Scene
 from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.sdf.document import parse_xml
-from omnisim.scene.formats.sdf.element import SdfElement
 from omnisim.scene.formats.sdf.models import unique_name
-from omnisim.scene.formats.urdf.document import UrdfElement
 from omnisim.scene.formats.urdf.kinematics import link_poses
+from omnisim.scene.formats.xml.document import parse_xml
+from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.sensor_names import folder_name
 
 Poses = Mapping[str, NDArray[np.float64]]  # of the links
 
 
-def import_urdf(path: Path, output: Path, resources: Sequence[str | Path] = ()) -> ImportedModel:
+def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
     """Import a robot.
 
     Args:
         path: of the file.
-        output: the robot file that it is for: files that it names are relative to it.
         resources: folders of the packages that it names.
 
     Raises:
@@ -43,7 +41,7 @@ def import_urdf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
     notices: list[str] = []
     try:
         root = parse_xml(path.read_bytes())
-        robot = UrdfElement(root, "robot")
+        robot = XmlElement(root, "robot", path)
         poses = link_poses(robot)
         body = load_body(path, resources, notices)
         wheels = list(_wheels(robot, poses, body))
@@ -57,10 +55,10 @@ def import_urdf(path: Path, output: Path, resources: Sequence[str | Path] = ()) 
     found = Mechanics(robot.name or path.stem, wheels, mass_kg, center_m, sensors, limits)
     texts = {value for element in root.iter() for value in element.attrib.values()}
     folders = ResourcePath(path, resources).used(sorted(one for one in texts if "://" in one))
-    return robot_file(found, path, output, body, folders, notices)
+    return imported_robot(found, path, body, folders, notices)
 
 
-def _wheels(robot: UrdfElement, poses: Poses, body: Scene | None) -> Iterator[Wheel]:
+def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Wheel]:
     """Links on continuous joints about y that nothing else moves."""
     moved = {
         _link(joint, "child"): _link(joint, "parent")
@@ -76,29 +74,31 @@ def _wheels(robot: UrdfElement, poses: Poses, body: Scene | None) -> Iterator[Wh
         if joint.attribute("type") != "continuous" or parent not in base:
             continue
         axis = joint.find("axis")
-        vector = np.array((1.0, 0.0, 0.0) if axis is None else axis.numbers("xyz", (1, 0, 0), 3))
+        vector = np.array(
+            (1.0, 0.0, 0.0) if axis is None else axis.attribute_numbers("xyz", (1, 0, 0), 3)
+        )
         if not is_across(poses[child][:3, :3] @ vector):
             continue
         tyre = _tyre(links[child], poses[child], body)
         if tyre is None:
             continue
         limit = joint.find("limit")
-        speed = 0.0 if limit is None else limit.numbers("velocity", (0.0,), 1)[0]
+        speed = 0.0 if limit is None else limit.attribute_numbers("velocity", (0.0,), 1)[0]
         yield Wheel(joint.name, *tyre, speed)
 
 
-def _ends_at(robot: UrdfElement, link: str) -> Iterator[bool]:
+def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
     """Joints whose child is a link."""
     return (True for joint in robot.children("joint") if _link(joint, "child") == link)
 
 
-def _link(joint: UrdfElement, tag: str) -> str:
+def _link(joint: XmlElement, tag: str) -> str:
     found = joint.find(tag)
     return "" if found is None else found.attribute("link")
 
 
 def _tyre(
-    link: UrdfElement, pose: NDArray[np.float64], body: Scene | None
+    link: XmlElement, pose: NDArray[np.float64], body: Scene | None
 ) -> tuple[NDArray[np.float64], float] | None:
     """Middle (3,) and radius of a wheel: of a round shape, or else of all that is drawn of it."""
     for tag in ("collision", "visual"):
@@ -107,7 +107,7 @@ def _tyre(
             for kind in ("cylinder", "sphere"):
                 shape = None if geometry is None else geometry.find(kind)
                 if shape is not None:
-                    return (pose @ part.origin())[:3, 3], shape.sizes("radius")[0]
+                    return (pose @ part.origin())[:3, 3], shape.attribute_sizes("radius")[0]
     if body is None:
         return None
     corners = [
@@ -122,7 +122,7 @@ def _tyre(
     return 0.5 * (low + high), float(0.5 * (high[2] - low[2]))
 
 
-def _mass(robot: UrdfElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
+def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
     """Mass of all links, and its center (3,)."""
     total_kg, moment = 0.0, np.zeros(3)
     for link in robot.children("link"):
@@ -130,7 +130,7 @@ def _mass(robot: UrdfElement, poses: Poses) -> tuple[float, NDArray[np.float64]]
         mass = None if inertial is None else inertial.find("mass")
         if inertial is None or mass is None:
             continue
-        (mass_kg,) = mass.numbers("value", (0.0,), 1)
+        (mass_kg,) = mass.attribute_numbers("value", (0.0,), 1)
         total_kg += mass_kg
         moment += mass_kg * (poses[link.name] @ inertial.origin())[:3, 3]
     return total_kg, moment / total_kg if total_kg > 0.0 else moment
@@ -142,7 +142,7 @@ def _sensors(
     """Sensors of the `<gazebo>` elements, on their links."""
     others: Counter[str] = Counter()
     taken: set[str] = set()
-    for extension in SdfElement(root, "robot", path).children("gazebo"):
+    for extension in XmlElement(root, "robot", path).children("gazebo"):
         link = extension.attribute("reference")
         for sensor in extension.children("sensor") if link in poses else ():
             read = list(read_sensors(sensor, poses[link] @ sensor.pose()))
@@ -155,7 +155,7 @@ def _sensors(
 
 def _plugin_limits(root: Element, path: Path) -> dict[str, float]:
     """Limits that a plugin of Gazebo states."""
-    for extension in SdfElement(root, "robot", path).children("gazebo"):
+    for extension in XmlElement(root, "robot", path).children("gazebo"):
         for plugin in extension.children("plugin"):
             if is_wheel_drive(plugin):
                 return stated_limits(plugin)

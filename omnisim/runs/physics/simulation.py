@@ -28,7 +28,7 @@ PERIODS_PER_COMMAND = 2  # the wheels are commanded at 100 Hz
 SETTLING = 100  # periods at rest before the start: tyres and objects come to bear
 TIPPED_COSINE = 0.7  # of the base's tilt: 45°
 LOST_M = 0.5  # farthest from the path
-LONGEST_S = 3600.0
+MAX_S = 3600.0
 
 
 def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, SimulatedMotion]:
@@ -47,10 +47,9 @@ def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, Simulated
     """
     start_s = min(one.motion.start_s for one in drivers.values())
     for one in drivers.values():
-        if (duration_s := one.motion.end_s - start_s) > LONGEST_S:
+        if (duration_s := one.motion.end_s - start_s) > MAX_S:
             raise TrajectoryError(
-                f"{one.where}: expected at most {LONGEST_S:g} s with --physics, got "
-                f"{duration_s:g} s"
+                f"{one.where}: expected at most {MAX_S:g} s with --physics, got {duration_s:g} s"
             )
     objects = solid_objects(scene)
     pieces = static_pieces(scene, drivers.values(), objects)

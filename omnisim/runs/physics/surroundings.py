@@ -19,7 +19,7 @@ from omnisim.scene.motion.object_motion import FreeBody
 # objects that are free to move.
 PATH_REACH_M, OBJECT_REACH_M = 1.0, 20.0
 HEADROOM_M = 0.5  # above the robot
-MOST_PIECES = 30_000  # some 0.4 ms a step
+MAX_PIECES = 30_000  # some 0.4 ms a step
 
 
 def solid_objects(scene: Scene) -> dict[str, SolidObject]:
@@ -52,9 +52,9 @@ def static_pieces(
         for one in drivers
     ]
     pieces = convex_pieces(scene, Region(low, high, np.concatenate(middles)))
-    if len(pieces) > MOST_PIECES:
+    if len(pieces) > MAX_PIECES:
         raise TrajectoryError(
-            f"{scene.name}: expected at most {MOST_PIECES} convex pieces about the path with "
+            f"{scene.name}: expected at most {MAX_PIECES} convex pieces about the path with "
             f"--physics, got {len(pieces)}"
         )
     return pieces

@@ -20,7 +20,7 @@ from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
 STEP_S = 1e-3
 # Names: of a robot, and of its parts after that.
 ROBOT, PART, WHEEL, CASTOR = "robot {}", "robot {} part {}", "robot {} wheel {}", "robot {} castor"
-LARGEST_HULL = 64  # vertices that are kept
+MAX_HULL = 64  # vertices that are kept
 # Contacts yield by less than 0.2 mm under a robot's weight, without bouncing.
 CONTACT_S, IMPEDANCE = 0.005, 0.3
 FRICTION_IMPEDANCE = 100.0  # of friction to that of contacts: tyres creep by 0.1 mm/s
@@ -118,7 +118,7 @@ class WorldModel:
                 name=name,
                 uservert=shape.vertices_m.ravel(),
                 inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
-                maxhullvert=LARGEST_HULL,
+                maxhullvert=MAX_HULL,
             )
             geom.meshname = name
         else:

@@ -27,7 +27,7 @@ from omnisim.scene.parts import (
 # A surface without any color: a light gray of 80 % on the screen.
 PLAIN_GRAY = float(linear_from_srgb(0.8))
 # Beyond, products of coordinates overflow a float32.
-LARGEST_COORDINATE = 1e15
+MAX_COORDINATE = 1e15
 
 
 class ImportedObject(NamedTuple):
@@ -114,11 +114,11 @@ def make_mesh(
     if corners.min() < 0 or corners.max() >= len(points):
         worst = corners.min() if corners.min() < 0 else corners.max()
         raise SceneError(f"mesh {name!r}: expected vertices below {len(points)}, got {worst}")
-    bad = ~(np.abs(points) < LARGEST_COORDINATE).all(axis=1)  # also true for NaN
+    bad = ~(np.abs(points) < MAX_COORDINATE).all(axis=1)  # also true for NaN
     if bad.any():
         raise SceneError(
             f"mesh {name!r}: vertex {int(np.argmax(bad))}: expected finite numbers below "
-            f"{LARGEST_COORDINATE:g}, got {points[np.argmax(bad)].tolist()} "
+            f"{MAX_COORDINATE:g}, got {points[np.argmax(bad)].tolist()} "
             f"({int(bad.sum())} of {len(points)} vertices)"
         )
     center = 0.5 * bounds_of(points).sum(axis=0)
@@ -145,8 +145,8 @@ def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[In
     placed = []
     for one in read.instances:
         world_from_mesh = world_from_file @ one.world_from_mesh
-        if not np.abs(world_from_mesh).max() < LARGEST_COORDINATE:  # false for NaN, too
-            raise SceneError(f"node {one.name!r}: expected a pose below {LARGEST_COORDINATE:g}")
+        if not np.abs(world_from_mesh).max() < MAX_COORDINATE:  # false for NaN, too
+            raise SceneError(f"node {one.name!r}: expected a pose below {MAX_COORDINATE:g}")
         world_from_node = world_from_file @ one.world_from_node @ file_from_world
         placed.append(Instance(one.name, one.mesh, world_from_mesh, world_from_node))
     for material in read.materials:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +17,123 @@ from omnisim.core.files.sources import read_source
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.file_axes import FileAxes, world_from_file
 from omnisim.scene.files.imported import ImportedScene, texture_notices
+from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.gltf.animations import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.textures import TextureStore, large_textures
 
-_GLTF = {".glb", ".gltf"}
-_SDF = {".sdf", ".world"}
-_MJCF = {".xml", ".mjcf"}
-_URDF = ".urdf"
-_USD = {".usd", ".usda", ".usdc", ".usdz"}
-_EXTRAS = dict.fromkeys(_MJCF, "mujoco") | dict.fromkeys(_USD, "usd")
+Read = tuple[ImportedScene, NDArray[np.float64]]  # contents, and world_from_file (4, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class SourceFile:
+    """Scene file and what its reader may need; its content is read when it is first used.
+
+    Attributes:
+        path: of the file.
+        axes: overrule those of the file.
+        folders: of models and packages, see `load_scene`.
+        animation: that glTF plays.
+        textures, assets: for all images and other files of the scene.
+    """
+
+    path: Path
+    axes: FileAxes
+    folders: Sequence[Path]
+    animation: AnimationChoice
+    textures: TextureStore
+    assets: AssetResolver
+
+    @cached_property
+    def data(self) -> bytes:
+        """Content of the file."""
+        return read_source(self.path)
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """Transform (4, 4) world_from_file."""
+        return world_from_file(self.path.suffix.lower(), self.data, self.axes)
+
+    @property
+    def resources(self) -> ResourcePath:
+        """Search path of models and packages."""
+        return ResourcePath(self.path, self.folders)
+
+
+class SceneFormat(NamedTuple):
+    """Format of scene files.
+
+    Attributes:
+        suffixes: of its files.
+        read: reads a file.
+        extra: that it needs, or None.
+    """
+
+    suffixes: tuple[str, ...]
+    read: Callable[[SourceFile], Read]
+    extra: str | None = None
+
+
+# Imports of all but glTF are slow, or of extras.
+
+
+def _read_gltf(file: SourceFile) -> Read:
+    read = read_gltf(file.data, file.textures, file.assets, file.matrix, file.animation)
+    return read, file.matrix
+
+
+def _read_sdf(file: SourceFile) -> Read:
+    from omnisim.scene.formats.sdf.reader import read_sdf
+
+    read = read_sdf(file.path, file.data, file.textures, file.resources, file.matrix)
+    return read, file.matrix
+
+
+def _read_urdf(file: SourceFile) -> Read:
+    from omnisim.scene.formats.urdf.reader import read_urdf
+
+    return read_urdf(file.path, file.data, file.textures, file.resources), file.matrix
+
+
+def _read_mjcf(file: SourceFile) -> Read:
+    from omnisim.scene.formats.mjcf.reader import read_mjcf
+
+    return read_mjcf(file.path, file.matrix), file.matrix
+
+
+def _read_usd(file: SourceFile) -> Read:
+    from omnisim.scene.formats.usd.reader import read_usd
+
+    return read_usd(file.path, file.axes)
+
+
+def _read_other(file: SourceFile) -> Read:
+    from omnisim.scene.formats.mesh.other_formats import read_other
+
+    return read_other(file.path, file.data, file.textures, file.assets), file.matrix
+
+
+_GLTF = SceneFormat((".glb", ".gltf"), _read_gltf)
+_URDF = SceneFormat((".urdf",), _read_urdf)
+_MJCF = SceneFormat((".xml", ".mjcf"), _read_mjcf, "mujoco")
+_FORMATS = (
+    _GLTF,
+    SceneFormat((".sdf", ".world"), _read_sdf),
+    _URDF,
+    _MJCF,
+    SceneFormat((".usd", ".usda", ".usdc", ".usdz"), _read_usd, "usd"),
+)
+
+
+def _format_of(path: Path) -> SceneFormat | None:
+    """Format of a file; None: trimesh may read it."""
+    suffix = path.suffix.lower()
+    found = next((one for one in _FORMATS if suffix in one.suffixes), None)
+    if found is _MJCF:
+        from omnisim.scene.formats.urdf.document import is_urdf  # with an XML parser
+
+        return _URDF if is_urdf(path) else _MJCF
+    return found
 
 
 def check_format(path: Path) -> None:
@@ -32,46 +142,30 @@ def check_format(path: Path) -> None:
     Raises:
         SceneError: there is none, or its extra is not installed.
     """
-    suffix = path.suffix.lower()
-    if _is_urdf(path):
-        return
-    if suffix in _EXTRAS:
-        require_extra(_EXTRAS[suffix], str(path), SceneError)
-    elif suffix not in _GLTF | _SDF:
-        from omnisim.scene.formats.mesh.other_formats import (
-            check_format,
-        )  # with trimesh, slow to import
+    found = _format_of(path)
+    if found is None:
+        from omnisim.scene.formats.mesh import other_formats  # with trimesh, slow to import
 
-        check_format(path)
+        other_formats.check_format(path)
+    elif found.extra is not None:
+        require_extra(found.extra, str(path), SceneError)
 
 
 def is_mjcf(path: Path) -> bool:
     """True for a model of MuJoCo."""
-    return path.suffix.lower() in _MJCF and not _is_urdf(path)
-
-
-def _is_urdf(path: Path) -> bool:
-    """True for a robot's file, which may be named like a MuJoCo model."""
-    if path.suffix.lower() in _MJCF:
-        from omnisim.scene.formats.urdf.document import is_urdf  # with an XML parser
-
-        return is_urdf(path)
-    return path.suffix.lower() == _URDF
+    return _format_of(path) is _MJCF
 
 
 def read_file(
     path: Path,
     axes: FileAxes,
-    resources: Sequence[Path],
+    folders: Sequence[Path],
     animation: AnimationChoice = FIRST_ANIMATION,
-) -> tuple[ImportedScene, NDArray[np.float64]]:
+) -> Read:
     """Read a file of any format.
 
     Args:
-        path: of the file.
-        axes: overrule those of the file.
-        resources: folders of models and packages, see `load_scene`.
-        animation: that glTF plays.
+        path, axes, folders, animation: see `SourceFile`.
 
     Returns:
         The contents, with all notices, and the transform (4, 4) world_from_file.
@@ -80,48 +174,16 @@ def read_file(
         SceneError: it is damaged, or has nothing to draw.
         OSError: it cannot be read.
     """
-    textures, assets = TextureStore(), AssetResolver(path)
+    file = SourceFile(path, axes, folders, animation, TextureStore(), AssetResolver(path))
+    found = _format_of(path)
+    if found is not _GLTF and animation.name not in (None, NO_ANIMATION):
+        raise SceneError(
+            f"animation = {animation.name!r}: expected a glTF file, got {path.suffix.lower()}"
+        )
     with large_textures():
-        read, matrix = _read(path, axes, resources, textures, assets, animation)
+        read, matrix = _read_other(file) if found is None else found.read(file)
     if not read.instances:
         raise SceneError("has no triangles to draw")
-    notices = [*assets.notices, *textures.notices, *texture_notices(read), *read.notices]
+    own = texture_notices(read)
+    notices = [*file.assets.notices, *file.textures.notices, *own, *read.notices]
     return read._replace(notices=list(dict.fromkeys(notices))), matrix
-
-
-def _read(
-    path: Path,
-    axes: FileAxes,
-    resources: Sequence[Path],
-    textures: TextureStore,
-    assets: AssetResolver,
-    animation: AnimationChoice,
-) -> tuple[ImportedScene, NDArray[np.float64]]:
-    suffix = path.suffix.lower()
-    if suffix not in _GLTF and animation.name not in (None, NO_ANIMATION):
-        raise SceneError(f"animation = {animation.name!r}: expected a glTF file, got {suffix}")
-    if suffix in _USD:
-        from omnisim.scene.formats.usd.reader import read_usd  # of an extra
-
-        return read_usd(path, axes)
-    data = read_source(path)
-    matrix = world_from_file(suffix, data, axes)
-    if suffix in _GLTF:
-        return read_gltf(data, textures, assets, matrix, animation), matrix
-    if _is_urdf(path):
-        from omnisim.scene.files.search_path import ResourcePath
-        from omnisim.scene.formats.urdf.reader import read_urdf  # with trimesh, slow to import
-
-        return read_urdf(path, data, textures, ResourcePath(path, resources)), matrix
-    if suffix in _MJCF:
-        from omnisim.scene.formats.mjcf.reader import read_mjcf  # of an extra
-
-        return read_mjcf(path, matrix), matrix
-    if suffix in _SDF:
-        from omnisim.scene.files.search_path import ResourcePath
-        from omnisim.scene.formats.sdf.reader import read_sdf  # with trimesh, slow to import
-
-        return read_sdf(path, data, textures, ResourcePath(path, resources), matrix), matrix
-    from omnisim.scene.formats.mesh.other_formats import read_other  # slow to import
-
-    return read_other(path, data, textures, assets), matrix

@@ -9,15 +9,11 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from omnisim.core.errors import did_you_mean
-from omnisim.core.files.parameters import Number, Signed, Table
+from omnisim.core.files.parameters import AboveZero, Flag, Level, Name, Number, Point, Signed, Table
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
 
-Level = Annotated[Number, Field(ge=0.0)]
-Positive = Annotated[Number, Field(gt=0.0)]
-Name = Annotated[str, Field(min_length=1, strict=True)]
-Point = tuple[Signed, Signed, Signed]
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
-LARGEST_CLASS = 60_000  # files have 16 bits; some are left for the unlabeled
+MAX_CLASS = 60_000  # files have 16 bits; some are left for the unlabeled
 LinearRgb = tuple[Level, Level, Level]
 
 
@@ -61,7 +57,7 @@ class ColorBandTable(Table):
 
     color: Name
     """Name of a color of [palette]."""
-    top_m: Positive
+    top_m: AboveZero
     """Upper end of the band in meters above the landmark's base; it begins where the one below
     ends."""
 
@@ -73,7 +69,7 @@ class LandmarkTable(Table):
     """Name of the landmark, distinct; names of its nodes begin with it."""
     position_m: Point
     """Middle of its base in the world, meters."""
-    footprint_m: tuple[Positive, Positive]
+    footprint_m: tuple[AboveZero, AboveZero]
     """Extents along the world's x and y, meters."""
     bands: Annotated[tuple[ColorBandTable, ...], Field(min_length=1)]
 
@@ -107,7 +103,7 @@ class ObjectPathTable(Table):
     """Positions of the object's origin at these times, meters in the world."""
     yaw_deg: tuple[Number, ...] | None = None
     """Headings at these times, degrees; left out: 0."""
-    repeats: Annotated[bool, Field(strict=True)] = False
+    repeats: Flag = False
     """True: it begins again at its last time."""
 
 
@@ -116,7 +112,7 @@ class ObjectTrajectoryTable(Table):
 
     file: Name
     """Trajectory file with times, relative to this file."""
-    repeats: Annotated[bool, Field(strict=True)] = False
+    repeats: Flag = False
     """True: it begins again at its last time."""
 
 
@@ -125,7 +121,7 @@ class OrbitTable(Table):
 
     center_m: Point
     """Center of the circle, meters in the world."""
-    radius_m: Positive
+    radius_m: AboveZero
     """Radius of the circle in meters."""
     period_s: Annotated[Number, AfterValidator(_not_zero)]
     """Seconds of a turn; less than 0: clockwise."""
@@ -140,7 +136,7 @@ class ShuttleTable(Table):
     """Start at 0 s, meters in the world."""
     to_m: Point
     """Other end, which it faces."""
-    period_s: Positive
+    period_s: AboveZero
     """Seconds of the way there and back."""
 
 
@@ -165,7 +161,7 @@ class ObjectTable(Table):
     """Heading where it rests, degrees; left out: 0."""
     mass_kg: Annotated[Number, Field(ge=1e-3, le=1e6)] | None = None
     """Kilograms of an object at rest that robots push with `--physics`; left out: they cannot."""
-    rolling_radius_m: Positive | None = None
+    rolling_radius_m: AboveZero | None = None
     """Radius of a ball that rolls along its motion without slipping; left out: it does not."""
     path: ObjectPathTable | None = None
     trajectory: ObjectTrajectoryTable | None = None
@@ -200,7 +196,7 @@ class LabelTable(Table):
     """Names of nodes; `*` and `?` stand for any letters; the first table that matches is taken."""
     color: tuple[Byte, Byte, Byte] | None = None
     """8-bit sRGB in images; chosen where it is left out."""
-    id: Annotated[int, Field(ge=1, le=LARGEST_CLASS, strict=True)] | None = None
+    id: Annotated[int, Field(ge=1, le=MAX_CLASS, strict=True)] | None = None
     """ID of the class in the channel; the next free one where it is left out."""
 
 
@@ -228,7 +224,7 @@ class SceneFile(Table):
     this one."""
     up_axis: Literal["x", "y", "z"] | None = None
     """Axis of the mesh file that points up; left out: as its format has it."""
-    meters_per_unit: Positive | None = None
+    meters_per_unit: AboveZero | None = None
     """Meters in a unit of the mesh file; left out: as its format has it."""
     animation: Name | None = None
     """Name of the animation of a glTF file that is played, over and over; "none": none; left out:

@@ -17,10 +17,10 @@ from pydantic import ConfigDict, Field
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
 from omnisim.core.files.npz_file import read_arrays
-from omnisim.core.files.parameters import Positive, Signed, Table, parse_table
+from omnisim.core.files.parameters import Point, Positive, Table, parse_table
 from omnisim.core.files.sources import read_source
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint, content_fingerprint
-from omnisim.scene.light.baked_light import FACTORS, LARGEST, BakedLight, Probes
+from omnisim.scene.light.baked_light import FACTORS, MAX_HALF, BakedLight, Probes
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 
@@ -41,7 +41,7 @@ class _OpenTable(Table):
 
 
 class _Grid(_OpenTable):
-    origin_m: tuple[Signed, Signed, Signed]
+    origin_m: Point
     spacing_m: tuple[Positive, Positive, Positive]
     shape: tuple[Count, Count, Count]
 
@@ -140,8 +140,8 @@ def _read_irradiance(path: Path) -> NDArray[np.float16]:
     height, width = pixels.shape[:2]
     if max(height, width) > MAX_SIZE_PX:
         raise SceneError(f"{path}: expected at most {MAX_SIZE_PX} px, got {width} × {height}")
-    if not ((pixels >= 0.0) & (pixels <= LARGEST)).all():
-        raise SceneError(f"{path}: expected light from 0 to {LARGEST:g}")
+    if not ((pixels >= 0.0) & (pixels <= MAX_HALF)).all():
+        raise SceneError(f"{path}: expected light from 0 to {MAX_HALF:g}")
     return pixels.astype(np.float16)
 
 
@@ -155,8 +155,8 @@ def _read_probes(folder: Path, grid: _Grid) -> Probes:
     stored = read_arrays(path, SceneError, "archive", _EXPECTED, ("sh", "valid"))
     factors = _array(stored, "sh", "f", (*shape, FACTORS, 3), path)
     valid = _array(stored, "valid", "b", shape, path)
-    if not (np.abs(factors[valid]) <= LARGEST).all():
-        raise SceneError(f"{path}: sh: expected finite numbers up to {LARGEST:g}")
+    if not (np.abs(factors[valid]) <= MAX_HALF).all():
+        raise SceneError(f"{path}: sh: expected finite numbers up to {MAX_HALF:g}")
     return Probes(
         np.array(grid.origin_m), np.array(grid.spacing_m),
         np.where(valid[..., None, None], factors, 0.0).astype(np.float32), valid,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from omnisim.core.short_repr import short_repr
 from omnisim.scene.light.environment import shares_of_normals
 
-LARGEST = 65504.0  # of half floats
+MAX_HALF = 65504.0  # of half floats
 # Of a probe within a wall, which takes its neighbors' light: next to a valid one it counts little.
 _FILLED_WEIGHT = 1.0 / 64.0
 FACTORS = 9  # of spherical harmonics of order 2
@@ -51,7 +51,7 @@ class Probes:
             factors, known = _grown(factors, known)
         flat = factors.reshape(*known.shape, 3 * FACTORS)
         texels = np.concatenate((flat * weights[..., None], weights[..., None]), axis=-1)
-        return np.clip(texels, -LARGEST, LARGEST).astype(np.float16)
+        return np.clip(texels, -MAX_HALF, MAX_HALF).astype(np.float16)
 
     def light(
         self, points_m: NDArray[np.floating], normals: NDArray[np.floating]

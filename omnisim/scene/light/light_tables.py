@@ -7,11 +7,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from omnisim.core.files.parameters import NotNegative, Number, Positive, Signed, Table
+from omnisim.core.files.parameters import (
+    Flag,
+    Name,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Table,
+)
 
 LinearRgb = tuple[NotNegative, NotNegative, NotNegative]
-Point = tuple[Signed, Signed, Signed]
-Flag = Annotated[bool, Field(strict=True)]
 
 
 def _native(value: Any) -> Any:
@@ -43,7 +49,7 @@ class LightTable(Table):
     exposure: Positive | None = None
     """Brightness of a white surface for one lux of the lamps; left out: so that most of the lit
     surfaces are not overexposed."""
-    baked: Annotated[str, Field(min_length=1, strict=True)] | None = None
+    baked: Name | None = None
     """Folder of baked light, relative to this file, as `omnisim bake` writes it, in place of the
     light of lamps and sky; left out: none."""
 
@@ -143,7 +149,7 @@ class FogTable(Table):
 class SkyTable(Table):
     """Sky that lights the scene and is seen behind it, instead of even light."""
 
-    file: Annotated[str, Field(min_length=1, strict=True)] | None = None
+    file: Name | None = None
     """Environment map, .hdr or .exr, relative to this file; left out: a clear sky. It is twice as
     wide as high; its middle is the world's x, before yaw_deg."""
     yaw_deg: Number = 0.0

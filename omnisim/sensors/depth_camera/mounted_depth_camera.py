@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core.files.image_files import write_numbers
-from omnisim.core.files.parameters import Number
+from omnisim.core.files.parameters import AboveZero, Level, Number
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
 from omnisim.sensors.depth_camera.depth_camera import (
@@ -27,7 +27,7 @@ from omnisim.sensors.sensor import (
     MountedSensor,
     RenderedSensor,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
+from omnisim.sensors.sensor_mount import SensorMount
 
 DEPTH_SUFFIX = ".png"
 STEPS_PER_M = 1000.0
@@ -84,13 +84,13 @@ class DepthCameraMount(SensorMount):
     """Width of the image; left out, as all that follows: the device's."""
     height_px: Size | None = None
     """Height of the image."""
-    focal_length_px: Positive | None = None
+    focal_length_px: AboveZero | None = None
     """Focal length; the optical axis is in the middle of the image."""
-    baseline_m: Positive | None = None
+    baseline_m: AboveZero | None = None
     """Meters to the right, to the projector or the second camera."""
     is_stereo: Annotated[bool, Field(strict=True)] | None = None
     """True: a second camera with the same image; false: a projector that lights all of it."""
-    range_min_m: Positive | None = None
+    range_min_m: AboveZero | None = None
     """Meters along the optical axis; nearer are holes."""
     range_max_m: Annotated[Number, Field(gt=0.0, le=MAX_RANGE_M)] | None = None
     """Meters along the optical axis; farther are holes."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
 from omnisim.core.files.number_table import BLOCK, write_table
+from omnisim.core.files.parameters import Level
 from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
 from omnisim.core.trajectories import Trajectory
@@ -23,7 +24,7 @@ from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.sensors.imu.imu import DEVICES, STANDARD_GRAVITY_MPS2, ImuErrors, true_readings
 from omnisim.sensors.rate import SensorRate
 from omnisim.sensors.sensor import DriveSettings, MountedSensor, StepContent
-from omnisim.sensors.sensor_mount import Level, Rate, SensorMount
+from omnisim.sensors.sensor_mount import Rate, SensorMount
 
 READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
 READINGS, BIASES = "readings.csv", "biases.csv"

@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive
+from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive, Seed
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.rendering.backend import RangeFinder
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.sensors.commented_csv import write_commented_csv
-from omnisim.sensors.device_noise import DeviceSeed, check_number, rounded
+from omnisim.sensors.device_noise import check_number, rounded
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
 _LMS200_FIELDS_DEG = {1.0: 180.0, 0.5: 180.0, 0.25: 100.0}  # by resolution
@@ -62,7 +62,7 @@ class LaserScanner(Parameters, name="scanner"):
     sigma_m: NotNegative = 0.005
     sigma_per_m: NotNegative = 0.0
     systematic_error_m: NotNegative = 0.015
-    seed: DeviceSeed = 0
+    seed: Seed = 0
 
     def __repr__(self) -> str:
         beams = f"{len(self.angles_deg)} beams over {self.field_of_view_deg:g}°"

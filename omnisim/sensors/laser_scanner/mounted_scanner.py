@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from omnisim.core.files.parameters import Number
-from omnisim.sensors.device_noise import DeviceSeed
+from omnisim.core.files.parameters import AboveZero, Level, Number, Seed
 from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
@@ -18,7 +17,7 @@ from omnisim.sensors.sensor import (
     MountedSensor,
     RenderedSensor,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
+from omnisim.sensors.sensor_mount import SensorMount
 
 
 class MountedScanner(RenderedSensor):
@@ -54,7 +53,7 @@ class Lms200Mount(SensorMount):
     """Range and step: "mm" to 8.19 m by 1 mm, "cm" to 81.9 m by 1 cm."""
     noise: Annotated[bool, Field(strict=True)] = True
     """True: with the device's errors."""
-    seed: DeviceSeed = 0
+    seed: Seed = 0
     """Seed of the device: its errors follow from it."""
 
     def parameters(self) -> LaserScanner:
@@ -71,15 +70,15 @@ class RangeScannerMount(SensorMount):
     type: Literal["usarsim_range_scanner"]
     scan_fov_rad: Annotated[Number, Field(gt=0.0, le=6.2832)] = 3.14159
     """Radians from the first beam to the last: USARSim's ScanFov."""
-    resolution_rad: Positive = 0.01745
+    resolution_rad: AboveZero = 0.01745
     """Radians between beams: USARSim's Resolution."""
-    max_range_m: Positive = 20.0
+    max_range_m: AboveZero = 20.0
     """Meters; farther hits are out of range: USARSim's MaxRange."""
     min_range_m: Level = 0.0
     """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: DeviceSeed = 0
+    seed: Seed = 0
     """Seed of the device: its noise follows from it."""
 
     def parameters(self) -> LaserScanner:

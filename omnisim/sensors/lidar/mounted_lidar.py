@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import Number
-from omnisim.sensors.device_noise import DeviceSeed
+from omnisim.core.files.parameters import AboveZero, Level, Number, Seed
 from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, SpinningLidar
 from omnisim.sensors.rate import LATE
 from omnisim.sensors.sensor import (
@@ -21,7 +20,7 @@ from omnisim.sensors.sensor import (
     RenderedSensor,
     StepContent,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, Rate, SensorMount
+from omnisim.sensors.sensor_mount import Rate, SensorMount
 
 STATES = 16  # true states in a revolution
 DEVICES = {"vlp16": SpinningLidar.vlp16, "hdl64e": SpinningLidar.hdl64e}
@@ -83,7 +82,7 @@ class LidarMount(SensorMount):
     """Velodyne's VLP-16 (16 rings, ±15°) or HDL-64E S2 (64 rings, −24.3° to 2°)."""
     noise: Annotated[bool, Field(strict=True)] = True
     """True: with the device's noise; false: ranges are exact, but for their steps."""
-    seed: DeviceSeed = 0
+    seed: Seed = 0
     """Seed of the device: its noise follows from it."""
     file_format: Literal["ply", "pcd"] = "ply"
     """Format of the point clouds, binary: PLY, or PCD of the Point Cloud Library."""
@@ -96,7 +95,7 @@ class LidarMount(SensorMount):
     """Revolutions a second, each with a cloud; left out: the device's, and a cloud at each step."""
     range_min_m: Level | None = None
     """Meters; nearer hits give no point."""
-    range_max_m: Positive | None = None
+    range_max_m: AboveZero | None = None
     """Meters; farther hits give no point."""
     sigma_m: Level | None = None
     """Standard deviation of a range in meters."""

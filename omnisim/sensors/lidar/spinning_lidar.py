@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive
+from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive, Seed
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.lidar_beams import LidarBeams, LidarPoses
@@ -29,7 +29,7 @@ from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
-from omnisim.sensors.device_noise import DeviceSeed, check_number, rounded
+from omnisim.sensors.device_noise import check_number, rounded
 from omnisim.sensors.lidar.point_files import POINT, write_points
 from omnisim.sensors.lidar.revolution import plan_revolution
 
@@ -70,7 +70,7 @@ class SpinningLidar(Parameters, name="lidar"):
     range_max_m: Positive = 100.0
     step_m: NotNegative = 0.002
     sigma_m: NotNegative = 0.03
-    seed: DeviceSeed = 0
+    seed: Seed = 0
 
     def __repr__(self) -> str:
         rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"

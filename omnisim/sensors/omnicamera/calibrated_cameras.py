@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from omnisim.core.errors import CalibrationError, RobotFileError
+from omnisim.core.files.parameters import Coordinate
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 from omnisim.sensors.sensor import MountedSensor
-from omnisim.sensors.sensor_mount import Coordinate, SensorMount
+from omnisim.sensors.sensor_mount import SensorMount
 from omnisim.sensors.sensor_names import Name, SensorName, folder_name
 
 SENSOR_FILE = ".toml"

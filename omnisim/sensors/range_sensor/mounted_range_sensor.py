@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from omnisim.core.files.parameters import Number
-from omnisim.sensors.device_noise import DeviceSeed
+from omnisim.core.files.parameters import AboveZero, Level, Number, Seed
 from omnisim.sensors.range_sensor.range_sensor import Count, RangeSensor, RangeSensorRenderer
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
@@ -18,7 +17,7 @@ from omnisim.sensors.sensor import (
     MountedSensor,
     RenderedSensor,
 )
-from omnisim.sensors.sensor_mount import Level, Positive, SensorMount
+from omnisim.sensors.sensor_mount import SensorMount
 
 
 class MountedRangeSensor(RenderedSensor):
@@ -48,13 +47,13 @@ class SonarMount(SensorMount):
     """Cones of rays from the axis to the edge: USARSim's numberOfCones."""
     rays_per_cone: Count = 16
     """Rays on each: USARSim's tracesPerCone."""
-    range_max_m: Positive = 5.0
+    range_max_m: AboveZero = 5.0
     """Meters; farther hits are out of range: USARSim's MaxRange."""
     range_min_m: Level = 0.1
     """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: DeviceSeed = 0
+    seed: Seed = 0
     """Seed of the device: its noise follows from it."""
 
     def parameters(self) -> RangeSensor:
@@ -76,13 +75,13 @@ class InfraredMount(SensorMount):
     sensor_class: ClassVar[type[MountedSensor]] = MountedRangeSensor
 
     type: Literal["usarsim_ir_sensor"]
-    range_max_m: Positive = 1.5
+    range_max_m: AboveZero = 1.5
     """Meters; farther hits are out of range: USARSim's MaxRange."""
     range_min_m: Level = 0.2
     """Meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
-    seed: DeviceSeed = 0
+    seed: Seed = 0
     """Seed of the device: its noise follows from it."""
 
     def parameters(self) -> RangeSensor:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Parameters, Positive
+from omnisim.core.files.parameters import NotNegative, Parameters, Positive, Seed
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
@@ -29,7 +29,6 @@ from omnisim.rendering.backend import RangeFinder
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.sensors.commented_csv import write_commented_csv
-from omnisim.sensors.device_noise import DeviceSeed
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 
 Count = Annotated[int, Field(strict=True, ge=1, le=360)]
@@ -57,7 +56,7 @@ class RangeSensor(Parameters, name="range_sensor"):
     range_min_m: NotNegative = 0.1
     range_max_m: Positive = 5.0
     noise_share: NotNegative = 0.001
-    seed: DeviceSeed = 0
+    seed: Seed = 0
 
     def __repr__(self) -> str:
         return short_repr(

@@ -35,8 +35,8 @@ from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 
 RMS_BOUND_PX = 0.1
-LARGEST_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a depth of nothing
-LEAST_BOARDS = 3
+MAX_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a depth of nothing
+MIN_BOARDS = 3
 # With one sample a texel the boards' edges are jagged, which alone costs a corner 0.1 px.
 SAMPLES, TEXELS = 4, 1.5
 
@@ -101,11 +101,11 @@ def board_cameras() -> tuple[BoardCamera, ...]:
 
 def check(fixture: Fixture, title: str) -> Section:
     """Find the corners in rendered images; project them by OpenCV with the saved calibration."""
-    count = LEAST_BOARDS if fixture.is_quick else 10
+    count = MIN_BOARDS if fixture.is_quick else 10
     measures, counts, shown = [], [], {}
     for board_camera in board_cameras():
         off, boards, image = _off_px(fixture, board_camera, count)
-        rms = float(np.sqrt(np.mean(off**2))) if boards >= LEAST_BOARDS else math.nan
+        rms = float(np.sqrt(np.mean(off**2))) if boards >= MIN_BOARDS else math.nan
         measures.append(Measure(f"{board_camera.name}: reprojection, RMS", rms, "px", RMS_BOUND_PX))
         counts.append(Measure(f"{board_camera.name}: boards", boards))
         if image is not None:
@@ -164,7 +164,7 @@ def _off_px(
 
 def _can_be_projected(board_camera: BoardCamera, points: NDArray[np.float64]) -> bool:
     theta = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
-    return board_camera.format != "opencv_fisheye" or bool(theta.max() <= LARGEST_FISHEYE_RAD)
+    return board_camera.format != "opencv_fisheye" or bool(theta.max() <= MAX_FISHEYE_RAD)
 
 
 def _distances_px(

@@ -30,7 +30,7 @@ from omnisim.validation.report.report import CaptionedFigure, Section
 
 MARKERS = 250
 SIZE_PX = 1024
-MEAN_BOUND_PX, LARGEST_BOUND_PX = 0.05, 0.15
+MEAN_BOUND_PX, MAX_BOUND_PX = 0.05, 0.15
 # Corners of a dozen and a half boards are found to some hundredths of a pixel. ξ and the focal
 # length lean on each other, so a calibration knows each less well than the pixels they predict.
 XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.002, 0.2, 0.1
@@ -48,7 +48,7 @@ def check_markers(fixture: Fixture, title: str) -> Section:
         "images against where the camera model puts them.",
         (
             Measure("markers, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
-            Measure("markers, largest distance", max_abs(off), "px", LARGEST_BOUND_PX),
+            Measure("markers, largest distance", max_abs(off), "px", MAX_BOUND_PX),
             Measure("markers", len(off)),
         ),
         figures=(
@@ -81,7 +81,7 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
         (
             Measure("markers against omnidir, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
             Measure("markers against omnidir, largest distance", max_abs(off),
-                    "px", LARGEST_BOUND_PX),
+                    "px", MAX_BOUND_PX),
             Measure("calibration: ξ, distance from the stated one",
                     abs(found.xi - camera.mirror.xi), bound=XI_BOUND),
             Measure("calibration: focal length, distance from the stated one", abs(focal),

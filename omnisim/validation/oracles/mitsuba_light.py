@@ -18,7 +18,7 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
-from omnisim.scene.model import Instance, Light, LightKind, Material
+from omnisim.scene.model import Instance, Light, LightKind
 from omnisim.validation.oracles.mitsuba_materials import principled, sky
 from omnisim.validation.oracles.mitsuba_scene import (
     VERTEX_COLOR,
@@ -56,27 +56,6 @@ def matte_on_both_sides(scene: Scene) -> Scene:
     )
 
 
-def matte_and_shining(scene: Scene) -> Scene:
-    """Scene of `matte_on_both_sides` whose bright surfaces shine, to their front alone."""
-    matte = matte_on_both_sides(scene)
-    materials = []
-    for plain, one in zip(matte.materials, scene.materials, strict=True):
-        shines = any(one.emissive) and not one.unlit
-        material = Material(
-            one.name,
-            plain.base_color,
-            plain.texture,
-            plain.alpha_mode,
-            plain.alpha_cutoff,
-            double_sided=not shines,
-            emissive=one.emissive if shines else _DARK,
-            emissive_map=one.emissive_map if shines else None,
-        )
-        materials.append(material)
-    lighting = dataclasses.replace(matte.lighting, is_matte=False)
-    return dataclasses.replace(matte, materials=tuple(materials), lighting=lighting)
-
-
 def trace_lit_mirror(
     scene: Scene,
     camera: HyperbolicCamera,
@@ -112,8 +91,8 @@ def lit_world(
     """Surfaces and lamps around a viewpoint, and their path tracer, for `mitsuba.load_dict`.
 
     Args:
-        scene: of `matte_on_both_sides` or `matte_and_shining`, or of materials of `principled`,
-            without ambient light, on black or under an environment map.
+        scene: of `matte_on_both_sides`, perhaps with surfaces that shine, or of materials of
+            `principled`, without ambient light, on black or under an environment map.
         viewpoint_m: (3,) origin of the coordinates, world.
         units_per_m: scale of the coordinates.
         depth: most parts of a path.

@@ -21,7 +21,7 @@ from omnisim.scene.model import Landmark
 from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 
 SIGMAS = 3.0
-SMALLEST_M = 1e-3  # lower end of the errors' scale: a known start has none at all
+MIN_M = 1e-3  # lower end of the errors' scale: a known start has none at all
 _GRASS, _INK = "#e9f2e6", "#222222"
 
 
@@ -86,13 +86,13 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
             (panel.track.reckoned_errors_m(panel.true_poses), "--", ORANGE, "odometry alone"),
             (panel.track.errors_m(panel.true_poses), "-", RED, "estimate"),
         ):
-            axes.plot(steps, np.maximum(errors, SMALLEST_M), line, color=color, label=label)
+            axes.plot(steps, np.maximum(errors, MIN_M), line, color=color, label=label)
         sigma = SIGMAS * np.sqrt(np.linalg.eigvalsh(panel.track.covariances[:, :2, :2])[:, -1])
-        axes.plot(steps, np.maximum(sigma, SMALLEST_M), ":", color=GRAY, lw=1.0, label="its own 3σ")
+        axes.plot(steps, np.maximum(sigma, MIN_M), ":", color=GRAY, lw=1.0, label="its own 3σ")
         if panel.bound_m is not None:
             axes.axhline(panel.bound_m, color=_INK, lw=0.8, ls="-.", label="the paper's bound")
         axes.set_yscale("log")
-        axes.set_ylim(SMALLEST_M, 10.0)
+        axes.set_ylim(MIN_M, 10.0)
         axes.legend(frameon=False, fontsize=7, ncols=2, loc="upper left")
         below = figure.add_subplot(grid[1, column], sharex=axes)
         label_axes(below, "", "step", "landmarks")

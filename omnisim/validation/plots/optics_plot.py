@@ -16,7 +16,7 @@ _RAYS = 25  # drawn
 _COLUMNS = 400  # of the image, for caustic and resolution
 _MARGIN = 0.15  # of the drawn part's size, around it
 _SHOWN_PERCENT = (4.0, 96.0)  # of the caustic, which may reach to infinity
-_SMALLEST_M = 2e-4  # drawn part of the caustic
+_MIN_M = 2e-4  # drawn part of the caustic
 Floats = NDArray[np.float64]
 
 
@@ -34,7 +34,7 @@ def optics_figure(name: str, system: OpticalSystem) -> Figure:
     seen = caustic_m.reshape(-1, 3)[:, [0, 2]]
     if np.isfinite(seen).any():
         low, high = np.nanpercentile(seen, _SHOWN_PERCENT, axis=0)
-        middle, half = 0.5 * (low + high), 0.5 * max(float((high - low).max()), _SMALLEST_M)
+        middle, half = 0.5 * (low + high), 0.5 * max(float((high - low).max()), _MIN_M)
         low, high = middle - half, middle + half
     _frame(near, low, high)
     handles, labels = section.get_legend_handles_labels()

@@ -15,7 +15,7 @@ from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.validation.plots.scene_map import draw_scene_map
 from omnisim.validation.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
 
-MOST_SAMPLES = 400  # whose places are shown
+MAX_SAMPLES = 400  # whose places are shown
 AROUND_M = 1.5
 SIDE_IN = 7.0
 
@@ -28,7 +28,7 @@ def plan_figure(prepared: PreparedPlan) -> Figure:
     """
     plan = prepared.plan
     drawn: list[list[Draw]] = [[] for _ in plan.scenes]
-    for number in range(min(plan.images, MOST_SAMPLES)):
+    for number in range(min(plan.images, MAX_SAMPLES)):
         drawn[draw_which(plan, number).scene].append(draw(prepared, number, 0))
     columns = min(len(plan.scenes), 3)
     rows = -(-len(plan.scenes) // columns)

@@ -31,7 +31,7 @@ def test_every_example_is_shown(maker):
         system = maker.system_of(name)
         with Image.open(maker.IMAGES / f"{name}.jpg") as image:
             assert image.size == (system.width_px, system.height_px), RENEW
-        assert (maker.IMAGES / f"{name}.jpg").stat().st_size <= maker.LARGEST_BYTES
+        assert (maker.IMAGES / f"{name}.jpg").stat().st_size <= maker.MAX_BYTES
         assert (maker.IMAGES / f"{name}-plot.png").is_file()
 
 

@@ -141,7 +141,7 @@ def test_body_of_the_camera_shadows_the_mirrors_middle():
     np.testing.assert_array_equal(shadowed, expected)
 
 
-def test_decenterd_rim():
+def test_decentered_rim():
     sphere = SYSTEMS["sphere"].surfaces[0]
     cut = replace(sphere, rim_center_m=(0.004, 0.0), rim_radius_m=0.012)
     system = replace(SYSTEMS["sphere"], surfaces=(cut,))

@@ -13,7 +13,7 @@ from omnisim.core.trajectories.odometry import (
 )
 from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.core.trajectories.trajectory import Trajectory
-from omnisim.robots.motion_profile import drive_in_steps, drive_with_period
+from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
 from tests.robots.test_motion_profile import PIONEER_2_AT, SUPER_SCOUT, paper_lap
 
 PERFECT = OdometryErrors()
@@ -52,8 +52,8 @@ def test_an_arc_is_the_same_in_any_number_of_pieces(pieces):
     "truth",
     [
         paper_lap(),
-        drive_in_steps(POINTS, SUPER_SCOUT.kinematics, 0.1, 0.1, start_yaw_rad=3.0),
-        drive_with_period(POINTS, PIONEER_2_AT.kinematics, 0.1),
+        plan_in_steps(POINTS, SUPER_SCOUT.kinematics, 0.1, 0.1, start_yaw_rad=3.0).trajectory,
+        plan_with_period(POINTS, PIONEER_2_AT.kinematics, 0.1).trajectory,
         _arcs().dead_reckoned(),
         Trajectory.on_ground([0.0], [(1, 2)], [3]),
     ],
@@ -76,7 +76,7 @@ def test_sideways_motion_is_not_seen():
 
 
 def test_systematic_errors():
-    truth = drive_in_steps([(0, 0), (4, 0), (4, 2)], SUPER_SCOUT.kinematics, 0.5, 0.2)
+    truth = plan_in_steps([(0, 0), (4, 0), (4, 2)], SUPER_SCOUT.kinematics, 0.5, 0.2).trajectory
     errors = OdometryErrors(distance_scale=1.02, turn_scale=1.1, drift_radpm=0.01)
     odometry, true = simulate_odometry(truth, errors, 0), wheel_readings(truth)
     np.testing.assert_allclose(odometry.distances_m, 1.02 * true.distances_m, atol=1e-15)

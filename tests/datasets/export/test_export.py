@@ -234,7 +234,7 @@ def test_an_interrupted_export_leaves_nothing(run, tmp_path, monkeypatch):
     def interrupt(self, step):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(RecordedCamera, "captured_image", interrupt)
+    monkeypatch.setattr(RecordedCamera, "image", interrupt)
     with pytest.raises(KeyboardInterrupt):
         list(export_run(run, "ros2-mcap", tmp_path / "out"))
     assert not any(tmp_path.iterdir())

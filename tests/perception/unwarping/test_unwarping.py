@@ -98,7 +98,7 @@ def test_blocks_and_a_table_that_is_not_kept_change_nothing(monkeypatch):
     rotation = BASE_FROM_OPTICAL.T @ view.base_from_view
     whole = Unwarping(CAMERA, view.camera, rotation, samples=2)
     monkeypatch.setattr("omnisim.perception.unwarping.unwarping.BLOCK_SAMPLES", 7 * 300 * 4 + 1)
-    monkeypatch.setattr("omnisim.perception.unwarping.unwarping.MOST_KEPT_SAMPLES", 1000)
+    monkeypatch.setattr("omnisim.perception.unwarping.unwarping.MAX_KEPT_SAMPLES", 1000)
     banded = Unwarping(CAMERA, view.camera, rotation, samples=2)
     np.testing.assert_array_equal(banded.valid, whole.valid)
     for _ in range(2):

@@ -17,7 +17,7 @@ from omnisim.rendering.opengl import context as contexts
 from omnisim.rendering.opengl import fences, gl_functions, gl_state, layer_targets
 
 _STUB_BYTES = 32
-_MOST_FUNCTIONS = 2048
+_MAX_FUNCTIONS = 2048
 _ALL: list[object] = []  # a context may call their code for as long as it lives
 
 
@@ -31,10 +31,10 @@ class GlCalls:
     def __init__(self, monkeypatch):
         if platform.machine() != "x86_64":
             pytest.skip("counting stubs are of x86-64")
-        size = _STUB_BYTES * _MOST_FUNCTIONS
+        size = _STUB_BYTES * _MAX_FUNCTIONS
         self._code = mmap.mmap(-1, size, prot=mmap.PROT_READ | mmap.PROT_WRITE | mmap.PROT_EXEC)
         self._first = ctypes.addressof(ctypes.c_char.from_buffer(self._code))
-        self._counts = (ctypes.c_uint64 * _MOST_FUNCTIONS)()
+        self._counts = (ctypes.c_uint64 * _MAX_FUNCTIONS)()
         self._names: list[str] = []
         open_backend = glcontext.get_backend_by_name
         monkeypatch.setattr(

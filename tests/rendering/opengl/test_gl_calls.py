@@ -20,7 +20,7 @@ SUBMISSIONS = (
     "glDrawArraysInstanced", "glDrawElementsInstanced", "glMultiDrawElementsIndirect",
 )  # fmt: skip
 # In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
-MOST_CALLS, MOST_SUBMISSIONS = 210, 45
+MAX_CALLS, MAX_SUBMISSIONS = 210, 45
 
 
 def _poses(count):
@@ -52,8 +52,8 @@ def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(name, monkeypatch
         frame, *batches = _frame(calls, renderer)
     assert batches[0] == batches[1] == batches[2]
     for made in (frame, batches[0]):
-        assert 0 < sum(made.values()) <= MOST_CALLS
-        assert sum(made[one] for one in SUBMISSIONS) <= MOST_SUBMISSIONS
+        assert 0 < sum(made.values()) <= MAX_CALLS
+        assert sum(made[one] for one in SUBMISSIONS) <= MAX_SUBMISSIONS
 
 
 def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):

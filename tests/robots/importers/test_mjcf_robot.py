@@ -32,11 +32,10 @@ def model(inner, rest="", world=""):
 def load(tmp_path, text):
     """Vehicle and table of the robot file of a model."""
     (tmp_path / "cart.xml").write_text(text)
-    imported = import_model(tmp_path / "cart.xml", tmp_path / "robot.toml")
-    (tmp_path / "robot.toml").write_text(imported.text)
-    for name, inner in imported.sensor_files.items():
-        (tmp_path / name).write_text(inner)
-    return Vehicle.load(tmp_path / "robot.toml"), tomllib.loads(imported.text)
+    imported = import_model(tmp_path / "cart.xml")
+    output = tmp_path / "robot.toml"
+    imported.write(output)
+    return Vehicle.load(output), tomllib.loads(imported.text(tmp_path / "robot.toml"))
 
 
 def test_wheels_are_bodies_on_hinges_without_limits(tmp_path):
@@ -93,20 +92,20 @@ def test_the_floor_of_a_model_is_left_out(tmp_path):
 def test_a_model_of_several_robots_or_none_is_refused(tmp_path):
     (tmp_path / "cart.xml").write_text(model(PAIR, world='<body name="box"/>'))
     with pytest.raises(RobotFileError, match=r"expected the model of one robot, got box, cart$"):
-        import_model(tmp_path / "cart.xml", tmp_path / "robot.toml")
+        import_model(tmp_path / "cart.xml")
     (tmp_path / "cart.xml").write_text("<mujoco><worldbody/></mujoco>")
     with pytest.raises(RobotFileError, match="got no body"):
-        import_model(tmp_path / "cart.xml", tmp_path / "robot.toml")
+        import_model(tmp_path / "cart.xml")
     (tmp_path / "cart.xml").write_text("<mujoco>")
     with pytest.raises(RobotFileError, match="cannot be read by MuJoCo"):
-        import_model(tmp_path / "cart.xml", tmp_path / "robot.toml")
+        import_model(tmp_path / "cart.xml")
 
 
 def test_without_the_extra_one_line_names_it(tmp_path, monkeypatch):
     (tmp_path / "cart.xml").write_text(model(PAIR))
     monkeypatch.setattr("omnisim.core.extras.is_installed", lambda module: module != "mujoco")
     with pytest.raises(OmnisimError, match=r"cart\.xml needs mujoco-core: pip install"):
-        import_model(tmp_path / "cart.xml", tmp_path / "robot.toml")
+        import_model(tmp_path / "cart.xml")
 
 
 def test_a_camera_that_is_far_away_is_refused_in_one_line(tmp_path):

@@ -33,16 +33,19 @@ def urdf(*parts, base=BOX):
 def load(tmp_path, text):
     """Vehicle and table of the robot file of a URDF."""
     (tmp_path / "cart.urdf").write_text(text)
-    imported = import_model(tmp_path / "cart.urdf", tmp_path / "robot.toml")
-    (tmp_path / "robot.toml").write_text(imported.text)
-    for name, inner in imported.sensor_files.items():
-        (tmp_path / name).write_text(inner)
-    return Vehicle.load(tmp_path / "robot.toml"), tomllib.loads(imported.text), imported.notices
+    imported = import_model(tmp_path / "cart.urdf")
+    output = tmp_path / "robot.toml"
+    imported.write(output)
+    return (
+        Vehicle.load(output),
+        tomllib.loads(output.read_text()),
+        imported.notices,
+    )
 
 
 def test_the_example_drives_on_two_wheels(tmp_path):
-    imported = import_model(TROLLEY, tmp_path / "robot.toml")
-    table = tomllib.loads(imported.text)
+    imported = import_model(TROLLEY)
+    table = tomllib.loads(imported.text(tmp_path / "robot.toml"))
     assert table["kinematics"]["type"] == "differential"
     assert (table["kinematics"]["track_m"], table["kinematics"]["wheel_diameter_m"]) == (0.6, 0.4)
     assert "body_offset_m" not in table  # it stands on the ground already
@@ -170,7 +173,7 @@ def test_a_model_is_a_robot_without_a_robot_file(tmp_path):
 def test_damaged_files_are_refused_in_one_line(tmp_path, text, message):
     (tmp_path / "cart.urdf").write_text(text)
     with pytest.raises(RobotFileError, match=message) as info:
-        import_model(tmp_path / "cart.urdf", tmp_path / "robot.toml")
+        import_model(tmp_path / "cart.urdf")
     assert "\n" not in str(info.value)
 
 
@@ -178,4 +181,4 @@ def test_files_that_are_not_there():
     with pytest.raises(RobotFileError, match=r"^nowhere\.urdf: no such file$"):
         load_robot_model(Path("nowhere.urdf"))
     with pytest.raises(RobotFileError, match="--class: expected none, as the file has one robot"):
-        import_model(TROLLEY, Path("robot.toml"), "trolley")
+        import_model(TROLLEY, "trolley")

@@ -17,7 +17,7 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system_file import read_optics_file
 from omnisim.core.errors import SensorFileError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
-from omnisim.core.files.toml_file import read_tables, toml_tables
+from omnisim.core.files.toml_file import Comment, read_tables, toml_text
 
 
 def calibrate(request: OpticsCalibrateRequest) -> None:
@@ -58,9 +58,8 @@ def _text(request: OpticsCalibrateRequest, found: SystemCalibration, summary: st
     """Text of the fitted optics file."""
     lines = [f"Fitted to {request.corners.name}: {summary}."]
     lines += [f"{one.name}: {one.value:.6g} ± {one.sigma:.2g}" for one in found.parameters]
-    comments = "".join(f"# {line}\n" for line in lines)
-    own, parts = toml_tables(_beside(found.table, request.system.parent, request.output.parent))
-    return f"{comments}{own}{parts}"
+    table = _beside(found.table, request.system.parent, request.output.parent)
+    return toml_text({f"# {line}": Comment(line) for line in lines} | table)
 
 
 def _beside(table: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:

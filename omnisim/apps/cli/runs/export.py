@@ -9,7 +9,7 @@ from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.runs.requests import ExportRequest
 from omnisim.core.errors import OutputError
 from omnisim.datasets.export.export import export_run
-from omnisim.datasets.export.export_format import LARGEST_S, NANOSECONDS, ExportSettings
+from omnisim.datasets.export.export_format import MAX_S, NANOSECONDS, ExportSettings
 
 
 def run(request: ExportRequest) -> None:
@@ -47,7 +47,7 @@ def parse_start_time(text: str) -> int:
             start_ns += since.microseconds * 1000
     except (ValueError, OverflowError):
         start_ns = -1
-    if not 0 <= start_ns <= LARGEST_S * NANOSECONDS:
+    if not 0 <= start_ns <= MAX_S * NANOSECONDS:
         raise OutputError(
             f"--start-time {text!r}: expected seconds since 1970, or a date such as "
             "2026-01-31T12:00:00"

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-import tomllib
 
 from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.runs.requests import CheckRequest, ImportRequest
 from omnisim.core.errors import OutputError
-from omnisim.core.files.atomic_file import check_target, write_text
+from omnisim.core.files.atomic_file import check_target
 from omnisim.robots import (
     Kinematics,
     OdometryErrors,
     builtin_robots,
     find_robot,
     load_robot,
-    parse_robot,
     read_robot,
 )
 from omnisim.robots.body_boxes import BodyBoxes
@@ -76,14 +74,14 @@ def import_robot(request: ImportRequest) -> None:
     )
     if output.exists() and output.samefile(request.configuration):
         raise OutputError(f"--output: expected another name than the configuration's, got {output}")
-    robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
+    robot = imported.robot(output)
     vehicle = Vehicle.from_robot(robot)
-    write_text(output, imported.text)
+    imported.write(output)
     for notice in imported.notices:
         print_note(notice)
     sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
     out.print(
-        f"{output}: {robot.name} of [{imported.section}], {sensors or 'no sensors'}", markup=False
+        f"{output}: {robot.name} of {imported.section}, {sensors or 'no sensors'}", markup=False
     )
 
 
@@ -96,14 +94,10 @@ def _import_model(request: ImportRequest) -> None:
     ):
         if value:
             raise OutputError(f"{option}: expected with a configuration of USARSim's only")
-    imported = import_model(
-        request.configuration, output, request.robot_class, request.resources or ()
-    )
-    for name, text in imported.sensor_files.items():
-        write_text(output.with_name(name), text)
-    robot = parse_robot(tomllib.loads(imported.text), str(output), output.parent)
-    vehicle = Vehicle.from_robot(robot)
-    write_text(output, imported.text)
+    imported = import_model(request.configuration, request.robot_class, request.resources or ())
+    robot = imported.robot(output)
+    vehicle = Vehicle.from_robot(robot, imported.cameras)
+    imported.write(output)
     drawn = () if vehicle.body is None else vehicle.body.notices
     for notice in dict.fromkeys((*imported.notices, *drawn)):
         print_note(notice)

@@ -63,7 +63,7 @@ class Format(ABC, Generic[LensT]):
         metadata_place: of omnisim's own metadata.
         max_theta_rad: angle from the axis at which rays cannot be represented any more.
         caveat: for the reader of a file of a lens that sees further than caveat_theta_rad.
-        centerd: the axis is in the image's middle always.
+        centered: the axis is in the image's middle always.
         several: a file holds more than one camera.
         has_names: cameras have names in the file.
         unified_terms: those of "ξ", "skew", "k3" and "thin prism or tilt" that its unified or
@@ -80,7 +80,7 @@ class Format(ABC, Generic[LensT]):
     max_theta_rad: ClassVar[float] = math.inf
     caveat: ClassVar[str] = ""
     caveat_theta_rad: ClassVar[float] = 0.5 * math.pi
-    centerd: ClassVar[bool] = False
+    centered: ClassVar[bool] = False
     several: ClassVar[bool] = False
     has_names: ClassVar[bool] = True
     unified_terms: ClassVar[frozenset[str]] = frozenset({"k3"})

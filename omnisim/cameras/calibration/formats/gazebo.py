@@ -69,7 +69,7 @@ class Gazebo(Format[GazeboLens]):
     fits = ((GazeboCamera, ANY),)
     signature = re.compile(r"\A\s*(?=<).*<(lens|horizontal_fov)\b", re.S)
     metadata_place = MetadataPlace.XML
-    centerd = True
+    centered = True
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
         """All cameras with a field of view."""

@@ -25,7 +25,7 @@ _RAYS_PER_BATCH = 1 << 14  # intermediate arrays stay in the cache
 _NEWTON_STEPS = 60
 _ROUNDING = 4e-16  # as a share of a length
 _SLACK = 0.01  # of a step between samples, by which a bracket is wider
-MIN_POINTS, LARGEST_M = 4, 1e6  # of a table
+MIN_POINTS, MAX_M = 4, 1e6  # of a table
 _TINY_M = 1e-12  # from the axis, where f'(r)/r becomes f''
 
 
@@ -321,7 +321,7 @@ class TabulatedProfile(Profile):
         if len(heights_m) != len(radii_m):
             words = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
             raise OpticsError(f"{words}, got {len(heights_m)}")
-        if not (np.abs((radii_m, heights_m)) <= LARGEST_M).all():  # false for NaN, too
+        if not (np.abs((radii_m, heights_m)) <= MAX_M).all():  # false for NaN, too
             raise OpticsError("expected finite numbers in meters")
         if radii_m[0] != 0.0 or not (np.diff(radii_m) > 0.0).all():
             raise OpticsError("r_m: expected numbers that grow from 0")

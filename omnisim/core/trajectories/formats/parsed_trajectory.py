@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import (
-    LARGEST_M,
+    MAX_M,
     is_rotation,
     nearest_rotation,
     pose_from_rotation,
     rotation_from_quaternion,
 )
 from omnisim.core.trajectories.formats.text_table import TextTable
-from omnisim.core.trajectories.trajectory import LARGEST_S, Trajectory
+from omnisim.core.trajectories.trajectory import MAX_S, Trajectory
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3
@@ -65,7 +65,7 @@ class ParsedTrajectory:
         if self.times_s is not None:
             raise TrajectoryError(f"{self.source}: has times of its own: expected no rate")
         count = len(self.world_from_base)
-        if not (math.isfinite(rate_hz) and rate_hz > 0.0 and count < LARGEST_S * rate_hz):
+        if not (math.isfinite(rate_hz) and rate_hz > 0.0 and count < MAX_S * rate_hz):
             raise TrajectoryError(f"rate {rate_hz:g} Hz: expected a finite number above 0")
         return Trajectory(np.arange(count) / rate_hz, self.world_from_base)
 
@@ -89,8 +89,8 @@ def parsed_trajectory(
     """
     _refuse(
         table,
-        np.all(np.abs(positions_m) < LARGEST_M, axis=1),
-        lambda k: f"position {positions_m[k].tolist()}: expected less than {LARGEST_M:g} m",
+        np.all(np.abs(positions_m) < MAX_M, axis=1),
+        lambda k: f"position {positions_m[k].tolist()}: expected less than {MAX_M:g} m",
     )
     poses = pose_from_rotation(rotations, positions_m)
     return ParsedTrajectory(
@@ -105,8 +105,8 @@ def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.flo
         TrajectoryError: too large, or not increasing.
     """
     for line, time in zip(table.lines, times_s, strict=True):
-        if abs(time) >= LARGEST_S:
-            raise table.fault(line, f"time {time:g} s: expected less than {LARGEST_S:g} s")
+        if abs(time) >= MAX_S:
+            raise table.fault(line, f"time {time:g} s: expected less than {MAX_S:g} s")
     table.check_times(times_s, [f"{time:.9g} s" for time in times_s])
     return times_s
 

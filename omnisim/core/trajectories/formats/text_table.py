@@ -14,8 +14,8 @@ from omnisim.core.files.sources import read_source
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
-LARGEST = 1e20  # any stamp in nanoseconds is below it, and squares of it do not overflow
-LONGEST_QUOTE = 40
+MAX_NUMBER = 1e20  # any stamp in nanoseconds is below it, and squares of it do not overflow
+MAX_QUOTE = 40
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,9 @@ class TextTable:
     def _number(self, line: Line, name: str, cell: str) -> float:
         if NUMBER.fullmatch(cell):
             value = float(cell)
-            if abs(value) < LARGEST:
+            if abs(value) < MAX_NUMBER:
                 return value
-            raise self.fault(line, f"{name} = {quote(cell)}: expected less than {LARGEST:g}")
+            raise self.fault(line, f"{name} = {quote(cell)}: expected less than {MAX_NUMBER:g}")
         if NOT_FINITE.fullmatch(cell):
             raise self.fault(line, f"{name} = {cell}: expected a finite number")
         raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
@@ -132,7 +132,7 @@ def is_number(cell: str) -> bool:
 
 def quote(text: str) -> str:
     """Text for a message of one line."""
-    return text if len(text) <= LONGEST_QUOTE else text[:LONGEST_QUOTE] + "…"
+    return text if len(text) <= MAX_QUOTE else text[:MAX_QUOTE] + "…"
 
 
 def check_printed_times(times_s: NDArray[np.float64]) -> None:

@@ -24,7 +24,7 @@ from omnisim.runs.run_folder import LABELS
 
 SEMANTIC, INSTANCE = "semantic", "instance"
 MAX_N = 1000  # instances of a class
-LARGEST = {SEMANTIC: 2**8 - 1, INSTANCE: 2**16 - 1}
+MAX_ID = {SEMANTIC: 2**8 - 1, INSTANCE: 2**16 - 1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class LabelImages:
         every = {SEMANTIC: np.arange(largest_class + 1), INSTANCE: _instances(labels)}
         numbers = {}
         for kind in kinds:
-            if every[kind].max(initial=0) > LARGEST[kind]:
+            if every[kind].max(initial=0) > MAX_ID[kind]:
                 print_note(f"no images of {kind}: {len(every[kind]) - 1} do not fit into them")
             else:
                 numbers[kind] = every[kind]

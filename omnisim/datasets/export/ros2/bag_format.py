@@ -180,9 +180,8 @@ class _Motion:
             truth = messages.pose_stamped(stamp_ns, MAP, pose)
             yield StampedMessage("/ground_truth/pose", stamp_ns, truth)
             velocity_mps = pose[:3, :3].T @ states.velocity_mps[index]
-            odometry = messages.true_odometry(
-                stamp_ns, (MAP, BASE), pose, velocity_mps, states.angular_rate_radps[index]
-            )
+            rates = velocity_mps.tolist(), states.angular_rate_radps[index].tolist()
+            odometry = messages.odometry(stamp_ns, (MAP, BASE), pose, *rates)
             yield StampedMessage("/ground_truth/odom", stamp_ns, odometry)
 
     def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
@@ -195,7 +194,8 @@ class _Motion:
                 (MAP, ODOM): map_from_base @ inverse(odom_from_base),
                 (ODOM, BASE): odom_from_base,
             }
-            rates = self._rates(self._odometry, step)
+            speed_mps, turn_rate_radps = self._rates(self._odometry, step)
+            rates = (speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps)
             reading = messages.odometry(stamp_ns, (ODOM, BASE), odom_from_base, *rates)
             bag.write("/odom", stamp_ns, reading)
         for name, motion in self._objects.items():

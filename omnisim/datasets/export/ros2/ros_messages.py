@@ -154,30 +154,12 @@ def odometry(
     stamp_ns: int,
     frames: tuple[str, str],
     pose: NDArray[np.float64],
-    speed_mps: float,
-    turn_rate_radps: float,
+    velocity_mps: Sequence[float],
+    angular_rate_radps: Sequence[float],
 ) -> Odometry:
-    """Pose by dead reckoning of a child frame in its parent, and speed ahead in the child."""
+    """Pose of a child frame in its parent, with velocity (3,) and turn rate (3,) in the child."""
     parent, child = frames
-    twist = Twist(Vector3(speed_mps, 0.0, 0.0), Vector3(0.0, 0.0, turn_rate_radps))
-    return Odometry(
-        header(stamp_ns, parent),
-        child,
-        PoseWithCovariance(_pose(pose), UNKNOWN),
-        TwistWithCovariance(twist, UNKNOWN),
-    )
-
-
-def true_odometry(
-    stamp_ns: int,
-    frames: tuple[str, str],
-    pose: NDArray[np.float64],
-    velocity_mps: NDArray[np.float64],
-    angular_rate_radps: NDArray[np.float64],
-) -> Odometry:
-    """True pose of a child frame in its parent, with velocity (3,) and rate (3,) in the child."""
-    parent, child = frames
-    twist = Twist(Vector3(*velocity_mps.tolist()), Vector3(*angular_rate_radps.tolist()))
+    twist = Twist(Vector3(*velocity_mps), Vector3(*angular_rate_radps))
     return Odometry(
         header(stamp_ns, parent),
         child,

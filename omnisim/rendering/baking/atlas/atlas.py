@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import SceneError
 from omnisim.rendering.baking.atlas.packing import pack
 from omnisim.rendering.baking.atlas.texel_sizes import (
-    MOST_GIVEN_TEXELS,
+    MAX_GIVEN_TEXELS,
     areas_m2,
     first_texel_m,
     most_texels,
@@ -21,7 +21,7 @@ from omnisim.rendering.baking.atlas.unwrapping import Unwrapping, unwrap
 from omnisim.scene.model import Scene
 
 MAX_SIDE_PX = 8192
-_LEAST_TEXELS = 1.0  # of an instance's area; a smaller one has one light all over
+_MIN_TEXELS = 1.0  # of an instance's area; a smaller one has one light all over
 
 
 class Atlas(NamedTuple):
@@ -82,7 +82,7 @@ def build_atlas(
     scene: Scene,
     texel_m: float,
     has_back: NDArray[np.bool_],
-    limit: int = MOST_GIVEN_TEXELS,
+    limit: int = MAX_GIVEN_TEXELS,
 ) -> Atlas:
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
 
@@ -107,7 +107,7 @@ def build_atlas(
     for mesh, members in of_mesh.items():
         finest = max(members, key=lambda index: float(scales[index]))
         covered = areas[finest] / texels_m[finest] ** 2
-        if covered < _LEAST_TEXELS:
+        if covered < _MIN_TEXELS:
             continue
         if covered > MAX_SIDE_PX**2:
             raise _too_fine(texel_m, scene, covered)

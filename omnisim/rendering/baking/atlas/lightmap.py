@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.baking.atlas.patches import NEIGHBORS, Patches
 from omnisim.rendering.baking.sampling import Floats
 
-_MOST_STEPS = 24  # in texels; what lies deeper inside of something is not seen
+_MAX_STEPS = 24  # in texels; what lies deeper inside of something is not seen
 
 
 def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Floats:
@@ -35,7 +35,7 @@ def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Fl
 
 def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32]) -> Floats:
     """Pixels with those that are not known as means of their chart's, step by step."""
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
         for to, of in NEIGHBORS:
             some = known[of] & (charts[to] == charts[of])

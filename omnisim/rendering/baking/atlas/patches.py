@@ -15,7 +15,7 @@ from omnisim.rendering.rays.ray_scene import RayScene
 FRONT, BACK = 0, 1
 NO_PATCH = -1
 _SAMPLES_WITHOUT_TEXELS = 32
-_MOST_STEPS = 8  # from a texel without a patch to one
+_MAX_STEPS = 8  # from a texel without a patch to one
 _FIRST, _LAST, _ALL = slice(None, -1), slice(1, None), slice(None)
 _ALONG = {-1: (_LAST, _FIRST), 0: (_ALL, _ALL), 1: (_FIRST, _LAST)}
 # Parts of an atlas and those beside them, each way: (to, of).
@@ -230,7 +230,7 @@ def _spread_to_empty(of_texel: NDArray[np.int32], charts: NDArray[np.int32]) -> 
     if (fronts == NO_PATCH).all():
         return of_texel
     nearest = np.where(fronts == NO_PATCH, -1, np.arange(fronts.size).reshape(height, width))
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         empty = nearest < 0
         for to, of in NEIGHBORS:
             some = empty[to] & (nearest[of] >= 0) & (charts[to] == charts[of])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from omnisim.scene.model import Scene
 
 _NEAR_M = 4.0  # up to here texels are as fine as they are anywhere
-MOST_GIVEN_TEXELS = 1 << 21  # of one instance, where their size is given
+MAX_GIVEN_TEXELS = 1 << 21  # of one instance, where their size is given
 _FINEST_M = 0.01
 
 

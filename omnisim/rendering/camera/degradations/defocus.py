@@ -22,10 +22,10 @@ from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
-LARGEST_PX = 32.0  # 4225 samples a pixel
-SMALLEST_PX = 0.5  # such a disc lies within one pixel
+MAX_PX = 32.0  # 4225 samples a pixel
+MIN_PX = 0.5  # such a disc lies within one pixel
 STRIPS = 8  # that a pixel on the edge of a disc is cut into: right to a few thousandths of it
-Radius = Annotated[Number, Field(ge=0.0, le=LARGEST_PX)]
+Radius = Annotated[Number, Field(ge=0.0, le=MAX_PX)]
 
 
 @dataclass(frozen=True)
@@ -45,14 +45,14 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         """Radius (height, width) of each pixel's disc."""
         first, last = np.float32(self.center_defocus_px), np.float32(self.rim_defocus_px)
         radii = first + (last - first) * geometry.squared_radii()
-        return radii.clip(np.float32(SMALLEST_PX), np.float32(LARGEST_PX))
+        return radii.clip(np.float32(MIN_PX), np.float32(MAX_PX))
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One pass on the GPU."""
         uniforms = {
             "u_center_defocus_px": self.center_defocus_px,
             "u_rim_defocus_px": self.rim_defocus_px,
-            "u_limits_px": (SMALLEST_PX, LARGEST_PX),
+            "u_limits_px": (MIN_PX, MAX_PX),
             "u_strips": STRIPS,
             **geometry.uniforms(),
         }

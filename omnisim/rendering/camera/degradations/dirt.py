@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import Fraction, NotNegative, Number
-from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect, Seed
+from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number
+from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.step import Step
@@ -50,7 +50,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
     """Linear light that dust scatters to the camera in place of it; typically 0.02 to 0.2."""
     scratch_glow: NotNegative = 0.6
     """The same of scratches, which catch the lamps; typically 0.2 to 1."""
-    seed: Seed = 0
+    seed: LongSeed = 0
     """Seed of the specks and scratches."""
 
     def map(self, geometry: ImageGeometry) -> NDArray[np.float32]:

@@ -16,7 +16,6 @@ from omnisim.rendering.opengl.degradation.step import Step
 MAX_EV = 30.0
 Ev = Annotated[Number, Field(ge=-MAX_EV, le=MAX_EV)]
 Count = Annotated[int, Field(strict=True, ge=0, le=10_000)]
-Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 Rgb = tuple[NotNegative, NotNegative, NotNegative]
 
 

@@ -31,7 +31,7 @@ from omnisim.rendering.opengl.degradation.step import Step
 NORMAL_FROM_E = 32.0  # mean number of electrons from which on normal numbers are good enough
 MAX_COUNTED = 128  # more do not come from a mean below NORMAL_FROM_E
 # The terms of the sum are smaller than float32's steps near 1 from here on: it has come to its end.
-SMALLEST_TERM = 2.0**-27
+MIN_TERM = 2.0**-27
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ class Noise(SensorEffect, name="degradation.noise"):
             "u_largest_dn": float(self.largest_dn),
             "u_normal_from_e": NORMAL_FROM_E,
             "u_most_counted": MAX_COUNTED,
-            "u_smallest_term": SMALLEST_TERM,
+            "u_smallest_term": MIN_TERM,
         }
         return [Step("noise", uniforms)]
 
@@ -136,7 +136,7 @@ def _quantiles(mean: NDArray[np.float32], fraction: NDArray[np.float32]) -> NDAr
     total = term.copy()
     count = np.zeros_like(mean)
     for number in range(1, MAX_COUNTED):
-        more = (fraction > total) & ~((number > mean) & (term < np.float32(SMALLEST_TERM)))
+        more = (fraction > total) & ~((number > mean) & (term < np.float32(MIN_TERM)))
         if not np.any(more):
             break
         term = np.where(more, term * (mean / np.float32(number)), term)

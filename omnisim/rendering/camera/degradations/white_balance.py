@@ -11,14 +11,14 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.core.files.parameters import IntOrFloat, Positive, described
-from omnisim.core.files.table_faults import SMALLEST
+from omnisim.core.files.table_faults import MIN_POSITIVE
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.reflectance import multiplied
 from omnisim.rendering.opengl.degradation.step import Step
 
 Factor = Annotated[Positive, Field(le=100.0)]
-Gain = Annotated[IntOrFloat, Field(ge=SMALLEST, le=100.0)]
+Gain = Annotated[IntOrFloat, Field(ge=MIN_POSITIVE, le=100.0)]
 Gains = Annotated[
     Literal["gray"] | tuple[Gain, Gain, Gain],
     described("three numbers above 0, at most 100, or 'gray'"),

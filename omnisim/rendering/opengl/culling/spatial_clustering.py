@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Bits per axis; all that a code has if more boxes share a cell than a cluster may hold.
-MORTON_BITS, MOST_MORTON_BITS = 12, 20
+MORTON_BITS, MAX_MORTON_BITS = 12, 20
 # Shifts and masks that spread a number's bits, so that the bits of two others fit in between.
 _SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
@@ -49,7 +49,7 @@ def spatial_clusters(
     order, codes, bits = _order(bounds, keys, MORTON_BITS)
     if _longest_run(codes) > max_size:
         keys = np.unique(keys, return_inverse=True)[1]  # leaves more bits for the codes
-        order, codes, bits = _order(bounds, keys, MOST_MORTON_BITS)
+        order, codes, bits = _order(bounds, keys, MAX_MORTON_BITS)
     levels, last_level = _levels(codes, bits, min_size, max_size)
     first, levels = _merge_small_cells(levels, last_level, min_size)
     cell_bounds = np.maximum.reduceat(bounds[:, order], first, axis=1)

@@ -24,7 +24,7 @@ from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransf
 from omnisim.rendering.opengl.geometry.geometry_store import GeometryStore, geometry_key
 from omnisim.rendering.opengl.geometry.mesh_deformer import MeshDeformer
 from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
-from omnisim.rendering.opengl.geometry.triangle_windows import MOST_WINDOWS, window_bytes
+from omnisim.rendering.opengl.geometry.triangle_windows import MAX_WINDOWS, window_bytes
 from omnisim.rendering.opengl.materials.material_table import MaterialTable, placed_details
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
 from omnisim.scene.model import Instance, Scene
@@ -296,7 +296,7 @@ class SceneBuffers:
         Raises:
             GraphicsError: names the size, the limit, and the purpose.
         """
-        limit = MOST_WINDOWS * window_bytes(self.context)
+        limit = MAX_WINDOWS * window_bytes(self.context)
         largest = max(self.vertices.size, self.indices.size)
         if largest > limit:
             raise GraphicsError(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import moderngl
 
-MOST_WINDOWS = 3
+MAX_WINDOWS = 3
 _FIRST_BINDINGS = (0, 1)
 _MORE_BINDINGS = (8, 10)
 
@@ -29,7 +29,7 @@ def window_defines(context: moderngl.Context, *buffers: moderngl.Buffer) -> tupl
 def bind_triangles(
     context: moderngl.Context, vertices: moderngl.Buffer, indices: moderngl.Buffer
 ) -> None:
-    """Bind vertices and indices, in at most `MOST_WINDOWS` windows each."""
+    """Bind vertices and indices, in at most `MAX_WINDOWS` windows each."""
     size = window_bytes(context)
     for buffer, first, more in zip(
         (vertices, indices), _FIRST_BINDINGS, _MORE_BINDINGS, strict=True
@@ -37,7 +37,7 @@ def bind_triangles(
         if buffer.size <= size:
             buffer.bind_to_storage_buffer(first)
             continue
-        for number in range(MOST_WINDOWS):
+        for number in range(MAX_WINDOWS):
             # windows past the end are never read, but must be bound, because shaders declare them
             start = number * size if number * size < buffer.size else 0
             binding = more + number - 1 if number else first

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.light.environment import Environment
 
-_LARGEST = 65504.0  # largest half float
+_MAX_HALF = 65504.0  # largest half float
 
 
 def sky_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
@@ -28,7 +28,7 @@ def _map(context: moderngl.Context, levels: tuple[NDArray[np.float32], ...]) -> 
         texture = context.texture((width, height), 3, dtype="f2")
         texture.build_mipmaps(0, len(levels) - 1)
     for level, pixels in enumerate(levels):
-        half = np.minimum(pixels, _LARGEST).astype(np.float16)
+        half = np.minimum(pixels, _MAX_HALF).astype(np.float16)
         texture.write(np.ascontiguousarray(half), level=level, alignment=1)
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.repeat_x, texture.repeat_y = True, False

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Half the width of a single map, meters: its texels are 12 mm.
-_LARGEST_SINGLE_M = 24.0
+_MAX_SINGLE_M = 24.0
 _RATIO = 4.0  # between the widths of two cascades
 MAX_CASCADES = 4
 STEPS = 4  # of the viewpoint per half width
@@ -58,7 +58,7 @@ class Cascades:
 def cascade_count(axes: NDArray[np.float64], boxes_m: NDArray[np.float64]) -> int:
     """Number of cascades that a light needs."""
     half_m, count = _half_m(*_extent_m(axes, boxes_m)), 1
-    while half_m > _LARGEST_SINGLE_M and count < MAX_CASCADES:
+    while half_m > _MAX_SINGLE_M and count < MAX_CASCADES:
         half_m /= _RATIO
         count += 1
     return count

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.scene.formats.sdf.element import SdfElement
+from omnisim.scene.formats.xml.element import XmlElement
 
 _PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")
 _SKIDS = "skid_steer"
@@ -20,13 +20,13 @@ _LIMITS = (
 )
 
 
-def is_wheel_drive(plugin: SdfElement) -> bool:
+def is_wheel_drive(plugin: XmlElement) -> bool:
     """True for a plugin that drives two or four wheels."""
     names = plugin.attribute("filename") + plugin.attribute("name")
     return any(word in names for word in _PLUGINS)
 
 
-def drive_table(plugin: SdfElement, notices: list[str]) -> dict[str, Any]:
+def drive_table(plugin: XmlElement, notices: list[str]) -> dict[str, Any]:
     """Table `[kinematics]` of a plugin."""
     wheel_m = 2.0 * plugin.number("wheel_radius", 0.0)
     wheel_m = wheel_m or plugin.number("wheel_diameter", plugin.number("wheelDiameter", 0.0))
@@ -40,7 +40,7 @@ def drive_table(plugin: SdfElement, notices: list[str]) -> dict[str, Any]:
     }
 
 
-def stated_limits(plugin: SdfElement) -> dict[str, float]:
+def stated_limits(plugin: XmlElement) -> dict[str, float]:
     """Limits that a plugin states."""
     found = {key: plugin.number(path, 0.0) * scale for key, path, _, scale in _LIMITS}
     return {key: value for key, value in found.items() if value > 0.0}

@@ -1,4 +1,4 @@
-"""Import of a model as a robot file: sensors, wheels, and the model itself as the body.
+"""Import of a model as a robot: sensors, wheels, and the model itself as the body.
 
 Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, lidars `lidar`,
 or `usarsim_range_scanner` where they have one ring, and IMUs `imu`. Everything else is named in the
@@ -7,25 +7,24 @@ notices.
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from omnisim.core.errors import RobotFileError, SceneError, did_you_mean
 from omnisim.core.short_repr import counted
 from omnisim.robots.importers.gazebo.drive_plugins import drive_table, is_wheel_drive
 from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
-from omnisim.robots.importers.imported_model import (
-    ImportedModel,
+from omnisim.robots.importers.imported_robot import (
+    ImportedRobot,
     ImportedSensor,
     footprint,
-    imported_model,
     load_body,
 )
 from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.sdf.element import Omissions
 from omnisim.scene.formats.sdf.models import (
     Model,
     ModelLibrary,
@@ -33,19 +32,19 @@ from omnisim.scene.formats.sdf.models import (
     read_root,
     unique_name,
 )
+from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
 _GROUND_M = 0.02  # a body whose lowest point is as near to 0 stands on the ground
 
 
 def import_model(
-    path: Path, output: Path, name: str | None = None, resources: Sequence[str | Path] = ()
-) -> ImportedModel:
+    path: Path, name: str | None = None, resources: Sequence[str | Path] = ()
+) -> ImportedRobot:
     """Import a model of a file.
 
     Args:
         path: a world or a model.
-        output: the robot file that it is for: files that it names are relative to it.
         name: of the model; may be left out where one has sensors.
         resources: folders of models that it includes.
 
@@ -69,13 +68,8 @@ def import_model(
         raise RobotFileError(f"{path}: {reason}") from None
     notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
     notices += [f"{kind}: left out ({counted(n, 'sensor')})" for kind, n in others.items()]
-    table: dict[str, Any] = {}
     body = load_body(path, resources, notices) if whole is tree else None
     if body is not None:
-        table["body"] = os.path.relpath(path, output.parent)
-        if folders := library.used_folders(root):
-            table["resources"] = [os.path.relpath(folder, output.parent) for folder in folders]
-        table["footprint"] = footprint(body)
         lowest_m = float(body.bounds_m()[0, 2])
         if abs(lowest_m) > _GROUND_M:
             notices.append(
@@ -83,9 +77,19 @@ def import_model(
             )
     elif whole is not tree:
         notices.append(f"body: left out: {model.name!r} is one of several models of its file")
-    table["kinematics"] = kinematics
     notices += about_drive
-    return imported_model(model.name, path, output, table, sensors, body, notices)
+    return ImportedRobot(
+        name=model.name,
+        source=path,
+        section=f"Model {model.name!r}",
+        sensors=sensors,
+        notices=tuple(notices),
+        comments=notices,
+        body=body,
+        resources=() if body is None else library.used_folders(root),
+        footprint=None if body is None else footprint(body, np.zeros(3)),
+        kinematics=kinematics,
+    )
 
 
 def _choose(tree: Model, name: str | None) -> Model:

@@ -14,9 +14,8 @@ from omnisim.cameras.calibration.formats.gazebo import read_lens
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.robots.importers.imported_model import ImportedSensor
-from omnisim.scene.formats.sdf.element import SdfElement
+from omnisim.robots.importers.imported_robot import ImportedSensor
+from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
 
 _CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
@@ -26,7 +25,7 @@ _LIDARS = ("lidar", "gpu_lidar", "ray", "gpu_ray")
 
 
 def read_sensors(
-    sensor: SdfElement, base_from_sensor: NDArray[np.float64]
+    sensor: XmlElement, base_from_sensor: NDArray[np.float64]
 ) -> Iterator[ImportedSensor]:
     """Sensors that a `<sensor>` is; none for kinds that omnisim has not.
 
@@ -48,26 +47,24 @@ def read_sensors(
             if scan is not None:
                 yield _lidar(name, sensor, scan, base_from_sensor)
         if kind == "imu":
-            values: dict[str, Any] = {"type": "imu", "device": "ideal"}
             rate = sensor.number("update_rate", 0.0)
-            yield ImportedSensor(
-                name, base_from_sensor, values | ({"rate_hz": rate} if rate > 0.0 else {})
-            )
+            values = {"device": "ideal", **({"rate_hz": rate} if rate > 0.0 else {})}
+            yield ImportedSensor.at(name, "imu", base_from_sensor, values)
     except OmnisimError as reason:
         raise RobotFileError(str(reason)) from None
 
 
-def _camera(name: str, camera: SdfElement, base_from_camera: NDArray[np.float64]) -> ImportedSensor:
+def _camera(name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]) -> ImportedSensor:
     with error_context(camera.place):
         lens = read_lens(camera.element, camera.place)
     noise = camera.number("noise/stddev", 0.0)
     notices = (f"{name}: noise of {noise:g} is left out",) if noise > 0.0 else ()
-    text = sensor_toml(OmniCamera(lens, polygons=None))
-    return ImportedSensor(name, base_from_camera, {"type": "omnicamera"}, text, notices)
+    sensor = OmniCamera(lens, polygons=None)
+    return ImportedSensor.at(name, "omnicamera", base_from_camera, {}, sensor, notices)
 
 
 def _depth_camera(
-    name: str, camera: SdfElement, base_from_camera: NDArray[np.float64]
+    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]
 ) -> ImportedSensor:
     """Depth camera without the holes and errors that Gazebo's has not."""
     width, height = (round(camera.positive(f"image/{key}", 320.0)) for key in ("width", "height"))
@@ -75,7 +72,6 @@ def _depth_camera(
     if not 0.0 < half_rad < 0.5 * math.pi:
         raise camera.error("a <horizontal_fov> between 0 and π", 2.0 * half_rad)
     values = {
-        "type": "depth_camera",
         "noise": False,
         "width_px": width,
         "height_px": height,
@@ -85,11 +81,11 @@ def _depth_camera(
         "range_max_m": min(camera.positive("clip/far", 100.0), MAX_RANGE_M),
         "max_incidence_deg": 90.0,
     }
-    return ImportedSensor(name, base_from_camera, values)
+    return ImportedSensor.at(name, "depth_camera", base_from_camera, values)
 
 
 def _lidar(
-    name: str, sensor: SdfElement, scan: SdfElement, base_from_lidar: NDArray[np.float64]
+    name: str, sensor: XmlElement, scan: XmlElement, base_from_lidar: NDArray[np.float64]
 ) -> ImportedSensor:
     """Lidar with its rings all around, or a planar scanner where there is one ring."""
     across, low, high = _angles(scan, "horizontal")
@@ -100,7 +96,6 @@ def _lidar(
     if rings == 1:
         middle = pose_from_rotation(rotation_from_yaw(0.5 * (low + high)), np.zeros(3))
         values: dict[str, Any] = {
-            "type": "usarsim_range_scanner",
             "scan_fov_rad": high - low,
             "resolution_rad": step_rad,
             "min_range_m": nearest,
@@ -108,9 +103,9 @@ def _lidar(
             "noise_share": 0.0,
         }
         notices = (f"{name}: noise of {sigma_m:g} m is left out",) if sigma_m > 0.0 else ()
-        return ImportedSensor(name, base_from_lidar @ middle, values, "", notices)
+        pose = base_from_lidar @ middle
+        return ImportedSensor.at(name, "usarsim_range_scanner", pose, values, None, notices)
     values = {
-        "type": "lidar",
         "elevations_deg": np.degrees(np.linspace(bottom, top, rings)).round(9).tolist(),
         "firings": max(round(2.0 * math.pi / step_rad), 8) if step_rad > 0.0 else 8,
         **({"rate_hz": rate} if rate > 0.0 else {}),
@@ -122,10 +117,10 @@ def _lidar(
     notices = ()
     if high - low < 2.0 * math.pi - 2.0 * step_rad:
         notices = (f"{name}: {math.degrees(high - low):.4g}° wide, becomes one all around",)
-    return ImportedSensor(name, base_from_lidar, values, "", notices)
+    return ImportedSensor.at(name, "lidar", base_from_lidar, values, None, notices)
 
 
-def _angles(scan: SdfElement, axis: str) -> tuple[int, float, float]:
+def _angles(scan: XmlElement, axis: str) -> tuple[int, float, float]:
     """Samples, and the angles of the first and last, in radians."""
     path = f"scan/{axis}"
     samples = round(scan.positive(f"{path}/samples", 640.0 if axis == "horizontal" else 1.0))

@@ -1,5 +1,5 @@
-"""Robots out of USARSim's configuration, USARBot.ini, as robot files."""
+"""Robots out of USARSim's configuration, USARBot.ini."""
 
-from omnisim.robots.importers.usarsim.usarsim_robot import ImportedRobot, import_robot
+from omnisim.robots.importers.usarsim.usarsim_robot import import_robot
 
-__all__ = ["ImportedRobot", "import_robot"]
+__all__ = ["import_robot"]

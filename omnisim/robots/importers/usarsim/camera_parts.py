@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 
-from omnisim.robots.importers.usarsim.robot_text import Sensor
+from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.robots.importers.usarsim.usarsim_parts import Part
 
 _MIRROR = re.compile(r"mirror")
@@ -20,10 +20,11 @@ _OMNI = re.compile(r"omni.*cam|omnidirectional|catadioptric")
 SAME_PLACE_M = 1e-3
 BESIDE_AXIS_M = 0.01
 LENS_BELOW_M = 0.5
+_FILE = 'file = "omnicam.toml"  # a sensor file; without one: the paper\'s camera'
 LOOKS_UP = 0.9998  # cosine of a degree
 
 
-def find_cameras(parts: list[Part]) -> list[tuple[Sensor, list[Part]]]:
+def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
     """Omnidirectional cameras among the parts of a robot, and the parts that each is made of."""
     cameras = []
     for group in _groups(parts):
@@ -72,14 +73,12 @@ def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
     return None
 
 
-def _camera(lead: Part, members: list[Part]) -> Sensor:
-    return Sensor(
+def _camera(lead: Part, members: list[Part]) -> ImportedSensor:
+    return ImportedSensor(
         name=lead.name,
-        entry=lead.entry,
-        kind="omnicamera",
+        type="omnicamera",
         position_m=lead.position_m,
         # virtual cameras look to all sides
         angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
-        comments=tuple(f"line {part.entry.line}: {part}" for part in members),
-        values={},
+        comments=(*(f"line {part.entry.line}: {part}" for part in members), _FILE),
     )

@@ -18,7 +18,7 @@ from omnisim.core.errors import RobotFileError
 from omnisim.core.trajectories.formats.text_table import quote
 
 COMMENTS = (";", "#", "//")
-DEEPEST = 8
+MAX_DEPTH = 8
 # The engine's lists may count, Sensors(3)=, and add to those of another file, +Sensors=.
 _ENTRY = re.compile(r"([-+.!]?[A-Za-z_]\w*)(?:[(\[]\d+[)\]])?\s*=\s*(.*)")
 _SECTION = re.compile(r"\[([^\[\]]+)\]\s*(.*)")
@@ -144,8 +144,8 @@ class _Reader:
         return self._text[self._at : self._at + 1]
 
     def _struct(self, depth: int) -> Struct:
-        if depth > DEEPEST:
-            raise self._fault(f"more than {DEEPEST} parentheses deep")
+        if depth > MAX_DEPTH:
+            raise self._fault(f"more than {MAX_DEPTH} parentheses deep")
         self._at += 1
         struct: Struct = {}
         while True:

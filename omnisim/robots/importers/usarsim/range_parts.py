@@ -6,9 +6,16 @@ import math
 import re
 
 from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.robots.importers.usarsim.ini import Entry, Notice, Section
-from omnisim.robots.importers.usarsim.robot_text import Sensor
-from omnisim.robots.importers.usarsim.usarsim_parts import Part, Units, angle_rad, length_m, number
+from omnisim.robots.importers.usarsim.usarsim_parts import (
+    Part,
+    Units,
+    angle_rad,
+    check,
+    length_m,
+    number,
+)
 
 _SONAR, _INFRARED = re.compile(r"sonar(?!array)"), re.compile(r"^ir\d*(sensor)?$|infrared")
 _LENGTHS = {"maxrange": "range_max_m", "minrange": "range_min_m"}
@@ -18,7 +25,7 @@ MAX_COUNT = 360
 
 def find_range_sensor(
     part: Part, own: Section | None, units: Units, left_out: list[Notice]
-) -> Sensor | None:
+) -> ImportedSensor | None:
     """Read a sonar or an infrared sensor; None: the part is neither."""
     is_sonar = _SONAR.search(part.short_class)
     if not (is_sonar or _INFRARED.search(part.short_class)):
@@ -29,10 +36,10 @@ def find_range_sensor(
         if key in entries:
             entry = entries[key]
             values[name] = length_m(entry, entry.key, entry.value, units)
-            _check(entry, values[name] >= 0.0, "0 or more")
+            check(entry, values[name] >= 0.0, "0 or more")
     if "noise" in entries:
         values["noise_share"] = _number(entries["noise"])
-        _check(entries["noise"], values["noise_share"] >= 0.0, "0 or more")
+        check(entries["noise"], values["noise_share"] >= 0.0, "0 or more")
     if is_sonar:
         values |= _cone(entries, units)
     _check_limits(entries, values, (0.1, 5.0) if is_sonar else (0.2, 1.5))
@@ -44,15 +51,7 @@ def find_range_sensor(
         left_out.append((part.entry.line, words))
     elif unread:
         left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
-    return Sensor(
-        name=part.name,
-        entry=part.entry,
-        kind="usarsim_sonar" if is_sonar else "usarsim_ir_sensor",
-        position_m=part.position_m,
-        angles_deg=part.angles_deg,
-        comments=(f"line {part.entry.line}: {part}",),
-        values=values,
-    )
+    return part.sensor("usarsim_sonar" if is_sonar else "usarsim_ir_sensor", values)
 
 
 def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
@@ -61,25 +60,20 @@ def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
     if "beamangle" in entries:
         entry = entries["beamangle"]
         values["beam_angle_rad"] = angle_rad(entry, entry.key, entry.value, units)
-        _check(
+        check(
             entry, 0.0 < values["beam_angle_rad"] < math.pi, "more than 0 and less than half a turn"
         )
     for key, name in _COUNTS.items():
         if key in entries:
             found = _number(entries[key])
             is_count = found == round(found) and 1.0 <= found <= MAX_COUNT
-            _check(entries[key], is_count, f"a whole number from 1 to {MAX_COUNT}")
+            check(entries[key], is_count, f"a whole number from 1 to {MAX_COUNT}")
             values[name] = round(found)
     return values
 
 
 def _number(entry: Entry) -> float:
     return number(entry, entry.key, entry.value)
-
-
-def _check(entry: Entry, is_possible: bool, wanted: str) -> None:
-    if not is_possible:
-        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
 
 
 def _check_limits(

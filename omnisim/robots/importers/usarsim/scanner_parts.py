@@ -6,9 +6,16 @@ import math
 import re
 
 from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.robots.importers.usarsim.ini import Entry, Notice, Section
-from omnisim.robots.importers.usarsim.robot_text import Sensor
-from omnisim.robots.importers.usarsim.usarsim_parts import Part, Units, angle_rad, length_m, number
+from omnisim.robots.importers.usarsim.usarsim_parts import (
+    Part,
+    Units,
+    angle_rad,
+    check,
+    length_m,
+    number,
+)
 
 _SICK = re.compile(r"sick|lms\d|lms$")
 _SCANNER = re.compile(r"rangescanner|hokuyo|urg")
@@ -18,7 +25,7 @@ TURN_RAD = 6.2832  # as it is written there
 
 def find_scanner(
     part: Part, own: Section | None, units: Units, left_out: list[Notice]
-) -> Sensor | None:
+) -> ImportedSensor | None:
     """Read a laser scanner; None with a notice where a part is none, or lacks its settings."""
     settings = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
@@ -38,11 +45,16 @@ def find_scanner(
         if key in settings:
             entry = settings[key]
             values[name] = read(entry, entry.key, entry.value, units)
-            _check_above(entry, values[name], or_equal=key == "minrange")
+            is_least = key == "minrange"
+            check(
+                entry,
+                values[name] > 0.0 or (is_least and values[name] == 0.0),
+                "0 or more" if is_least else "more than 0",
+            )
     if "noise" in settings:
         entry = settings["noise"]
         values["noise_share"] = number(entry, entry.key, entry.value)
-        _check_above(entry, values["noise_share"], or_equal=True)
+        check(entry, values["noise_share"] >= 0.0, "0 or more")
     elif not is_sick:
         values["noise_share"] = 0.0
     _check_scan(settings, values)
@@ -53,21 +65,7 @@ def find_scanner(
         unread = [entry.key for key, entry in settings.items() if key not in _USED]
         if unread:
             left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
-    return Sensor(
-        name=part.name,
-        entry=part.entry,
-        kind="usarsim_range_scanner",
-        position_m=part.position_m,
-        angles_deg=part.angles_deg,
-        comments=(f"line {part.entry.line}: {part}",),
-        values=values,
-    )
-
-
-def _check_above(entry: Entry, value: float, or_equal: bool) -> None:
-    if value < 0.0 or (value == 0.0 and not or_equal):
-        wanted = "0 or more" if or_equal else "more than 0"
-        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
+    return part.sensor("usarsim_range_scanner", values)
 
 
 def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from omnisim.core import poses
 from omnisim.core.trajectories.formats.text_table import quote
+from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.robots.importers.usarsim.ini import Entry, Struct, Value, parse_struct, printable
 
 # Farther from its robot no sensor is: such numbers are in another unit.
@@ -75,6 +77,13 @@ class Part:
         """Viewing direction (3,), unit."""
         return poses.pose((0, 0, 0), *self.angles_deg)[:3, 0]
 
+    def sensor(self, kind: str, values: Mapping[str, float]) -> ImportedSensor:
+        """Sensor of a kind at the part's place."""
+        comment = f"line {self.entry.line}: {self}"
+        return ImportedSensor(
+            self.name, kind, self.position_m, self.angles_deg, values, comments=(comment,)
+        )
+
     def __str__(self) -> str:
         return f"{self.entry.key} {self.name!r} ({self.class_name})"
 
@@ -104,6 +113,16 @@ def read_part(entry: Entry, units: Units) -> Part:
         parent=None if parent.lower() in ON_CHASSIS else parent,
         unread=tuple(written for key, (written, _) in struct.items() if key not in known),
     )
+
+
+def check(entry: Entry, is_possible: bool, wanted: str) -> None:
+    """Refuse an impossible value of an entry.
+
+    Raises:
+        RobotFileError: naming file, line, and what was expected.
+    """
+    if not is_possible:
+        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
 
 
 def number(entry: Entry, name: str, value: Value) -> float:

@@ -1,4 +1,4 @@
-"""Import of a robot's section in USARBot.ini as a robot file.
+"""Import of a robot, a section of USARBot.ini.
 
 Laser scanners become `usarsim_range_scanner`, sonars `usarsim_sonar`, infrared sensors
 `usarsim_ir_sensor`, the parts of an omnidirectional camera together one `omnicamera`. Everything
@@ -7,12 +7,13 @@ else is named in the notices.
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from omnisim.core.errors import RobotFileError, did_you_mean
+from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor
 from omnisim.robots.importers.usarsim.camera_parts import find_cameras
 from omnisim.robots.importers.usarsim.ini import (
     Entry,
@@ -23,7 +24,6 @@ from omnisim.robots.importers.usarsim.ini import (
     read_ini,
 )
 from omnisim.robots.importers.usarsim.range_parts import find_range_sensor
-from omnisim.robots.importers.usarsim.robot_text import Sensor, robot_text
 from omnisim.robots.importers.usarsim.scanner_parts import find_scanner
 from omnisim.robots.importers.usarsim.usarsim_parts import (
     SI_UNITS,
@@ -38,19 +38,12 @@ SENSOR_KEYS = ("sensors", "cameras")
 _NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class ImportedRobot:
-    """Text of a robot file, and notices about what is left out.
-
-    Attributes:
-        section: where it comes from.
-        text: TOML.
-        notices: one line each, with file and line number.
-    """
-
-    section: str
-    text: str
-    notices: tuple[str, ...]
+_HEAD = (
+    "Base frame: x forward, y left, z up, origin on the ground. Meters and degrees.",
+    'body = "body.glb"  # its mesh, if there is one',
+    "What it cannot say, and a robot can be driven without: [kinematics], [odometry],",
+    "[footprint]. `omnisim robot list` has robots that say it.",
+)
 
 
 def import_robot(
@@ -59,7 +52,7 @@ def import_robot(
     unreal_units: bool = False,
     origin_height_m: float | None = None,
 ) -> ImportedRobot:
-    """Import a robot of USARBot.ini as a robot file.
+    """Import a robot of USARBot.ini.
 
     Args:
         path: the configuration.
@@ -77,8 +70,7 @@ def import_robot(
     units = UNREAL_UNITS if unreal_units else SI_UNITS
     left_out: list[Notice] = []
     parts = _parts(section, units, left_out)
-    sensors = [_named(sensor, left_out) for sensor in _sensors(parts, sections, units, left_out)]
-    _check_names(sensors)
+    sensors = _named(_sensors(parts, sections, units, left_out), left_out)
     if not sensors:
         left_out.append((section.line, f"[{section.name}] has no sensor that omnisim knows"))
     if origin_height_m is None:
@@ -91,10 +83,17 @@ def import_robot(
         )
     unique = dict.fromkeys((line, printable(words)) for line, words in left_out)
     notices = sorted(unique, key=lambda notice: notice[0])
-    comments = [f"line {line}: {words}" for line, words in notices]
-    text = robot_text(section.name, path.name, sensors, origin_height_m or 0.0, comments)
+    raised_m = origin_height_m or 0.0
+    heights = (f"Heights are {raised_m!r} m more than there.",) if raised_m else ()
+    rest = [f"line {line}: {words}" for line, words in notices]
     return ImportedRobot(
-        section.name, text, tuple(f"{path}:{line}: {words}" for line, words in notices)
+        name=printable(section.name).rpartition(".")[2],
+        source=path,
+        section=f"[{printable(section.name)}]",
+        sensors=sensors,
+        notices=tuple(f"{path}:{line}: {words}" for line, words in notices),
+        comments=(*_HEAD, *heights, *(("Of the rest of it:", *rest) if rest else ())),
+        base_m=np.array((0.0, 0.0, -raised_m)),
     )
 
 
@@ -159,10 +158,11 @@ def _other_part(entry: Entry, units: Units) -> Part | None:
 
 def _sensors(
     parts: list[Part], sections: dict[str, Section], units: Units, left_out: list[Notice]
-) -> list[Sensor]:
+) -> list[tuple[Entry, ImportedSensor]]:
+    """Sensors and the entries that state them, in the order of the file."""
     cameras = find_cameras(parts)
     taken = {id(part) for _, members in cameras for part in members}
-    sensors = [(members[0].entry.line, camera) for camera, members in cameras]
+    sensors = [(members[0].entry, camera) for camera, members in cameras]
     for part in parts:
         if id(part) not in taken:
             own = sections.get(part.class_name.lower())
@@ -171,31 +171,33 @@ def _sensors(
                 sensor = find_scanner(part, own, units, left_out)
             if sensor is None:
                 continue
-            sensors.append((part.entry.line, sensor))
+            sensors.append((part.entry, sensor))
         if part.unread:
             left_out.append((part.entry.line, f"{part}: {', '.join(part.unread)}: left out"))
         if part.parent:
             left_out.append(
                 (part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis")
             )
-    return [sensor for _, sensor in sorted(sensors, key=lambda item: item[0])]
+    return sorted(sensors, key=lambda item: item[0].line)
 
 
-def _named(sensor: Sensor, left_out: list[Notice]) -> Sensor:
-    """Give a sensor a name that is valid in a robot file."""
-    name = folder_name(sensor.name)
-    if name == sensor.name:
-        return sensor
-    left_out.append((sensor.entry.line, f"ItemName {sensor.name!r}: becomes {name!r}"))
-    return dataclasses.replace(sensor, name=name)
+def _named(
+    sensors: list[tuple[Entry, ImportedSensor]], left_out: list[Notice]
+) -> list[ImportedSensor]:
+    """Give sensors names that are valid in a robot file.
 
-
-def _check_names(sensors: list[Sensor]) -> None:
+    Raises:
+        RobotFileError: a name again.
+    """
+    named: dict[str, ImportedSensor] = {}
     lines: dict[str, int] = {}
-    for sensor in sensors:
-        if sensor.name in lines:
-            raise sensor.entry.fault(
-                f"ItemName {sensor.name!r} again, as in line {lines[sensor.name]}: "
-                "expected each name once"
+    for entry, sensor in sensors:
+        name = folder_name(sensor.name)
+        if name != sensor.name:
+            left_out.append((entry.line, f"ItemName {sensor.name!r}: becomes {name!r}"))
+        if name in named:
+            raise entry.fault(
+                f"ItemName {name!r} again, as in line {lines[name]}: expected each name once"
             )
-        lines[sensor.name] = sensor.entry.line
+        named[name], lines[name] = sensor._replace(name=name), entry.line
+    return list(named.values())

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
-from omnisim.scene.files.imported import LARGEST_COORDINATE
+from omnisim.scene.files.imported import MAX_COORDINATE
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.parts import CameraPose
 
@@ -42,7 +42,7 @@ def read_cameras(
 
 def _camera_pose(name: str, world_from_node: NDArray[np.float64]) -> CameraPose | None:
     """Pose of a camera's node, or None where its axes are flat, or its numbers too large."""
-    if not np.abs(world_from_node).max() < LARGEST_COORDINATE:  # false for NaN, too
+    if not np.abs(world_from_node).max() < MAX_COORDINATE:  # false for NaN, too
         return None
     ahead, up = -world_from_node[:3, 2], world_from_node[:3, 1]
     left = np.cross(up, ahead)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.short_repr import counted
-from omnisim.scene.files.imported import LARGEST_COORDINATE, make_mesh, translate
+from omnisim.scene.files.imported import MAX_COORDINATE, make_mesh, translate
 from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.animations import Animation, MovedNode
 from omnisim.scene.formats.gltf.json_object import JsonObject
@@ -159,10 +159,10 @@ class DeformingMeshes:
         assert mesh.deformation is not None
         for time_s in times_s:
             center, radius = mesh.deformation.sphere_at(time_s)
-            if not np.abs(center).max() + radius < LARGEST_COORDINATE:  # also NaN
+            if not np.abs(center).max() + radius < MAX_COORDINATE:  # also NaN
                 raise SceneError(
                     f"mesh {mesh.name!r}: expected finite coordinates below "
-                    f"{LARGEST_COORDINATE:g} in its animation, got others at {time_s:g} s"
+                    f"{MAX_COORDINATE:g} in its animation, got others at {time_s:g} s"
                 )
 
     @np.errstate(all="ignore")

@@ -8,7 +8,7 @@ from typing import TypeVar
 from omnisim.core.errors import SceneError
 
 Value = TypeVar("Value")
-LARGEST_NUMBER = 1e15  # beyond, products overflow a float32
+MAX_NUMBER = 1e15  # beyond, products overflow a float32
 
 
 class JsonObject:
@@ -115,7 +115,7 @@ def _index(value: object, entries: Sequence[object], place: str) -> int:
 
 
 def _number(value: object, place: str) -> float:
-    if not isinstance(value, int | float) or not abs(value) < LARGEST_NUMBER:  # also NaN
+    if not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:  # also NaN
         raise _error(place, "a finite number", value)
     return float(value)
 

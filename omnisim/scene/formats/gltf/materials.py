@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.imported import LARGEST_COORDINATE
+from omnisim.scene.files.imported import MAX_COORDINATE
 from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.packed_maps import PackedMaps
@@ -142,7 +142,7 @@ class Materials:
         elif own.channel != self._second_channel(entry):
             self.notices.append(f"third set of texture coordinates of {material!r} is not read")
             return None
-        if not np.abs(matrix).max() < LARGEST_COORDINATE:  # also false for NaN
+        if not np.abs(matrix).max() < MAX_COORDINATE:  # also false for NaN
             self.notices.append(f"map of {material!r} cannot be placed: it is not drawn")
             return None
         (a, b, c), (d, e, f) = matrix.tolist()

@@ -10,7 +10,7 @@ from omnisim.scene.model import Material, Texture
 
 DEFAULT_IOR = 1.5
 _BRIGHTEST = 65504.0  # the largest half float, as of images
-_LARGEST_SCALE = 1e3
+_MAX_SCALE = 1e3
 Color = tuple[float, float, float]
 
 
@@ -84,7 +84,7 @@ def _emissive(entry: JsonObject) -> Color:
 
 
 def _scale(scale: float) -> float:
-    return min(max(scale, -_LARGEST_SCALE), _LARGEST_SCALE)
+    return min(max(scale, -_MAX_SCALE), _MAX_SCALE)
 
 
 def _share(entry: JsonObject, key: str, default: float) -> float:

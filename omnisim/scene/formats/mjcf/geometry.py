@@ -24,7 +24,7 @@ from omnisim.scene.primitives import (
 
 Geom = mujoco.mjtGeom
 # Half size of an infinite plane: where MuJoCo's own cameras end, or this far at least.
-LEAST_REACH_M = 100.0
+MIN_REACH_M = 100.0
 
 
 class Shape(NamedTuple):
@@ -60,16 +60,10 @@ def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
         surface = _height_field(model, data)
         return Shape(surface, None, _scaled(surface, model.hfield_size[data][:3]))
     if kind == Geom.mjGEOM_PLANE:
-        reach_m = max(float(model.vis.map.zfar * model.stat.extent), LEAST_REACH_M)
+        reach_m = max(float(model.vis.map.zfar * model.stat.extent), MIN_REACH_M)
         surface = rectangle(*(float(half) if half > 0.0 else reach_m for half in size[:2]))
         return Shape(surface, None, _scaled(surface, size))
     return _PRIMITIVES[kind](size)
-
-
-def is_infinite(model: mujoco.MjModel, geom: int) -> bool:
-    """True for a plane without an end along x or y."""
-    is_plane = int(model.geom_type[geom]) == Geom.mjGEOM_PLANE
-    return is_plane and not bool((model.geom_size[geom][:2] > 0.0).all())
 
 
 def _scaled(surface: Surface, sizes: NDArray[np.float64]) -> NDArray[np.float64]:

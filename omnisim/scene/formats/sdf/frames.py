@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.poses import inverse
-from omnisim.scene.formats.sdf.element import SdfElement
+from omnisim.scene.formats.xml.element import XmlElement
 
 _OWN = frozenset(("", "__model__", "world", "__root__"))
 
@@ -27,7 +27,7 @@ class _Frame(NamedTuple):
         placement: frame of the inner scope that the pose is of.
     """
 
-    element: SdfElement
+    element: XmlElement
     default: str
     inner: Scope | None
     placement: str
@@ -47,7 +47,7 @@ class Scope:
         self._aliases: dict[str, str] = {}
         self._active: list[str] = []
 
-    def add(self, name: str, element: SdfElement, default: str = "") -> None:
+    def add(self, name: str, element: XmlElement, default: str = "") -> None:
         """Add a link, frame or joint, unless the name is taken.
 
         Args:
@@ -57,7 +57,7 @@ class Scope:
         """
         self._frames.setdefault(name, _Frame(element, default, None, ""))
 
-    def add_model(self, name: str, element: SdfElement, inner: Scope, placement: str = "") -> None:
+    def add_model(self, name: str, element: XmlElement, inner: Scope, placement: str = "") -> None:
         """Add a nested model.
 
         Args:
@@ -80,7 +80,7 @@ class Scope:
         """Put a link or model elsewhere than its file does."""
         self._poses[name] = scope_from_frame
 
-    def pose_of(self, element: SdfElement, default: str = "") -> NDArray[np.float64]:
+    def pose_of(self, element: XmlElement, default: str = "") -> NDArray[np.float64]:
         """Pose (4, 4) scope_from_element.
 
         Args:
@@ -100,7 +100,7 @@ class Scope:
         """Pose (4, 4) scope_from_model of a nested model."""
         return self._scope_from(name, self._frames[name].element)
 
-    def _scope_from(self, name: str, asking: SdfElement) -> NDArray[np.float64]:
+    def _scope_from(self, name: str, asking: XmlElement) -> NDArray[np.float64]:
         if name in self._poses:
             return self._poses[name]
         frame = self._frames.get(name)
@@ -117,7 +117,7 @@ class Scope:
         self._poses[name] = pose
         return pose
 
-    def _outside(self, name: str, asking: SdfElement) -> NDArray[np.float64]:
+    def _outside(self, name: str, asking: XmlElement) -> NDArray[np.float64]:
         """Pose of the scope itself, or of a frame in a nested model: `model::frame`."""
         if name in _OWN:
             return np.eye(4)

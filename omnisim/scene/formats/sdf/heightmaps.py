@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from omnisim.scene.formats.sdf.element import SdfElement
 from omnisim.scene.formats.sdf.shapes import Shape
+from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.primitives import Surface, grid_triangles
 
-MOST_POINTS = 513  # of a side: half a million triangles
+MAX_POINTS = 513  # of a side: half a million triangles
 _BAKED_PX = (256, 2048)  # side of a texture that is made of several, at least and at most
 
 
@@ -36,7 +36,7 @@ class Layer(NamedTuple):
 
 
 def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
-    """Levels (rows, columns) from 0 to 1, of at most `MOST_POINTS` a side; None: no gray image."""
+    """Levels (rows, columns) from 0 to 1, of at most `MAX_POINTS` a side; None: no gray image."""
     if image.mode.startswith("I"):
         levels = np.asarray(image, dtype=np.float64) / 65535.0
     elif image.mode == "F":  # an elevation model, in meters
@@ -51,11 +51,11 @@ def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
 
 
 def _evenly(count: int) -> NDArray[np.intp]:
-    """Indices of at most `MOST_POINTS` of so many, the first and last among them."""
-    return np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.intp)
+    """Indices of at most `MAX_POINTS` of so many, the first and last among them."""
+    return np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.intp)
 
 
-def terrain(element: SdfElement, levels: NDArray[np.float64], tile_m: float) -> Shape:
+def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> Shape:
     """Surface of a `<heightmap>`.
 
     Args:

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.formats.sdf.element import Omissions, SdfElement
+from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import Light, LightKind
 
 _KINDS = {kind.value: kind for kind in LightKind}
@@ -16,7 +17,7 @@ _ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at
 
 
 def read_light(
-    element: SdfElement, world_from_light: NDArray[np.float64], omissions: Omissions
+    element: XmlElement, world_from_light: NDArray[np.float64], omissions: Omissions
 ) -> Light | None:
     """Light in the world; None: it is off, or black.
 
@@ -52,7 +53,7 @@ def read_light(
     )
 
 
-def _candela(element: SdfElement, range_m: float, omissions: Omissions) -> float:
+def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float:
     """Candela of a light of intensity 1."""
     constant, linear, quadratic = (
         max(element.number(f"attenuation/{key}", default), 0.0)
@@ -66,7 +67,7 @@ def _candela(element: SdfElement, range_m: float, omissions: Omissions) -> float
     return distance**2 / max(falloff, 1e-3)
 
 
-def _cone_cosines(element: SdfElement) -> tuple[float, float]:
+def _cone_cosines(element: XmlElement) -> tuple[float, float]:
     """Cosines of the inner and outer half-angle; the file has the whole angles."""
     outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
     inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)

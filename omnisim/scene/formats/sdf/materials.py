@@ -15,9 +15,10 @@ from PIL import Image
 
 from omnisim.core.files.sources import read_source
 from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.sdf.element import Omissions, SdfElement
 from omnisim.scene.formats.sdf.heightmaps import Layer, blend
 from omnisim.scene.formats.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
+from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Material, Texture
 from omnisim.scene.textures import NO_IMAGE, TextureStore, alpha_mode_of, unreadable_image
 
@@ -42,7 +43,7 @@ class MaterialReader:
         self._joined: dict[tuple[int, ...], Image.Image] = {}
         self._scripts: dict[tuple[Path, ...], dict[str, ScriptMaterial]] = {}
 
-    def read(self, visual: SdfElement, double_sided: bool) -> int:
+    def read(self, visual: XmlElement, double_sided: bool) -> int:
         """Index of the material of a visual; of a default one where it has none."""
         element = visual.find("material")
         material = Material("", (*_DEFAULT, 1.0), double_sided=double_sided)
@@ -50,7 +51,7 @@ class MaterialReader:
             material = self._reflectance(element, self._plain(element, double_sided))
         return self._index(_of_visual(material, visual))
 
-    def _plain(self, element: SdfElement, double_sided: bool) -> Material:
+    def _plain(self, element: XmlElement, double_sided: bool) -> Material:
         """Color, texture and sides of a `<material>`."""
         script = self._script(element) or ScriptMaterial()
         texture = self._albedo(element, script)
@@ -73,7 +74,7 @@ class MaterialReader:
             emissive=element.color("emissive") or script.emissive,
         )
 
-    def _reflectance(self, element: SdfElement, plain: Material) -> Material:
+    def _reflectance(self, element: XmlElement, plain: Material) -> Material:
         """Material with metal, roughness and maps of its `<pbr>`; others are matte."""
         metal = element.find("pbr/metal")
         values = metal or element.find("pbr/specular")
@@ -101,7 +102,7 @@ class MaterialReader:
             metallic_roughness_map=self._metal_map(metal),
         )
 
-    def is_stated(self, visual: SdfElement) -> bool:
+    def is_stated(self, visual: XmlElement) -> bool:
         """True for a visual whose own material replaces that of its mesh."""
         element = visual.find("material")
         if element is None:
@@ -110,7 +111,7 @@ class MaterialReader:
             return True
         return self._script(element) is not None
 
-    def terrain(self, element: SdfElement, levels: NDArray[np.float64]) -> tuple[int, float]:
+    def terrain(self, element: XmlElement, levels: NDArray[np.float64]) -> tuple[int, float]:
         """Index of a heightmap's material, and the side that its texture covers; 0: the whole."""
         layers = []
         blends = [
@@ -132,7 +133,7 @@ class MaterialReader:
         texture = self._textures.texture(pixels, "terrain")
         return self._index(Material("", texture=texture)), tile_m
 
-    def of_mesh(self, material: Material, visual: SdfElement) -> int:
+    def of_mesh(self, material: Material, visual: XmlElement) -> int:
         """Index of a mesh's own material, as its visual shows it."""
         return self._index(_of_visual(material, visual))
 
@@ -144,27 +145,27 @@ class MaterialReader:
             self.materials.append(material)
         return self._indices[key]
 
-    def _albedo(self, element: SdfElement, script: ScriptMaterial) -> Texture | None:
+    def _albedo(self, element: XmlElement, script: ScriptMaterial) -> Texture | None:
         for workflow in ("metal", "specular"):
             found = element.find(f"pbr/{workflow}/albedo_map")
             if found is not None and found.own_text:
                 return self._texture(found, found.own_text)
         return self._texture(element, script.texture) if script.texture else None
 
-    def _map(self, values: SdfElement, key: str, is_linear: bool = True) -> Texture | None:
+    def _map(self, values: XmlElement, key: str, is_linear: bool = True) -> Texture | None:
         found = values.find(key)
         if found is None or not found.own_text:
             return None
         return self._texture(found, found.own_text, is_linear)
 
-    def _normal_map(self, values: SdfElement) -> Texture | None:
+    def _normal_map(self, values: XmlElement) -> Texture | None:
         found = values.find("normal_map")
         if found is not None and found.attribute("type") == "object":
             self._omissions.add("normal maps in the object's frame are not drawn", "material")
             return None
         return self._map(values, "normal_map")
 
-    def _metal_map(self, metal: SdfElement) -> Texture | None:
+    def _metal_map(self, metal: XmlElement) -> Texture | None:
         """Roughness and metal of two gray images as green and blue of one."""
         images = []
         for key in ("roughness_map", "metalness_map"):
@@ -182,13 +183,13 @@ class MaterialReader:
             self._joined[pair] = Image.merge("RGB", [white, *bands])
         return self._textures.texture(self._joined[pair], "roughness_map", is_linear=True)
 
-    def _texture(self, element: SdfElement, name: str, is_linear: bool = False) -> Texture | None:
+    def _texture(self, element: XmlElement, name: str, is_linear: bool = False) -> Texture | None:
         image = self._image(element, name)
         if image is None:
             return None
         return self._textures.texture(image, Path(name).name, is_linear=is_linear)
 
-    def _image(self, element: SdfElement, name: str) -> Image.Image | None:
+    def _image(self, element: XmlElement, name: str) -> Image.Image | None:
         """Image by the name that an element has; None, with a notice, where it cannot be read."""
         path = self.find_image(element, name)
         if path is None:
@@ -202,7 +203,7 @@ class MaterialReader:
             self._omissions.add(f"image {name} {reason}: drawn without it", "material")
         return image
 
-    def find_image(self, element: SdfElement, name: str) -> Path | None:
+    def find_image(self, element: XmlElement, name: str) -> Path | None:
         """Image file by the name that an element has, or None."""
         folder = element.file.parent
         folders = [folder / inner for inner in _TEXTURE_FOLDERS]
@@ -225,7 +226,7 @@ class MaterialReader:
                 return None
         return self._images[path]
 
-    def _folders(self, element: SdfElement) -> Iterator[Path]:
+    def _folders(self, element: XmlElement) -> Iterator[Path]:
         """Folders that a script's URIs name."""
         for uri in element.children("script"):
             for each in uri.children("uri"):
@@ -235,7 +236,7 @@ class MaterialReader:
                     yield folder
                     yield folder.parent / "textures"
 
-    def _script(self, element: SdfElement) -> ScriptMaterial | None:
+    def _script(self, element: XmlElement) -> ScriptMaterial | None:
         """Material of a script, of its files or Gazebo's own; None: there is none."""
         name = element.text("script/name")
         script = element.find("script")
@@ -256,7 +257,7 @@ class MaterialReader:
         return found
 
 
-def _of_visual(material: Material, visual: SdfElement) -> Material:
+def _of_visual(material: Material, visual: XmlElement) -> Material:
     """Material as transparent as its visual, and with its shadow or without."""
     material = replace(material, casts_shadow=visual.flag("cast_shadows", default=True))
     transparency = min(max(visual.number("transparency", 0.0), 0.0), 1.0)

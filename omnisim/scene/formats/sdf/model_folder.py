@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element
 
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
-from omnisim.scene.formats.sdf.document import parse_xml
+from omnisim.scene.formats.xml.document import parse_xml
 
 MANIFESTS = ("model.config", "manifest.xml")
 

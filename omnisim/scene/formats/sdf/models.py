@@ -19,14 +19,15 @@ from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.sdf.builtin_models import BUILTIN_MODELS
-from omnisim.scene.formats.sdf.document import parse_xml
-from omnisim.scene.formats.sdf.element import Omissions, SdfElement
 from omnisim.scene.formats.sdf.frames import Scope, UnplacedError
 from omnisim.scene.formats.sdf.model_folder import model_file, read_xml
 from omnisim.scene.formats.sdf.shapes import ROUND
+from omnisim.scene.formats.xml.document import parse_xml
+from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.omissions import Omissions
 
-_DEEPEST = 24  # models in models
-_MOST = 200_000  # models of a world: a few files that include each other twice make billions
+_MAX_DEPTH = 24  # models in models
+_MAX_MODELS = 200_000  # models of a world: a few files that include each other twice make billions
 _SHOWN = 4  # names in a notice
 UNPLACED = "left out with the models that they are posed relative to"
 ENTITIES = ("model", "light", "actor")
@@ -46,10 +47,10 @@ class Model:
     """
 
     name: str
-    element: SdfElement
+    element: XmlElement
     scope: Scope = field(default_factory=Scope)
     models: list[Model] = field(default_factory=list)
-    others: list[SdfElement] = field(default_factory=list)
+    others: list[XmlElement] = field(default_factory=list)
     is_merged: bool = False
 
 
@@ -101,7 +102,7 @@ class ModelLibrary:
             else:
                 self.drop_unplaced(inner)
 
-    def used_folders(self, root: SdfElement) -> tuple[Path, ...]:
+    def used_folders(self, root: XmlElement) -> tuple[Path, ...]:
         """Folders that a file and its models need, but for those around it."""
         roots = (root.element, *self._files.values())
         texts = {(one.text or "").strip() for each in roots for one in each.iter()}
@@ -111,15 +112,15 @@ class ModelLibrary:
         """Count an object that is not found."""
         (self._remote if uri.startswith(("http://", "https://")) else self._missing)[uri] += 1
 
-    def tree(self, element: SdfElement, name: str, depth: int = 0) -> Model:
+    def tree(self, element: XmlElement, name: str, depth: int = 0) -> Model:
         """Model or world with all that it includes.
 
         Raises:
             SceneError: a file that is damaged, models without end, or values that are none.
         """
         self._count += 1
-        if depth > _DEEPEST or self._count > _MOST:
-            raise element.error(f"at most {_DEEPEST} models in each other", "more, or a circle")
+        if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
+            raise element.error(f"at most {_MAX_DEPTH} models in each other", "more, or a circle")
         model = Model(name, element)
         taken: set[str] = set()
         for child in element.children("model", "include"):
@@ -141,7 +142,7 @@ class ModelLibrary:
         model.others += element.children("light", "actor")
         return model
 
-    def _include(self, model: Model, include: SdfElement, taken: set[str], depth: int) -> None:
+    def _include(self, model: Model, include: XmlElement, taken: set[str], depth: int) -> None:
         found = self._included(include)
         if found is None:
             model.scope.add_missing(include.text("name") or _last_part(include.text("uri")))
@@ -162,7 +163,7 @@ class ModelLibrary:
             for frame in found.children("link", "frame", "joint", "model"):
                 model.scope.add_alias(frame.name, f"{name}::{frame.name}")
 
-    def _included(self, include: SdfElement) -> SdfElement | None:
+    def _included(self, include: XmlElement) -> XmlElement | None:
         """First entity of an included file; None: it is missing, and counted."""
         uri = include.text("uri")
         if not uri:
@@ -178,9 +179,9 @@ class ModelLibrary:
             raise include.error(f"a model, light or actor in {path}", uri)
         name = entity.get("name")
         step = entity.tag if name is None else f"{entity.tag}[{name}]"
-        return SdfElement(entity, f"{path}: {step}", path)
+        return XmlElement(entity, f"{path}: {step}", path)
 
-    def _substitute(self, uri: str) -> SdfElement | None:
+    def _substitute(self, uri: str) -> XmlElement | None:
         """Model of omnisim's own, for those that every world of Gazebo Classic includes."""
         name = _last_part(uri).lower().replace(" ", "_")
         if name not in BUILTIN_MODELS:
@@ -188,7 +189,7 @@ class ModelLibrary:
             return None
         self._substitutes.add(uri)
         entity = parse_xml(BUILTIN_MODELS[name].encode())
-        return SdfElement(entity, f"{uri}: {entity.tag}", Path(name))
+        return XmlElement(entity, f"{uri}: {entity.tag}", Path(name))
 
     def _root(self, path: Path) -> Element:
         if path not in self._files:
@@ -208,7 +209,7 @@ def _names(uris: Counter[str]) -> str:
     return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
 
 
-def _round_shapes(link: SdfElement) -> int:
+def _round_shapes(link: XmlElement) -> int:
     visuals = (visual.find("geometry") for visual in link.children("visual"))
     return sum(
         child.tag in ROUND for found in visuals if found is not None for child in found.element
@@ -235,7 +236,7 @@ def unique_name(name: str, taken: set[str]) -> str:
     return unique
 
 
-def with_pose_of(entity: SdfElement, posed: SdfElement) -> SdfElement:
+def with_pose_of(entity: XmlElement, posed: XmlElement) -> XmlElement:
     """Entity with the pose of the `<include>`."""
     pose = posed.element.find("pose")
     if posed is entity or pose is None:
@@ -258,7 +259,7 @@ class PlacedModel(NamedTuple):
     model: Model
     outer_from_model: NDArray[np.float64]
 
-    def pose_of(self, element: SdfElement, default: str = "") -> NDArray[np.float64]:
+    def pose_of(self, element: XmlElement, default: str = "") -> NDArray[np.float64]:
         """Pose (4, 4) outer_from_element of an element in the model.
 
         Args:
@@ -282,7 +283,7 @@ def placed_models(
         yield from placed_models(inner, pose, path if inner.is_merged else f"{path}{inner.name}/")
 
 
-def read_root(path: Path, data: bytes | None = None) -> SdfElement:
+def read_root(path: Path, data: bytes | None = None) -> XmlElement:
     """Read the `<sdf>` of a file.
 
     Raises:
@@ -294,4 +295,4 @@ def read_root(path: Path, data: bytes | None = None) -> SdfElement:
         raise SceneError(f"cannot be read: {reason.strerror}") from None
     if root.tag != "sdf":
         raise SceneError(f"expected <sdf>, got <{root.tag}>")
-    return SdfElement(root, "", path)
+    return XmlElement(root, "", path)

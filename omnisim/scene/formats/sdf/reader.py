@@ -12,7 +12,6 @@ from omnisim.core.errors import SceneError
 from omnisim.scene.files.imported import ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.sdf import shapes
-from omnisim.scene.formats.sdf.element import Omissions, SdfElement
 from omnisim.scene.formats.sdf.frames import UnplacedError
 from omnisim.scene.formats.sdf.heightmaps import read_levels, terrain
 from omnisim.scene.formats.sdf.lights import read_light
@@ -28,6 +27,8 @@ from omnisim.scene.formats.sdf.models import (
 )
 from omnisim.scene.formats.sdf.shapes import Shape
 from omnisim.scene.formats.sdf.states import apply_state
+from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
 from omnisim.scene.parts import Instance, Light, Mesh
 from omnisim.scene.textures import TextureStore
@@ -76,7 +77,7 @@ class _Reader:
         self._instances: list[Instance] = []
         self._lights: list[Light] = []
 
-    def read(self, root: SdfElement) -> ImportedScene:
+    def read(self, root: XmlElement) -> ImportedScene:
         """Read the first world of a file, or all of its models and lights."""
         worlds = list(root.children("world"))
         for _ in worlds[1:]:
@@ -105,7 +106,7 @@ class _Reader:
             background=background,
         )
 
-    def _read_scene(self, scene: SdfElement) -> tuple[float, float, float] | None:
+    def _read_scene(self, scene: XmlElement) -> tuple[float, float, float] | None:
         """Background of the `<scene>`."""
         if scene.find("sky") is not None:
             self._omissions.add("the sky is drawn in one color", "sky")
@@ -130,7 +131,7 @@ class _Reader:
                 self._omissions.add(f"{extra.element.tag}s are not drawn", "element")
 
     def _pose_of(
-        self, placed: PlacedModel, element: SdfElement, default: str = ""
+        self, placed: PlacedModel, element: XmlElement, default: str = ""
     ) -> NDArray[np.float64] | None:
         """Pose of an element; None, with a notice, where it depends on a missing model."""
         try:
@@ -139,7 +140,7 @@ class _Reader:
             self._omissions.add(UNPLACED, element.element.tag)
             return None
 
-    def _read_light(self, element: SdfElement, file_from_light: NDArray[np.float64] | None) -> None:
+    def _read_light(self, element: XmlElement, file_from_light: NDArray[np.float64] | None) -> None:
         if file_from_light is None:
             return
         light = read_light(element, self._world_from_file @ file_from_light, self._omissions)
@@ -147,7 +148,7 @@ class _Reader:
             self._lights.append(light)
 
     def _read_visual(
-        self, visual: SdfElement, file_from_visual: NDArray[np.float64] | None, name: str
+        self, visual: XmlElement, file_from_visual: NDArray[np.float64] | None, name: str
     ) -> None:
         geometry = visual.find("geometry")
         kind = None if geometry is None else next(geometry.children(*shapes.GEOMETRIES), None)
@@ -166,7 +167,7 @@ class _Reader:
             self._omissions.add(f"<{tag}> is not drawn", "visual")
 
     def _read_heightmap(
-        self, element: SdfElement, file_from_visual: NDArray[np.float64], name: str
+        self, element: XmlElement, file_from_visual: NDArray[np.float64], name: str
     ) -> None:
         uri = element.text("uri")
         path = self._materials.find_image(element, uri)
@@ -183,7 +184,7 @@ class _Reader:
         material, tile_m = self._materials.terrain(element, levels)
         self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
 
-    def _shape(self, geometry: SdfElement, kind: SdfElement) -> Shape:
+    def _shape(self, geometry: XmlElement, kind: XmlElement) -> Shape:
         """Shape of a geometry; equal ones are one."""
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
@@ -209,8 +210,8 @@ class _Reader:
 
     def _read_mesh(
         self,
-        element: SdfElement,
-        visual: SdfElement,
+        element: XmlElement,
+        visual: XmlElement,
         file_from_visual: NDArray[np.float64],
         name: str,
     ) -> None:

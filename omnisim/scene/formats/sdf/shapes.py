@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene import primitives
-from omnisim.scene.formats.sdf.element import SdfElement
+from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.polygons import surrounds, triangulate
 from omnisim.scene.primitives import Surface
 
@@ -31,44 +31,44 @@ class Shape(NamedTuple):
     is_closed: bool = True
 
 
-def box(size: SdfElement) -> Shape:
+def box(size: XmlElement) -> Shape:
     """Box with the whole texture on each side."""
     x, y, z = _sizes(size, "size", (1.0, 1.0, 1.0))
     uv = np.tile([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)], (6, 1))
     return Shape(primitives.box((0.5 * x, 0.5 * y, 0.5 * z)), uv)
 
 
-def sphere(element: SdfElement, most: int) -> Shape:
+def sphere(element: XmlElement, most: int) -> Shape:
     """Sphere, its texture once around."""
     radius = element.positive("radius", 1.0)
     return _round(primitives.ellipsoid((radius,) * 3, most), radius, most)
 
 
-def ellipsoid(element: SdfElement, most: int) -> Shape:
+def ellipsoid(element: XmlElement, most: int) -> Shape:
     """Ellipsoid, its texture once around."""
     radii = _sizes(element, "radii", (1.0, 1.0, 1.0))
     return _round(primitives.ellipsoid(radii, most), max(radii), most)
 
 
-def cylinder(element: SdfElement, most: int) -> Shape:
+def cylinder(element: XmlElement, most: int) -> Shape:
     """Cylinder, its texture once around."""
     radius, length = element.positive("radius", 1.0), element.positive("length", 1.0)
     return _round(primitives.cylinder(radius, 0.5 * length, most), radius, most)
 
 
-def cone(element: SdfElement, most: int) -> Shape:
+def cone(element: XmlElement, most: int) -> Shape:
     """Cone, its tip up."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
     return _round(primitives.cone(radius, 0.5 * length, most), radius, most)
 
 
-def capsule(element: SdfElement, most: int) -> Shape:
+def capsule(element: XmlElement, most: int) -> Shape:
     """Capsule; its length is without the half spheres."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
     return _round(primitives.capsule(radius, 0.5 * length, most), radius, most)
 
 
-def plane(element: SdfElement) -> Shape:
+def plane(element: XmlElement) -> Shape:
     """Rectangle across its normal."""
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
@@ -81,7 +81,7 @@ def plane(element: SdfElement) -> Shape:
     return Shape(surface._replace(positions=across), uv, is_closed=False)
 
 
-def polyline(elements: Sequence[SdfElement]) -> Shape:
+def polyline(elements: Sequence[XmlElement]) -> Shape:
     """Extrusion along z of the inside of closed lines, from z = 0 to the first one's height."""
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
@@ -117,7 +117,7 @@ def _wall(loop: NDArray[np.float64], height: float, loops: list[NDArray[np.float
     return Surface(corners.reshape(-1, 3), triangles, None)
 
 
-def _loop(element: SdfElement) -> NDArray[np.float64]:
+def _loop(element: XmlElement) -> NDArray[np.float64]:
     points = np.array([point.numbers(2) for point in element.children("point")]).reshape(-1, 2)
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) < _LOOP_TOLERANCE_M:
         points = points[:-1]
@@ -126,7 +126,7 @@ def _loop(element: SdfElement) -> NDArray[np.float64]:
     return points
 
 
-def _sizes(element: SdfElement, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
+def _sizes(element: XmlElement, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
     sizes = element.vector(path, default)
     found = element.find(path)
     if found is not None and min(sizes) <= 0.0:
@@ -169,11 +169,11 @@ _FEW = 20  # round shapes that may be as fine as they like
 
 def most_segments(round_shapes: int) -> int:
     """Segments of a circle in a world of so many round shapes: their triangles stay as many."""
-    fair = primitives.MOST_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
-    return max(4 * round(fair / 4.0), primitives.LEAST_SEGMENTS)
+    fair = primitives.MAX_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
+    return max(4 * round(fair / 4.0), primitives.MIN_SEGMENTS)
 
 
-def make_shape(geometry: SdfElement, kind: SdfElement, most: int) -> Shape:
+def make_shape(geometry: XmlElement, kind: XmlElement, most: int) -> Shape:
     """Shape of a `<geometry>`, whose child `kind` is; of all its polylines together.
 
     Args:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from omnisim.core.poses import inverse
-from omnisim.scene.formats.sdf.element import Omissions, SdfElement
 from omnisim.scene.formats.sdf.models import Model, with_pose_of
+from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.omissions import Omissions
 
 _UNIT = (1.0, 1.0, 1.0)
 
@@ -25,7 +26,7 @@ def apply_state(world: Model, omissions: Omissions) -> None:
         omissions.add("insertions of a state are not made", "state")
 
 
-def _move(outer: Model, state: SdfElement, omissions: Omissions) -> None:
+def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
     """Move what is in the world or in a model.
 
     Args:

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose_from_rotation
-from omnisim.scene.formats.urdf.document import UrdfElement
+from omnisim.scene.formats.xml.element import XmlElement
 
 
-def link_poses(robot: UrdfElement) -> dict[str, NDArray[np.float64]]:
+def link_poses(robot: XmlElement) -> dict[str, NDArray[np.float64]]:
     """Poses (4, 4) robot_from_link by name, in the order of the tree from its root.
 
     A joint rests at 0, or in the middle of its limits where these exclude 0.
@@ -22,14 +22,14 @@ def link_poses(robot: UrdfElement) -> dict[str, NDArray[np.float64]]:
     links = [link.name for link in robot.children("link")]
     for link in robot.children("link"):
         if links.count(link.name) > 1:
-            raise link.error("name", "each link once")
+            raise link.attribute_error("name", "each link once")
     if not links:
         raise SceneError(f"{robot.place}: expected a <link>, got none")
     parents: dict[str, tuple[str, NDArray[np.float64]]] = {}
     for joint in robot.children("joint"):
         parent, child = _end(joint, "parent", links), _end(joint, "child", links)
         if child.attribute("link") in parents:
-            raise child.error("link", "a link without another parent")
+            raise child.attribute_error("link", "a link without another parent")
         pose = joint.origin() @ _motion(joint)
         parents[child.attribute("link")] = (parent.attribute("link"), pose)
     poses = {link: np.eye(4) for link in links if link not in parents}
@@ -47,28 +47,31 @@ def link_poses(robot: UrdfElement) -> dict[str, NDArray[np.float64]]:
     return poses
 
 
-def _end(joint: UrdfElement, tag: str, links: list[str]) -> UrdfElement:
+def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
     """`<parent>` or `<child>` of a joint."""
     found = joint.find(tag)
     if found is None:
         raise SceneError(f"{joint.place}: expected a <{tag}>, got none")
     if found.attribute("link") not in links:
-        raise found.error("link", "the name of a <link>")
+        raise found.attribute_error("link", "the name of a <link>")
     return found
 
 
-def _motion(joint: UrdfElement) -> NDArray[np.float64]:
+def _motion(joint: XmlElement) -> NDArray[np.float64]:
     """Pose (4, 4) of a joint's child at rest."""
     kind, limit = joint.attribute("type"), joint.find("limit")
     if kind not in ("revolute", "prismatic") or limit is None:
         return np.eye(4)
-    (low,), (high,) = limit.numbers("lower", (0.0,), 1), limit.numbers("upper", (0.0,), 1)
+    (low,), (high,) = (
+        limit.attribute_numbers("lower", (0.0,), 1),
+        limit.attribute_numbers("upper", (0.0,), 1),
+    )
     if low <= 0.0 <= high or high < low:
         return np.eye(4)
     axis_element = joint.find("axis")
     axis = np.array((1.0, 0.0, 0.0))
     if axis_element is not None:
-        axis = np.array(axis_element.numbers("xyz", (1.0, 0.0, 0.0), 3))
+        axis = np.array(axis_element.attribute_numbers("xyz", (1.0, 0.0, 0.0), 3))
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         return np.eye(4)

@@ -19,11 +19,11 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import primitives
 from omnisim.scene.files.imported import PLAIN_GRAY, ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.sdf.document import parse_xml
-from omnisim.scene.formats.sdf.element import Omissions
 from omnisim.scene.formats.sdf.meshes import MeshLibrary
-from omnisim.scene.formats.urdf.document import UrdfElement
 from omnisim.scene.formats.urdf.kinematics import link_poses
+from omnisim.scene.formats.xml.document import parse_xml
+from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.primitives import Surface
 from omnisim.scene.textures import TextureStore, alpha_mode_of
@@ -43,7 +43,7 @@ def read_urdf(
     root = parse_xml(data)
     if root.tag != "robot":
         raise SceneError(f"expected <robot>, got <{root.tag}>")
-    return _Reader(path, textures, resources).read(UrdfElement(root, "robot"))
+    return _Reader(path, textures, resources).read(XmlElement(root, "robot", path))
 
 
 class _Reader:
@@ -57,11 +57,11 @@ class _Reader:
         self._materials: list[Material] = [Material("", _GRAY, double_sided=True)]
         self._material_of: dict[int, int] = {}  # by the id of an element or a file's material
         self._mesh_of: dict[tuple[int, int], int] = {}  # by the id of a file's mesh, and material
-        self._named: dict[str, UrdfElement] = {}
+        self._named: dict[str, XmlElement] = {}
         self._instances: list[Instance] = []
         self._names: set[str] = set()
 
-    def read(self, robot: UrdfElement) -> ImportedScene:
+    def read(self, robot: XmlElement) -> ImportedScene:
         """Read all visuals."""
         for material in robot.children("material"):
             self._named.setdefault(material.name, material)
@@ -85,9 +85,7 @@ class _Reader:
             tuple(self._meshes), tuple(self._materials), tuple(self._instances), notices
         )
 
-    def _read_visual(
-        self, link: UrdfElement, visual: UrdfElement, pose: NDArray[np.float64]
-    ) -> None:
+    def _read_visual(self, link: XmlElement, visual: XmlElement, pose: NDArray[np.float64]) -> None:
         geometry = visual.find("geometry")
         found = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
         if not found:
@@ -109,12 +107,12 @@ class _Reader:
         self._instances.append(Instance(name, len(self._meshes) - 1, place, pose))
 
     def _read_mesh(
-        self, shape: UrdfElement, material: int | None, pose: NDArray[np.float64], name: str
+        self, shape: XmlElement, material: int | None, pose: NDArray[np.float64], name: str
     ) -> None:
         uri = shape.attribute("filename")
-        scale = shape.numbers("scale", (1.0, 1.0, 1.0), 3)
+        scale = shape.attribute_numbers("scale", (1.0, 1.0, 1.0), 3)
         if not all(scale):
-            raise shape.error("scale", "numbers other than 0")
+            raise shape.attribute_error("scale", "numbers other than 0")
         path = self._resources.find(uri, self._folder)
         if path is None or not path.is_file():
             self._missing[uri] += 1
@@ -132,7 +130,7 @@ class _Reader:
             place = pose @ np.diag((*scale, 1.0)) @ one.world_from_mesh
             self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
 
-    def _name(self, link: UrdfElement, visual: UrdfElement, otherwise: str) -> str:
+    def _name(self, link: XmlElement, visual: XmlElement, otherwise: str) -> str:
         """Distinct name of an instance: link/visual."""
         name = first = f"{link.name}/{visual.name or otherwise}"
         number = 1
@@ -148,7 +146,7 @@ class _Reader:
             self._materials.append(material)
         return self._material_of[id(material)]
 
-    def _material(self, visual: UrdfElement) -> int | None:
+    def _material(self, visual: XmlElement) -> int | None:
         """Index of the material that a visual states, or None."""
         stated = visual.find("material")
         if stated is None:
@@ -164,18 +162,18 @@ class _Reader:
             self._materials.append(self._read_material(stated))
         return self._material_of[key]
 
-    def _read_material(self, element: UrdfElement) -> Material:
+    def _read_material(self, element: XmlElement) -> Material:
         """Material of a color, a display value, and a texture."""
         color, texture = element.find("color"), self._texture(element)
         rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GRAY
         if color is not None:
-            given = np.clip(color.numbers("rgba", None, 4), 0.0, 1.0)
+            given = np.clip(color.attribute_numbers("rgba", None, 4), 0.0, 1.0)
             red, green, blue = np.asarray(linear_from_srgb(given[:3])).tolist()
             rgba = (red, green, blue, float(given[3]))
         mode = AlphaMode.BLEND if rgba[3] < 1.0 else alpha_mode_of(texture)
         return Material(element.name, rgba, texture, mode, double_sided=True)
 
-    def _texture(self, element: UrdfElement) -> Texture | None:
+    def _texture(self, element: XmlElement) -> Texture | None:
         found = element.find("texture")
         if found is None or not found.attribute("filename"):
             return None
@@ -196,18 +194,18 @@ class _Reader:
         return self._textures.texture(image, element.name)
 
 
-def _inner_materials(link: UrdfElement) -> Iterator[UrdfElement]:
+def _inner_materials(link: XmlElement) -> Iterator[XmlElement]:
     for visual in link.children("visual"):
         yield from visual.children("material")
 
 
-def _surface(shape: UrdfElement) -> Surface:
+def _surface(shape: XmlElement) -> Surface:
     """Surface of a shape that is no mesh."""
     if shape.tag == "box":
-        return primitives.box(0.5 * np.array(shape.sizes("size", 3)))
-    (radius,) = shape.sizes("radius")
+        return primitives.box(0.5 * np.array(shape.attribute_sizes("size", 3)))
+    (radius,) = shape.attribute_sizes("radius")
     if shape.tag == "sphere":
         return primitives.ellipsoid((radius,) * 3)
-    (length,) = shape.sizes("length")
+    (length,) = shape.attribute_sizes("length")
     make = primitives.cylinder if shape.tag == "cylinder" else primitives.capsule
     return make(radius, 0.5 * length)

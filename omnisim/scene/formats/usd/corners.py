@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_LARGEST = 2**62
+_MAX_KEY = 2**62
 
 
 class Corners(NamedTuple):
@@ -125,7 +125,7 @@ def make_vertices(corners: Corners, primvars: list[Values | None]) -> Vertices:
 def _paired(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
     """Numbers (n,) that are equal where pairs of two numbers are."""
     size = int(second.max(initial=0)) + 1
-    if int(first.max(initial=0)) >= _LARGEST // size:
+    if int(first.max(initial=0)) >= _MAX_KEY // size:
         first = np.unique(first, return_inverse=True)[1]
     return first * size + second
 

@@ -21,7 +21,7 @@ from omnisim.scene.light.environment import coordinates_of, lookup, map_directio
 
 MAX_ROWS = 2048
 ROWS_AT_ONCE = 64  # bounds the memory
-LARGEST = 1e9
+MAX_RADIANCE = 1e9
 _DISPLAY = (".png", ".jpg", ".jpeg")  # of which 8 bits are sRGB
 _LAT_LONG = ("", "automatic", "latlong")
 # Axes of omnisim's maps: +x in the middle, +y to the left.
@@ -83,4 +83,4 @@ def _read(resolved: str) -> NDArray[np.float32] | None:
                 found = linear_from_srgb8(stored[..., :3])
         except OutputError:
             return None
-    return np.clip(np.nan_to_num(found, posinf=LARGEST), 0.0, LARGEST)
+    return np.clip(np.nan_to_num(found, posinf=MAX_RADIANCE), 0.0, MAX_RADIANCE)

@@ -1,12 +1,12 @@
-"""Triangulation of polygons: fans of convex ones, ear clipping of the others."""
+"""Triangulation of polygons in space: fans of convex ones, ear clipping of the others."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Ears of a polygon cost its square: larger ones, which nobody draws, become fans.
-MAX_CLIPPED = 4000
+from omnisim.scene.polygons import clip_ears
+
 _FLAT = 1e-9  # of the area: corners that are reflex by rounding alone
 
 
@@ -28,32 +28,29 @@ def triangulate(
     for count in np.unique(counts[counts >= 3]):
         rows = np.flatnonzero(counts == count)
         loops = starts[rows, None] + np.arange(count)
-        found = loops[:, None] if count == 3 else _triangulate_loops(points, vertices, loops)
-        corners.append(found.reshape(-1, 3))
-        polygons.append(np.repeat(rows, count - 2))
+        positions = points[vertices[loops]].astype(np.float64)
+        turns, normals = _turns(positions)
+        is_reflex = turns < -_FLAT * np.abs(turns).max(axis=1, keepdims=True)
+        # a quad's diagonal begins at the reflex corner
+        first = is_reflex.argmax(axis=1) if count == 4 else np.zeros(len(loops), np.int64)
+        is_concave = is_reflex.any(axis=1) & (count > 4)
+        corners.append(_fans(loops, first)[~is_concave].reshape(-1, 3))
+        polygons.append(np.repeat(rows[~is_concave], count - 2))
+        for row in np.flatnonzero(is_concave):
+            ears = clip_ears([_projected(positions[row], normals[row])])
+            corners.append(loops[row][ears])
+            polygons.append(np.full(len(ears), rows[row]))
     every = np.concatenate(polygons)
     order = np.argsort(every, kind="stable")
     return np.concatenate(corners)[order], every[order]
 
 
-def _triangulate_loops(
-    points: NDArray[np.floating], vertices: NDArray[np.integer], loops: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Triangles (n, k - 2, 3) of polygons of k corners: loops (n, k) of indices of corners."""
+def _fans(loops: NDArray[np.int64], first: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles (n, k - 2, 3) of polygons (n, k), from the first (n,) corner of each."""
     count = loops.shape[1]
-    first, steps = np.zeros(len(loops), np.int64), np.arange(1, count - 1)
-    corners = points[vertices[loops]].astype(np.float64)
-    turns, normals = _turns(corners)
-    reflex = turns < -_FLAT * np.abs(turns).max(axis=1, keepdims=True)
-    if count == 4:  # the diagonal begins at the reflex corner
-        first = np.where(reflex.any(axis=1), reflex.argmax(axis=1), 0)
     rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
     apexes = np.broadcast_to(rotated[:, :1], (len(loops), count - 2))
-    triangles = np.stack((apexes, rotated[:, steps], rotated[:, steps + 1]), axis=2)
-    if 4 < count <= MAX_CLIPPED:
-        for row in np.flatnonzero(reflex.any(axis=1)):
-            triangles[row] = loops[row][_clip_ears(_projected(corners[row], normals[row]))]
-    return triangles
+    return np.stack((apexes, rotated[:, 1:-1], rotated[:, 2:]), axis=2)
 
 
 def _turns(
@@ -78,35 +75,3 @@ def _projected(corners: NDArray[np.float64], normal: NDArray[np.float64]) -> NDA
     axis = int(np.argmax(np.abs(normal)))
     u, v = (axis + 1) % 3, (axis + 2) % 3
     return corners[:, [u, v] if normal[axis] >= 0.0 else [v, u]]
-
-
-def _clip_ears(polygon: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Triangles (k - 2, 3) of a simple polygon (k, 2), counter-clockwise.
-
-    Source: Meisters, "Polygons Have Ears", 1975.
-    """
-    left = np.arange(len(polygon))
-    triangles = []
-    while len(left) > 3:
-        before, after = np.roll(left, 1), np.roll(left, -1)
-        a, b, c = polygon[before], polygon[left], polygon[after]
-        turns = _cross(b - a, c - b)
-        # the widest first: fewer slivers; without an ear it is no simple polygon
-        order = np.argsort(-turns, kind="stable")
-        ear = next((at for at in order if turns[at] > 0.0 and _is_ear(polygon, left, at)), order[0])
-        triangles.append((before[ear], left[ear], after[ear]))
-        left = np.delete(left, ear)
-    return np.array([*triangles, left], dtype=np.int64)
-
-
-def _is_ear(polygon: NDArray[np.float64], left: NDArray[np.int64], at: int) -> bool:
-    """True where no corner that is left lies inside of the triangle at a corner."""
-    a, b, c = polygon[left[[at - 1, at, (at + 1) % len(left)]]]
-    others = polygon[left]
-    inside = (_cross(b - a, others - a) > 0.0) & (_cross(c - b, others - b) > 0.0)
-    return not np.any(inside & (_cross(a - c, others - c) > 0.0))
-
-
-def _cross(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    product: NDArray[np.float64] = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    return product

@@ -12,7 +12,7 @@ from omnisim.core.errors import SceneError
 from omnisim.scene import primitives
 from omnisim.scene.primitives import Surface
 
-_LARGEST = 1e12
+_MAX_SIZE = 1e12
 # Axes of a shape about z, as columns; each is a rotation.
 _FROM_Z = {
     "X": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
@@ -111,6 +111,6 @@ def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, floa
 def _size(prim: Usd.Prim, key: str, time: Usd.TimeCode, unit: float) -> float:
     """Attribute in meters."""
     value = prim.GetAttribute(key).Get(time)
-    if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _LARGEST):
+    if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _MAX_SIZE):
         raise SceneError(f"{prim.GetPath()}.{key} = {value!r:.40}: expected a number ≥ 0")
     return value * unit

@@ -50,7 +50,8 @@ def test_a_robot_without_sensors_says_so(omnisim, needs_opengl, tmp_path):
     (tmp_path / "way.csv").write_text("x_m,y_m\n0,0\n1,0\n")
     (tmp_path / "bare.toml").write_text(
         'name = "bare"\n[kinematics]\ntype = "differential"\nmax_speed_mps = 1.0\n'
-        "max_turn_rate_degps = 90.0\nmax_acceleration_mps2 = 0.5\nmax_turn_acceleration_degps2 = 90.0\n"
+        "max_turn_rate_degps = 90.0\nmax_acceleration_mps2 = 0.5\n"
+        "max_turn_acceleration_degps2 = 90.0\n"
     )
     drive = ["drive", "compass", "--robot", "bare.toml", "--path", "way.csv", "-o", "run"]
     status, out, error = omnisim(*drive)

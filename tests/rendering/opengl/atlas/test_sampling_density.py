@@ -16,9 +16,9 @@ examples = pytest.mark.parametrize("name", CAMERA_EXAMPLES)
 STEP_PX = 1e-3  # for derivatives
 # The finest place may be at a rim between two samples of the face, 1/32 of a tangent apart; there
 # is 1 % to spare for it, which the steepest rims of the examples exceed by as much again.
-LEAST_DENSITY = 0.98
+MIN_DENSITY = 0.98
 # Of the paper's mirror: of the virtual cameras for each pixel of the mirror, at the fast setting
-MOST_TEXELS = 3.7
+MAX_TEXELS = 3.7
 
 
 @cache
@@ -61,7 +61,7 @@ def test_every_lookup_is_in_one_region_that_is_dense_enough_and_padded(name):
     assert np.all(tiles.sum(axis=1) == 1)
     tile = np.argmax(tiles, axis=1)
     half_px = 0.5 * np.array([one.face_size_px for one in plan.tiles])[tile]
-    assert np.all(half_px >= LEAST_DENSITY * finest)
+    assert np.all(half_px >= MIN_DENSITY * finest)
     # what a lookup mixes is drawn: a texel of the coarsest level around it, but for rounding
     spare = (1 << plan.max_level) / half_px[:, None] - 1e-9
     windows = np.array([tile.padded_region for tile in plan.tiles])[tile]
@@ -101,4 +101,4 @@ def test_the_papers_camera_draws_few_texels_for_a_pixel(polygons):
     density = sensor.texels_per_pixel / sensor.supersampling
     plan = sensor_tiles(sensor, sensor.supersampled_model, density, subdivide=True)
     rim_px = 0.5 * sensor.model.width_px
-    assert 1.0 < plan.texels / (np.pi * rim_px**2) <= MOST_TEXELS
+    assert 1.0 < plan.texels / (np.pi * rim_px**2) <= MAX_TEXELS

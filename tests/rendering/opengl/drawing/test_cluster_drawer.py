@@ -22,8 +22,8 @@ ALWAYS, NEVER = 0, 10**9  # triangles that have to be left for another pass
 # two steps of 8 bits then takes the other one: a step in up to 1 % of the pixels, 68 dB. And where
 # two surfaces have the same depth, another one may be in front, or the edge of a triangle takes its
 # own normal for facing away: in a pixel of ten thousand.
-LEAST_DB = 65.0
-MOST_OTHER = 1e-4
+MIN_DB = 65.0
+MAX_OTHER = 1e-4
 
 
 def reference_stage(monkeypatch, *scenes):
@@ -67,8 +67,8 @@ def assert_same(one, other):
     assert np.array_equal(one[..., 3], other[..., 3])
     inside = one[..., 3] > 0
     off = one[inside, :3].astype(float) - other[inside, :3]
-    assert np.mean(np.abs(off).max(axis=-1) > 1.0) < MOST_OTHER
-    assert 10.0 * np.log10(255.0**2 / max(np.mean(off**2), 1e-9)) > LEAST_DB
+    assert np.mean(np.abs(off).max(axis=-1) > 1.0) < MAX_OTHER
+    assert 10.0 * np.log10(255.0**2 / max(np.mean(off**2), 1e-9)) > MIN_DB
 
 
 @pytest.mark.usefixtures("needs_opengl")

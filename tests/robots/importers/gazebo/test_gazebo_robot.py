@@ -1,7 +1,6 @@
 """Robots out of Gazebo's models."""
 
 import math
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.core.errors import RobotFileError
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+from omnisim.robots.importers.importers import load_robot_model
 from omnisim.robots.vehicle import Vehicle
 from tests.scene.formats.sdf.worlds import BOX, model, sdf, visual, world
 
@@ -21,10 +22,8 @@ ROVER = Path(__file__).parents[4] / "examples" / "gazebo" / "models" / "rover" /
 def load(path, folder, **options):
     """Vehicle of the imported robot file, and what was imported."""
     output = folder / "robot.toml"
-    imported = import_model(path, output, **options)
-    output.write_text(imported.text)
-    for name, text in imported.sensor_files.items():
-        (folder / name).write_text(text)
+    imported = import_model(path, **options)
+    imported.write(output)
     return Vehicle.load(output), imported
 
 
@@ -47,7 +46,17 @@ def test_the_example_has_its_sensors_wheels_and_body(tmp_path):
     assert imu.rate_hz == 100.0
     assert vehicle.kinematics.max_speed_mps == 0.8
     assert vehicle.body.instance_names[0] == "rover/chassis/box"
-    assert tomllib.loads(imported.text)["kinematics"]["track_m"] == 0.36
+    assert imported.kinematics["track_m"] == 0.36
+
+
+def test_the_robot_without_files_is_that_of_its_files(tmp_path):
+    """Same sensors, cameras among them, whether they come from data or from sensor files."""
+    (of_files, _), (_, of_data, _) = load(ROVER, tmp_path), load_robot_model(ROVER)
+    cameras = [one.cameras[0].sensor for one in (of_files, of_data)]
+    assert sensor_toml(cameras[0]) == sensor_toml(cameras[1])
+    assert cameras[0].polygons == cameras[1].polygons
+    assert [one.summary() for one in of_files.sensors] == [one.summary() for one in of_data.sensors]
+    assert of_files.kinematics == of_data.kinematics
 
 
 def test_poses_are_those_of_links_and_frames(tmp_path):
@@ -182,7 +191,8 @@ def test_what_is_found_at_the_import_is_found_later(tmp_path, monkeypatch, is_st
     monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", "" if is_stated else str(models))
     _, imported = load(tmp_path / "own" / "a.sdf", tmp_path, **options)
     monkeypatch.delenv("GZ_SIM_RESOURCE_PATH")
-    assert tomllib.loads(imported.text)["resources"] == [str(Path("far", "away", "models"))]
+    robot = imported.robot(tmp_path / "robot.toml")
+    assert robot.resources == (str(Path("far", "away", "models")),)
     vehicle = Vehicle.load(tmp_path / "robot.toml")
     assert vehicle.body.instance_names == ("m/link/visual", "m/link/hull")
     assert vehicle.body.notices == ()
@@ -192,4 +202,4 @@ def test_folders_that_a_model_does_not_need_are_not_named(tmp_path):
     (tmp_path / "models").mkdir()
     (tmp_path / "a.sdf").write_text(sdf(model("m", visual(BOX))))
     _, imported = load(tmp_path / "a.sdf", tmp_path, resources=[tmp_path / "models"])
-    assert "resources" not in tomllib.loads(imported.text)
+    assert not imported.robot(tmp_path / "robot.toml").resources

@@ -2,7 +2,6 @@
 
 import math
 import re
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 
 from omnisim.core.errors import RobotFileError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
-from omnisim.robots import parse_robot
 from omnisim.robots.importers.usarsim import import_robot
 from omnisim.sensors.sensor_registry import parse_mounts
 
@@ -19,7 +17,7 @@ OURS_FROM_USARSIM = np.diag([1.0, -1.0, -1.0])
 
 
 def robot_of(imported):
-    return parse_robot(tomllib.loads(imported.text), "imported")
+    return imported.robot(Path("robot.toml"))
 
 
 @pytest.fixture
@@ -67,9 +65,9 @@ def test_nothing_is_dropped_silently():
     first, last = lines.index("[USARBot.OmniP2AT]") + 1, lines.index("[USARBot.P2DX]")
     for number, line in enumerate(lines[first:last], start=first + 1):
         if "=(" in line:
-            assert f"# line {number}: " in imported.text, line
+            assert f"# line {number}: " in imported.text(Path("robot.toml")), line
         elif "=" in line and not line.startswith(";"):
-            assert line.partition("=")[0] in imported.text
+            assert line.partition("=")[0] in imported.text(Path("robot.toml"))
     notices = [notice.removeprefix(f"{SAMPLE}:") for notice in imported.notices]
     assert notices == [
         "6: [USARBot.OmniP2AT] bDebug, Weight, ChassisMass: left out",
@@ -85,7 +83,7 @@ def test_nothing_is_dropped_silently():
         "30: [USARBot.SICKLMS] HiddenSensor, ScanInterval: left out",
     ]
     for notice in notices:
-        assert f"# line {notice}" in imported.text
+        assert f"# line {notice}" in imported.text(Path("robot.toml"))
 
 
 @pytest.mark.parametrize("turn", [(0.3, 0, 0), (0, 0.4, 0), (0, 0, 0.5), (0.3, -0.4, 2.5)])
@@ -101,7 +99,7 @@ def test_axes(of, turn):
 
 
 def test_no_negative_zeros(of):
-    assert "-0.0" not in of(part()).text
+    assert "-0.0" not in of(part()).text(Path("robot.toml"))
 
 
 def test_units_of_the_engine(of):
@@ -164,7 +162,7 @@ def test_two_cameras_are_two(of):
 
 def test_scanner_without_its_section_is_the_usual_one(of):
     imported = of(part(), origin_height_m=0)
-    assert "scan_fov_rad" not in imported.text
+    assert "scan_fov_rad" not in imported.text(Path("robot.toml"))
     assert imported.notices[0].endswith(
         ":2: Sensors 'n' (USARBot.SICKLMS): no [USARBot.SICKLMS]: taken as USARSim's usual "
         "SICK LMS200"
@@ -263,7 +261,7 @@ def test_odd_names_become_names_of_folders(of):
 
 def test_class_is_found_whatever_its_case():
     for wanted in ("p2dx", "P2DX", "usarbot.P2DX"):
-        assert import_robot(SAMPLE, wanted).section == "USARBot.P2DX"
+        assert import_robot(SAMPLE, wanted).section == "[USARBot.P2DX]"
 
 
 @pytest.mark.parametrize(

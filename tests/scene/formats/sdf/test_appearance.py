@@ -173,7 +173,7 @@ def test_a_mesh_is_scaled_not_turned_and_read_once(tmp_path):
     assert len(scene.instances) == 4
 
 
-def test_a_submesh_is_chosen_and_centerd(tmp_path):
+def test_a_submesh_is_chosen_and_centered(tmp_path):
     two_cubes(tmp_path / "two.glb")
     chosen = "<submesh><name>big</name>{}</submesh>"
     scene = load(

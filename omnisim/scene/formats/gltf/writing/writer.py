@@ -22,7 +22,7 @@ from omnisim.scene.model import Mesh, Scene
 _ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963  # OpenGL's numbers
 _COMPONENTS = {"f": 5126, "H": 5123, "I": 5125}  # by NumPy's characters
 _SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-_LARGEST_BYTES = 2**32 - 1  # of a GLB file
+_MAX_BYTES = 2**32 - 1  # of a GLB file
 Entry = dict[str, Any]
 
 
@@ -106,8 +106,8 @@ class _Document:
         text = json.dumps(self._root, ensure_ascii=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         total = 12 + 8 + len(text) + 8 + self._size
-        if total > _LARGEST_BYTES:
-            raise OutputError(f"expected at most {_LARGEST_BYTES} bytes of a GLB file, got {total}")
+        if total > _MAX_BYTES:
+            raise OutputError(f"expected at most {_MAX_BYTES} bytes of a GLB file, got {total}")
         file.write(struct.pack("<4s2I", b"glTF", 2, total))
         file.write(struct.pack("<I4s", len(text), b"JSON") + text)
         file.write(struct.pack("<I4s", self._size, b"BIN\0"))

@@ -14,7 +14,7 @@ from omnisim.scene.files.imported import make_mesh
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import Instance, Mesh
 
-_LARGEST_ERROR = 1e-6  # of a mesh's size, when its vertices move into the frame of its node
+_MAX_ERROR = 1e-6  # of a mesh's size, when its vertices move into the frame of its node
 _SAME = 1e-9
 _UNIT = 5e-4  # of normals: glTF's validator takes no longer or shorter ones
 
@@ -125,7 +125,7 @@ def _is_exact(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> bool:
     linear = node_from_mesh[:3, :3]
     expected = mesh.positions.astype(np.float64) @ linear.T + node_from_mesh[:3, 3] - center
     error = np.abs(read.positions - expected).max()
-    return bool(error <= _LARGEST_ERROR * np.abs(expected).max())
+    return bool(error <= _MAX_ERROR * np.abs(expected).max())
 
 
 def _unit(normals: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
 Rgba = tuple[float, float, float, float]
 IDENTITY: Affine = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _FLIP_V = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
-_LONGEST_CHAIN = 20  # of nodes for coordinates: a loop has no end
+_MAX_CHAIN = 20  # of nodes for coordinates: a loop has no end
 
 
 class TextureSource(NamedTuple):
@@ -128,7 +128,7 @@ class Inputs:
     def _coordinates(self, texture: UsdShade.Shader) -> tuple[str, Affine]:
         """Primvar of a texture's coordinates, and their transform with v down."""
         matrix, node, key = np.eye(3), texture, "st"
-        for _ in range(_LONGEST_CHAIN):
+        for _ in range(_MAX_CHAIN):
             attribute = _source(node.GetInput(key))
             found = None if attribute is None else _node(attribute)
             if found is None:

@@ -12,8 +12,8 @@ from xml.parsers import expat
 
 from omnisim.core.errors import SceneError
 
-LARGEST_BYTES = 1 << 28
-DEEPEST = 128
+MAX_BYTES = 1 << 28
+MAX_DEPTH = 128
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _LONE_AMPERSAND = re.compile(rb"&(?!(?:#\d{1,7}|#x[0-9a-fA-F]{1,6}|lt|gt|amp|quot|apos);)")
 
@@ -36,8 +36,8 @@ class _Builder:
             self._open[-1].append(element)
         elif self.root is None:
             self.root = element
-        if len(self._open) >= DEEPEST:
-            raise SceneError(f"expected at most {DEEPEST} elements in each other, got more")
+        if len(self._open) >= MAX_DEPTH:
+            raise SceneError(f"expected at most {MAX_DEPTH} elements in each other, got more")
         self._open.append(element)
 
     def end(self, _: str) -> None:
@@ -60,8 +60,8 @@ def parse_xml(data: bytes) -> Element:
     Raises:
         SceneError: it is none, is too large or too deep, or declares entities.
     """
-    if len(data) > LARGEST_BYTES:
-        raise SceneError(f"expected at most {LARGEST_BYTES >> 20} MiB, got {len(data) >> 20} MiB")
+    if len(data) > MAX_BYTES:
+        raise SceneError(f"expected at most {MAX_BYTES >> 20} MiB, got {len(data) >> 20} MiB")
     plain = _COMMENT.sub(lambda found: re.sub(rb"[^\n]", b" ", found[0]), data).lstrip()
     builder, parser = _Builder(), expat.ParserCreate()
     parser.buffer_text = True

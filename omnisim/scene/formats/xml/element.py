@@ -1,4 +1,7 @@
-"""Elements of an SDF file, whose errors name their place and value."""
+"""XML elements, whose errors name their place and value.
+
+SDF states values as the text of elements, URDF as attributes.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,13 @@ from omnisim.core.poses import (
     rotation_from_quaternion,
     rotation_from_roll_pitch_yaw,
 )
-from omnisim.core.short_repr import counted
 
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
-_LARGEST = 1e12  # sums and products of them stay finite
-_LONGEST = 80  # letters of a value in a message
+MAX_NUMBER = 1e12  # sums and products of them stay finite
+MAX_QUOTE = 80  # letters of a value in a message
 
 
-class SdfElement(NamedTuple):
+class XmlElement(NamedTuple):
     """Element with its place.
 
     Attributes:
@@ -38,23 +40,28 @@ class SdfElement(NamedTuple):
     file: Path
 
     @property
+    def tag(self) -> str:
+        """Kind of the element."""
+        return self.element.tag
+
+    @property
     def name(self) -> str:
         """Name attribute, or empty."""
-        return (self.element.get("name") or "").strip()
+        return self.attribute("name")
 
     def attribute(self, name: str) -> str:
         """Value of an attribute, or empty."""
         return (self.element.get(name) or "").strip()
 
-    def children(self, *tags: str) -> Iterator[SdfElement]:
+    def children(self, *tags: str) -> Iterator[XmlElement]:
         """Child elements with one of some tags, in order."""
         for child in self.element:
             if child.tag in tags:
                 yield self._inner(child)
 
-    def find(self, path: str) -> SdfElement | None:
+    def find(self, path: str) -> XmlElement | None:
         """Descendant by tags with slashes between them, or None."""
-        found: SdfElement | None = self
+        found: XmlElement | None = self
         for tag in path.split("/"):
             found = None if found is None else next(found.children(tag), None)
         return found
@@ -71,9 +78,13 @@ class SdfElement(NamedTuple):
 
     def error(self, expected: str, got: object = None) -> SceneError:
         """Error about the element's value."""
-        text = repr(self.own_text if got is None else got)
-        text = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
-        return SceneError(f"{self.place}: expected {expected}, got {text}")
+        shown = _quote(self.own_text if got is None else got)
+        return SceneError(f"{self.place}: expected {expected}, got {shown}")
+
+    def attribute_error(self, attribute: str, expected: str) -> SceneError:
+        """Error about the value of an attribute."""
+        shown = _quote(self.attribute(attribute))
+        return SceneError(f"{self.place}: {attribute}: expected {expected}, got {shown}")
 
     def number(self, path: str, default: float) -> float:
         """Finite number in a descendant."""
@@ -115,18 +126,44 @@ class SdfElement(NamedTuple):
 
     def numbers(self, *counts: int) -> tuple[float, ...]:
         """Finite numbers of the element's text, of one of some counts."""
-        words = self.own_text.split()
-        try:
-            values = tuple(map(float, words))
-        except ValueError:
-            values = (math.nan,)
-        if len(values) not in counts or not all(abs(value) < _LARGEST for value in values):
+        values = _finite_numbers(self.own_text)
+        if len(values) not in counts:
             expected = " or ".join(map(str, counts))
             raise self.error("a number" if counts == (1,) else f"{expected} numbers")
         return values
 
+    def attribute_numbers(
+        self, attribute: str, default: tuple[float, ...] | None, count: int
+    ) -> tuple[float, ...]:
+        """Finite numbers of an attribute; required if the default is None."""
+        text = self.attribute(attribute)
+        if not text and default is not None:
+            return default
+        values = _finite_numbers(text)
+        if len(values) != count:
+            expected = "a number" if count == 1 else f"{count} numbers"
+            raise self.attribute_error(attribute, expected)
+        return values
+
+    def attribute_sizes(self, attribute: str, count: int = 1) -> tuple[float, ...]:
+        """Numbers > 0 of an attribute."""
+        values = self.attribute_numbers(attribute, None, count)
+        if min(values) <= 0.0:
+            expected = "a number > 0" if count == 1 else f"{count} numbers > 0"
+            raise self.attribute_error(attribute, expected)
+        return values
+
+    def origin(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of URDF's `<origin>`; without, the identity."""
+        found = self.find("origin")
+        if found is None:
+            return np.eye(4)
+        angles = found.attribute_numbers("rpy", (0.0, 0.0, 0.0), 3)
+        position = found.attribute_numbers("xyz", (0.0, 0.0, 0.0), 3)
+        return pose_from_rotation(rotation_from_roll_pitch_yaw(*angles), position)
+
     def pose(self) -> NDArray[np.float64]:
-        """Pose (4, 4) of its `<pose>`, in the frame that this names; else the identity."""
+        """Pose (4, 4) of SDF's `<pose>`, in the frame that this names; else the identity."""
         found = self.find("pose")
         if found is None or not found.own_text:
             return np.eye(4)
@@ -151,31 +188,21 @@ class SdfElement(NamedTuple):
             return ""
         return found.attribute("relative_to") or found.attribute("frame")
 
-    def _inner(self, child: Element) -> SdfElement:
+    def _inner(self, child: Element) -> XmlElement:
         name = child.get("name")
         step = child.tag if name is None else f"{child.tag}[{name}]"
-        return SdfElement(child, f"{self.place}/{step}" if self.place else step, self.file)
+        return XmlElement(child, f"{self.place}/{step}" if self.place else step, self.file)
 
 
-class Omissions:
-    """Counts of what is left out or drawn otherwise, for notices."""
+def _finite_numbers(text: str) -> tuple[float, ...]:
+    """Numbers of a text; none if one of them is no finite number."""
+    try:
+        values = tuple(map(float, text.split()))
+    except ValueError:
+        return ()
+    return values if all(abs(value) < MAX_NUMBER for value in values) else ()
 
-    def __init__(self) -> None:
-        self._counts: dict[tuple[str, str], int] = {}
 
-    def add(self, effect: str, noun: str) -> None:
-        """Count one more of a kind.
-
-        Args:
-            effect: the notice.
-            noun: what is counted, in the singular.
-        """
-        key = effect, noun
-        self._counts[key] = self._counts.get(key, 0) + 1
-
-    @property
-    def notices(self) -> list[str]:
-        """One line for each kind."""
-        return [
-            f"{effect} ({counted(count, noun)})" for (effect, noun), count in self._counts.items()
-        ]
+def _quote(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= MAX_QUOTE else text[: MAX_QUOTE - 1] + "…"

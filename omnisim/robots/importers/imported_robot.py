@@ -1,0 +1,177 @@
+"""Robots of other simulators' models as data, and the robot files made of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import SceneError
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.toml_file import Comment, toml_text
+from omnisim.core.poses import roll_pitch_yaw_from_rotation
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.robots.robot_file import Robot, parse_robot
+from omnisim.scene import Scene, read_scene
+from omnisim.scene.space.enclosure import enclosing_nodes
+from omnisim.sensors.sensor_names import folder_name
+
+_MAX_M = 1e6
+
+
+class ImportedSensor(NamedTuple):
+    """Sensor of a model at rest.
+
+    Attributes:
+        name: of the sensor, distinct.
+        type: kind of sensor in a robot file.
+        position_m: (3,) in the model's frame.
+        angles_deg: roll, pitch and yaw in the model's frame.
+        values: its other keys in a robot file.
+        camera: lens and quality of an omnicamera; None: the paper's, if it is one.
+        notices: one line for each omission.
+        comments: lines above its table in the robot file.
+    """
+
+    name: str
+    type: str
+    position_m: Sequence[float]
+    angles_deg: Sequence[float]
+    values: Mapping[str, Any] = {}
+    camera: OmniCamera | None = None
+    notices: tuple[str, ...] = ()
+    comments: tuple[str, ...] = ()
+
+    @classmethod
+    def at(cls, name: str, kind: str, pose: NDArray[np.float64], *rest: Any) -> Self:
+        """Sensor at a pose (4, 4) in the model's frame; `rest` are the other attributes."""
+        angles_deg = np.degrees(roll_pitch_yaw_from_rotation(pose[:3, :3]))
+        return cls(name, kind, pose[:3, 3].tolist(), angles_deg.tolist(), *rest)
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedRobot:
+    """Robot of a model at rest; its tables have the keys of a robot file.
+
+    Attributes:
+        name: of the model.
+        source: its file.
+        section: its part of the file, in words.
+        sensors: in order.
+        notices: one line each.
+        comments: lines of the robot file, below its first.
+        body: the file as it is drawn, or None.
+        resources: folders that the body needs.
+        base_m: (3,) of the base in the model's frame: on the ground.
+        kinematics, footprint, physics: None: unknown.
+    """
+
+    name: str
+    source: Path
+    section: str
+    sensors: Sequence[ImportedSensor]
+    notices: tuple[str, ...]
+    comments: Sequence[str]
+    body: Scene | None = None
+    resources: Sequence[Path] = ()
+    base_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    kinematics: Mapping[str, Any] | None = None
+    footprint: Mapping[str, Any] | None = None
+    physics: Mapping[str, Any] | None = None
+
+    @property
+    def cameras(self) -> dict[str, OmniCamera]:
+        """Cameras with lenses of their own, by the names of their sensors."""
+        return {one.name: one.camera for one in self.sensors if one.camera is not None}
+
+    def robot(self, file: Path) -> Robot:
+        """Robot as of a robot file, whose cameras are `cameras` instead of sensor files.
+
+        Raises:
+            RobotFileError: values that no robot file may have.
+        """
+        return parse_robot(self._table(file.parent), str(file), file.parent)
+
+    def write(self, output: Path) -> None:
+        """Write the robot file, and before it the sensor files beside it.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        for name, file in self._sensor_files(output).items():
+            write_text(output.with_name(file), sensor_toml(self.cameras[name]))
+        write_text(output, self.text(output))
+
+    def text(self, output: Path) -> str:
+        """Text of a robot file, whose paths are relative to its folder."""
+        table = self._table(output.parent, self._sensor_files(output))
+        table["sensors"] = [
+            _commented(one.comments) | keys
+            for one, keys in zip(self.sensors, table["sensors"], strict=True)
+        ]
+        head = _commented((f"{self.section} of {self.source.name}.", *self.comments))
+        return toml_text(head | table)
+
+    def _sensor_files(self, output: Path) -> dict[str, str]:
+        """Names of the sensor files by the names of sensors."""
+        return {name: f"{output.stem}-{name}.toml" for name in self.cameras}
+
+    def _table(self, folder: Path, files: Mapping[str, str] = {}) -> dict[str, Any]:
+        """Keys of the robot file of a folder, with sensor files by the names of sensors."""
+        table: dict[str, Any] = {"name": folder_name(self.name).lower(), "title": self.name}
+        if self.body is not None:
+            table["body"] = os.path.relpath(self.source, folder)
+            if np.any(self.base_m):
+                table["body_offset_m"] = (-self.base_m + 0.0).tolist()
+            if self.resources:
+                table["resources"] = [os.path.relpath(one, folder) for one in self.resources]
+        table |= {
+            "footprint": self.footprint,
+            "kinematics": self.kinematics,
+            "physics": self.physics,
+            "sensors": [self._sensor_table(one, files.get(one.name)) for one in self.sensors],
+        }
+        return {key: value for key, value in table.items() if value is not None}
+
+    def _sensor_table(self, sensor: ImportedSensor, file: str | None) -> dict[str, Any]:
+        table: dict[str, Any] = {"name": sensor.name, "type": sensor.type}
+        place = [round(float(value), 9) + 0.0 for value in sensor.position_m - self.base_m]
+        roll, pitch, yaw = (round(float(angle), 9) + 0.0 for angle in sensor.angles_deg)
+        table |= {"position_m": place, "roll_deg": roll, "pitch_deg": pitch, "yaw_deg": yaw}
+        table |= sensor.values
+        if file is not None:
+            table["file"] = file
+        origin_m = np.array(sensor.position_m)
+        # what is farther away is refused with the robot file
+        if self.body is not None and sensor.type != "imu" and np.abs(origin_m).max() < _MAX_M:
+            # simulators do not draw a housing from its inside
+            hides = enclosing_nodes(self.body, origin_m)
+            table |= {"hides": hides} if hides else {}
+        return table
+
+
+def _commented(lines: Sequence[str]) -> dict[str, Any]:
+    return {f"# {line}": Comment(line) for line in lines}
+
+
+def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -> Scene | None:
+    """Model as it is drawn; None, with a notice, where it cannot be."""
+    try:
+        return read_scene(path, resources=resources, animation="none")
+    except SceneError as reason:
+        notices.append(f"body: left out: {reason}")
+        return None
+
+
+def footprint(body: Scene, base_m: NDArray[np.float64]) -> dict[str, float]:
+    """Footprint around the body, about the base (3,) in its frame."""
+    low, high = body.bounds_m() - base_m
+    length, width = (2.0 * float(max(-low[axis], high[axis])) for axis in (0, 1))
+    sizes = {"length_m": length, "width_m": width, "height_m": max(float(high[2]), 0.01)}
+    return {key: round(value, 6) for key, value in sizes.items()}  # bounds are of float32

@@ -1,0 +1,29 @@
+"""Counts of unsupported parts of a file."""
+
+from __future__ import annotations
+
+from omnisim.core.short_repr import counted
+
+
+class Omissions:
+    """Counts of what is left out or drawn otherwise, for notices."""
+
+    def __init__(self) -> None:
+        self._counts: dict[tuple[str, str], int] = {}
+
+    def add(self, effect: str, noun: str) -> None:
+        """Count one more of a kind.
+
+        Args:
+            effect: the notice.
+            noun: what is counted, in the singular.
+        """
+        key = effect, noun
+        self._counts[key] = self._counts.get(key, 0) + 1
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each kind."""
+        return [
+            f"{effect} ({counted(count, noun)})" for (effect, noun), count in self._counts.items()
+        ]
