@@ -103,7 +103,7 @@ def _imports(module):
 
 
 def _imported_at_start(module):
-    """Names of what a module imports when it is imported, with the packages that they are in."""
+    """Names of what a module imports when it is imported, with their packages."""
     for node in ast.parse(MODULES[module].read_text(encoding="utf-8")).body:
         names = []
         if isinstance(node, ast.Import):

@@ -16,6 +16,21 @@ CLAUSE_OPENERS = frozenset(
         "Whose", "Why",
     )
 )  # fmt: skip
+# Phrases that say nothing, or that one has to read twice; regular expressions.
+VAGUE = (
+    r": where\.$", r": as given\.", r"that is none\b", r"\b(?:MOST|LEAST|LARGEST)_",
+    r"\bthat (?:it|they) (?:is|are) (?:of|in|from)[.,:;]",
+)  # fmt: skip
+# British stems; the other spelling is everywhere the same.
+BRITISH = (
+    "colour", "centre", "centring", "metre", "grey", "neighbour", "labell", "rasteris", "normalis",
+    "initialis", "quantis", "favour", "behaviour", "licence",
+)  # fmt: skip
+# Words of other formats' files, and the old name that a message tells.
+SPELLED_BY_OTHERS = (
+    '"Grey"', '"DarkGrey"', "line_centre_circle", "Point Grey", "centre_height_m", "dark_grey",
+    "mid_grey", "colour-science",
+)  # fmt: skip
 # Regular expressions of retired names, each with the name that took its place.
 RETIRED = {
     "standing_geometry": "static_geometry",
@@ -165,3 +180,30 @@ def test_retired_names_are_gone():
 def test_retired_identifiers_are_gone():
     offenders = list(_retired_identifiers())
     assert not offenders, "\n".join(("expected the name after the arrow:", *offenders))
+
+
+def _prose():
+    """Name and text of code, shaders and documentation; scenes name their own nodes."""
+    files = [
+        *_files(("omnisim", "benchmarks", "tests", ".ci", "docs/_ext"), "*.py"),
+        *_files(("shaders",), "*.*"),
+        *_files(("docs", "omnisim", "benchmarks"), "*.md"),
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    ]
+    for path in files:
+        name = path.relative_to(ROOT).as_posix()
+        if not name.startswith("docs/_build"):
+            yield name, path.read_text(encoding="utf-8")
+
+
+def test_phrases_are_read_once_and_words_have_one_spelling():
+    vague = re.compile("|".join(VAGUE), re.MULTILINE)
+    british = re.compile("|".join(BRITISH), re.IGNORECASE)
+    offenders = []
+    for name, text in _prose():
+        for word in SPELLED_BY_OTHERS:
+            text = text.replace(word, "")
+        for match in (*vague.finditer(text), *british.finditer(text)):
+            line = text.count("\n", 0, match.start()) + 1
+            offenders.append(f"{name}:{line}: {match.group()}")
+    assert not offenders, "\n".join(("expected plain American English:", *offenders))

@@ -11,7 +11,7 @@ from benchmarks.peers.peer import CAMERA, ImagePeer, Peer
 from omnisim.scene.model import Scene
 
 MAX_LAYERS = 16  # surfaces on one ray that something behind is seen through
-# How far behind a surface a ray goes on, as a share of its range: some roundings of a float32.
+# How far behind a surface a ray continues, as a share of its range: some roundings of a float32.
 _BEYOND = 1e-5
 
 

@@ -21,7 +21,7 @@ _WORDS = {
     "readback": "readback",
     "around": "Python around them",
 }
-# The parts of the limit stand below the parts of the frame that they are of.
+# The parts of the limit stand below the matching parts of the frame.
 _LIMITS = {
     "texels": ("virtual_cameras", "texels"),
     "triangles": ("virtual_cameras", "triangles"),

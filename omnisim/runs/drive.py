@@ -67,7 +67,7 @@ class Drive:
     """Settings of a drive: the run's files follow from them.
 
     Attributes:
-        scene: where.
+        scene: scene of the drive.
         vehicle: with its sensors.
         route: path through the scene.
         seed: of the odometry's and the cameras' noise; a scanner's noise has its own, from the

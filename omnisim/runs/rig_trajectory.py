@@ -43,9 +43,9 @@ class RigRoute:
 
     Attributes:
         path: file of the poses.
-        frame: that they are of: "body", "camera" (the first), a camera's name, or None: by the
-            file's format.
-        axes: of the world that they are in, or None: KITTI's in a KITTI file, else the world's.
+        frame: frame that the poses describe: "body", "camera" (the first) or a camera's name; None:
+            by the file's format.
+        axes: axes of the poses' world; None: KITTI's in a KITTI file, else the world's.
         rate_hz: poses a second of a file without times, or None: 1.
         world_from_file: (4, 4) pose of the file's origin in the scene, with z up.
     """

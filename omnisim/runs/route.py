@@ -109,7 +109,7 @@ def plan_route(
     A file without a suffix is one only where the scene has no path of its name.
 
     Args:
-        scene: where.
+        scene: scene of the path.
         vehicle: that drives.
         route: the path.
         print_note: called with the axes taken, where a file's are not the world's by themselves,

@@ -1,4 +1,4 @@
-"""Manifest of a run: what made it, and what of it may differ when the run goes on."""
+"""Run manifest: provenance, and what may change on resume."""
 
 from __future__ import annotations
 

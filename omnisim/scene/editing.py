@@ -136,7 +136,7 @@ def recolor(
     """Give an instance one color, or a texture times a color, in place of what it had.
 
     Raises:
-        SceneError: an unknown instance, or a color or texture that is none.
+        SceneError: an unknown instance, or an invalid color or texture.
     """
     meshes, materials = list(content.meshes), list(content.materials)
     mesh_at: dict[int, int] = {}

@@ -255,7 +255,7 @@ class Scene:
             texture: (height, width, 3 or 4) uint8 sRGB, for a mesh with texture coordinates.
 
         Raises:
-            SceneError: there is no instance of this name, or a color or texture that is none.
+            SceneError: no instance of this name, or an invalid color or texture.
         """
         content = editing.recolor(self._content, name, base_color, texture)
         return self._edited(content, "recolored", name, base_color, texture)

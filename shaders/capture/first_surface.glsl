@@ -7,7 +7,7 @@
 // A point of the ray, s from its origin, is seen along ray + w origin from the viewpoint, where
 // w = 1/s is its nearness. What a texel shows along that has a nearness m on the same scale. While
 // m < w the viewpoint sees past the point, so that nothing is there; at the ray's end m = w. If m
-// leaps above w the ray goes on behind something, where the viewpoint sees nothing of it: not
+// leaps above w the ray continues behind something, where the viewpoint sees nothing of it: not
 // known.
 // Largest m of blocks of texels let the search, which begins at the nearest of all, pass through
 // empty space in few steps. With GUESS there is a likely end also where none is known.

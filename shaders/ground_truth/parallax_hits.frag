@@ -40,7 +40,7 @@ bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
 }
 
 // The depth of texels tells the end but for a texel, triangles tell it exactly. A ray that passes
-// just beside what a texel shows goes on.
+// just beside what a texel shows continues.
 Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
     Ending ending;
     ending.known = false;

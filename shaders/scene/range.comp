@@ -9,7 +9,7 @@
 // u_triangles          how many triangles it has
 // u_angle_min, u_angle_increment  of the beams, radians, counter-clockwise
 //
-// With HOLES the beam goes on where alpha is below u_alpha_cutoff.
+// With HOLES the beam passes where alpha is below u_alpha_cutoff.
 #version 450 core
 
 layout(local_size_x = 64) in;

@@ -1,4 +1,4 @@
-"""Objects of OpenGL that a context holds, whoever made them: names are small numbers."""
+"""Objects of OpenGL that a context holds, by any owner: names are small numbers."""
 
 import ctypes
 from collections import Counter

@@ -37,7 +37,7 @@ def main() -> None:
 
 def _interrupt(signal_number: int, frame: "FrameType | None") -> None:
     """Raise KeyboardInterrupt, but end at once inside of what does not stand it."""
-    signal.signal(signal.SIGINT, _end)  # whoever presses again does not want to wait
+    signal.signal(signal.SIGINT, _end)  # pressed again: do not wait
     while frame is not None:
         if frame.f_globals.get("__name__") in _NOT_TO_INTERRUPT:
             _end(signal_number, frame)

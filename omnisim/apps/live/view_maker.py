@@ -53,7 +53,7 @@ class ViewMaker:
 
         Args:
             name: one of `UNWARPED`.
-            taken: image that it is of.
+            taken: image to view.
             gaze: direction of the perspective view.
             height_m: of the viewpoint above the ground.
 

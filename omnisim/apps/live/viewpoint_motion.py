@@ -232,5 +232,5 @@ class WheelDrive(Pilot):
 
 
 def _towards(value: float, wanted: float, step: float) -> float:
-    """Value that goes on to another by at most a step."""
+    """Value that approaches another by at most one step."""
     return min(value + step, wanted) if wanted > value else max(value - step, wanted)

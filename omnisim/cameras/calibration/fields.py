@@ -26,7 +26,7 @@ def unexpected(place: str, expected: str, got: object) -> CalibrationError:
 
 
 def check_choice(value: str, choices: Iterable[str], place: str) -> None:
-    """Refuse a word that is none of the choices.
+    """Refuse a word that is not among the choices.
 
     Raises:
         CalibrationError: naming the place, the choices and the word.

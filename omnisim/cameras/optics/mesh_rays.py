@@ -176,7 +176,7 @@ class MeshRays:
     def _found(self, begin_m: Floats, end_m: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Triangles (n,) that rays meet, −1: none, and their corners' weights (n, 3).
 
-        The search starts at the exact point's cell, and goes on over the edge that a ray passes
+        The search starts at the exact point's cell, and continues across the edge that a ray passes
         farthest outside of.
 
         Args:

@@ -24,7 +24,7 @@ class Hits(NamedTuple):
     """First hits of rays on a surface."""
 
     lengths_m: Floats  # (n,), NaN where not hit
-    beyond_rim: NDArray[np.bool_]  # (n,): the shape goes on there, the surface does not
+    beyond_rim: NDArray[np.bool_]  # (n,): on the shape, beyond the rim of the surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Surface:
         name: in messages.
 
     Raises:
-        OmnisimError: a pose that is none, a hole that leaves nothing of it, or no rim where its
+        OmnisimError: an invalid pose, a hole that leaves nothing of it, or no rim where its
             shape needs one.
     """
 

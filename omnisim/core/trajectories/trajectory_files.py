@@ -156,7 +156,7 @@ def _known_axes(axes: Axes | None, format_name: str) -> Axes:
 def _change_axes(
     poses: NDArray[np.float64], new_from_old: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Change the axes of poses (n, 4, 4) and of the frame that they are in: exact, no rounding."""
+    """Change the axes of poses (n, 4, 4) and of their frame, exactly, without rounding."""
     changed: NDArray[np.float64] = new_from_old @ poses @ inverse(new_from_old)
     return changed
 

@@ -85,7 +85,7 @@ class Recording:
         for step in range(run.manifest.steps):
             if (missing := run.missing_file(step)) is not None:
                 raise RunError(
-                    f"{missing}: is missing: expected a finished run: its command goes on with it"
+                    f"{missing}: is missing: expected a finished run: its command resumes it"
                 )
         names = run.manifest.cameras if camera_name is None else [run.camera(camera_name)]
         truth = read_trajectory(path / GROUND_TRUTH)

@@ -160,7 +160,7 @@ class _OpenRig:
         seed: of their noise.
 
     Attributes:
-        cameras, setup: as given.
+        cameras, setup: see the arguments.
         renderers: by the cameras' names.
     """
 

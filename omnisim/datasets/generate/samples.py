@@ -1,4 +1,4 @@
-"""Samples of a data set by number, for `torch.utils.data` and whoever wants arrays."""
+"""Samples of a data set by number, as a `torch` data set or as NumPy arrays."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def measure_pillar(
     """Measure a pillar by two of its bands, or None: it cannot be one of that size.
 
     Args:
-        panorama: that it is in.
+        panorama: panorama of the pillar.
         pixels: of the panorama and half of it again, sRGB.
         lower, upper: its two upper bands.
         landmark: with their heights.

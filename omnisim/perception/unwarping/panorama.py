@@ -102,7 +102,7 @@ class Panorama:
         return self._unwarp.valid
 
     def bearings_rad(self, columns: ArrayLike) -> NDArray[np.float64]:
-        """Counter-clockwise from the vehicle's front; past the right edge it goes on."""
+        """Counter-clockwise from the vehicle's front; continues past the right edge."""
         u = np.asarray(columns, dtype=np.float64)
         return (self.camera.principal_point_px[0] - u) / self.camera.focal_length_px
 

@@ -17,7 +17,7 @@ class Beams:
     """Casts the beams of a scanner into a scene.
 
     Surfaces reflect on both sides. Through the holes of masked materials, and where blended ones
-    hide less than half of what is behind, a beam goes on.
+    hide less than half of the background, a beam continues.
 
     Args:
         scene: what to cast at now; nothing is kept of what it was.

@@ -16,7 +16,7 @@ from omnisim.rendering.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
 
 # Share of a ray's length and of its origin's coordinates by which it starts behind a surface that
-# it goes on from: some roundings of a float32.
+# it continues from: some roundings of a float32.
 _BEYOND = 1e-6
 _MIN_STEP_M = 1e-7
 _MESHES_KEPT = 8

@@ -57,7 +57,7 @@ class DeformingSurface:
     Attributes:
         number: of the surface.
         first_vertex: in the geometry.
-        instance, mesh: that it is of.
+        instance, mesh: owner of the triangles.
     """
 
     number: int

@@ -58,7 +58,7 @@ class PixelRays:
         rows_per_pixel: samples to a side of a pixel: bands end where pixels do.
 
     Attributes:
-        camera: as given.
+        camera: camera model.
         bands: their rows.
     """
 

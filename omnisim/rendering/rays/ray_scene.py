@@ -20,7 +20,7 @@ from omnisim.rendering.rays.shading.shadows import CastShadow
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Scene
 
-# Surfaces that a ray goes on through; behind that it ends at the next one.
+# Maximum number of surfaces that a ray passes; it ends at the next one.
 MAX_LAYERS = 256
 _MIN_SHARE = 1e-4  # of light that still comes through: less than a step of 8 bits, in the dark too
 
@@ -55,7 +55,7 @@ class RayScene:
         threads: to cast rays in; None: one for each core.
 
     Attributes:
-        scene: as given.
+        scene: static scene.
         caster, shading: its triangles, and their appearance.
 
     Raises:

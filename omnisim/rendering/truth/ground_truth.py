@@ -29,7 +29,7 @@ class GroundTruth:
         object_names: of the dynamic objects.
 
     Attributes:
-        labels: as given.
+        labels: labels of the instances.
     """
 
     def __init__(self, source: HitSource, labels: Labels, object_names: Sequence[str]):

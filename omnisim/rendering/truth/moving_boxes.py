@@ -21,7 +21,7 @@ class _JointBox(NamedTuple):
     """Joint of a mesh that deforms.
 
     Attributes:
-        object_index: of the dynamic object that it is in; None: it is static.
+        object_index: index of its dynamic object; None: static.
         instance: of the mesh.
         deformation: of the mesh.
         joint: index.

@@ -108,7 +108,7 @@ class Camera(Closing):
         return self._mount.pose(self._data) @ self._mount_from_base
 
     def state(self) -> WorldState:
-        """Time and poses of the data, which stay as they are while the data goes on.
+        """Time and poses of the data, unchanged while the simulation advances.
 
         They are what `render` takes for flow: that of the frame before, or of the frame after.
         """

@@ -19,7 +19,7 @@ class Driver:
         planned: trajectory; the robot begins at its first pose.
         motion: planned; it rests before and after.
         where: the path's name in messages.
-        ignores_limits: goes on where it leaves its path or tips over.
+        ignores_limits: continues after leaving its path or tipping over.
     """
 
     rover: Rover

@@ -1,6 +1,6 @@
 """Simulation of robots' drives in MuJoCo: the scene collides, wheels slip, objects are pushed.
 
-All of the motion is simulated before anything is rendered, so that a drive that was stopped goes on
+All of the motion is simulated before anything is rendered, so that an interrupted drive resumes
 with the same motion.
 """
 
@@ -131,7 +131,7 @@ class _Robot:
     def check(
         self, world: SimulatedWorld, base: NDArray[np.float64], command: int, time_s: float
     ) -> None:
-        """Refuse a robot that has tipped over or left its path, and a state that is none."""
+        """Refuse a robot that has tipped over or left its path, and an invalid state."""
         if self._driver.ignores_limits:
             return
         x, y, _, _, i, j, _ = base.tolist()

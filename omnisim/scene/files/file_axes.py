@@ -53,7 +53,7 @@ def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]
     """Transform (4, 4) to the world frame from axes of which one points up.
 
     Raises:
-        SceneError: an axis that is none of x, y and z, or a unit that is no length.
+        SceneError: an axis other than x, y and z, or an invalid unit.
     """
     if up_axis not in _WORLD_FROM_UP_AXIS:
         raise SceneError(f"up axis: expected x, y or z, got {up_axis!r}")

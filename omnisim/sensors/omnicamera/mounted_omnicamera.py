@@ -2,7 +2,7 @@
 
 A camera moves while its image is exposed, has noise of its own, and its auto-exposure follows
 from the image before. The two numbers that it takes are in the metadata of that image's file,
-so that a drive that was killed goes on with the same bytes.
+so that an interrupted drive resumes with the same bytes.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ def test_the_parts_and_the_limits_add_up(report):
 
 @pytest.mark.slow
 def test_counts_hold_together(report):
-    """They are the same in every run; whoever draws more than before is to see it."""
+    """They are the same in every run, so that additional draws show."""
     for row in report["rows"]:
         if row["kind"] != "frame":
             continue

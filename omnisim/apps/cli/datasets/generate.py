@@ -186,7 +186,7 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
         whole = sum(count == each for count in done.values())
         err.print(
             f"{request.output}: {whole} of {pluralize(len(generation.missing), 'shard')} made: the "
-            "same command goes on",
+            "same command resumes",
             markup=False,
         )
         raise

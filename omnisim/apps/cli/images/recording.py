@@ -101,9 +101,8 @@ def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
         except KeyboardInterrupt:
             how = "the same command without --force" if force else "the same command"
             if done:
-                err.print(
-                    f"{folder}: {done} of {total} steps are there: {how} goes on", markup=False
-                )
+                steps_done = f"{done} of {total} steps are done"
+                err.print(f"{folder}: {steps_done}: {how} resumes the run", markup=False)
             raise
     objects = len(plan.contacts or ())
     touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""

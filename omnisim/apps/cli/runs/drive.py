@@ -22,7 +22,7 @@ from omnisim.sensors.sensor_names import FOLDER_NAME, folder_name
 NO_SENSORS = (
     "has no sensors: nothing but its path and odometry is recorded: give its robot file [[sensors]]"
 )
-MOST_CONTACTS = 5  # notes; the manifest has all
+MAX_CONTACTS = 5  # notes; the manifest has all
 
 
 def run(request: DriveRequest) -> None:
@@ -115,7 +115,7 @@ def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
         check_no_contact(plan.contacts, plan.drive.route.path)
     if plan.contacts is None:
         print_note(f"{whose}{NO_SIZE}")
-    for contact in (plan.contacts or ())[:MOST_CONTACTS]:
+    for contact in (plan.contacts or ())[:MAX_CONTACTS]:
         print_note(f"{whose}{contact}")
     for note in plan.notes:
         print_note(f"{whose}{note}")

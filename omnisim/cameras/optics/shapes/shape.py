@@ -32,7 +32,7 @@ class Shape(ABC):
     Attributes:
         shape_name: of it in files.
         tip_radius_m: about the axis, where it has no normal.
-        needs_rim: goes on where no mirror does.
+        needs_rim: continues beyond the extent of a real mirror.
     """
 
     shape_name: ClassVar[str]

@@ -1,4 +1,4 @@
-"""Tiles of unfinished bakes, as files: a bake that was stopped goes on with those it has."""
+"""Tiles of unfinished bakes, as files: an interrupted bake resumes with them."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def _load_with_trimesh(
 
 
 def _check_image(name: str, assets: AssetResolver) -> None:
-    """Note an image that cannot be opened: trimesh goes on without a word."""
+    """Note an image that cannot be opened: trimesh ignores it silently."""
     data = b""
     try:
         data = assets[name]

@@ -34,7 +34,7 @@ class _Frame(NamedTuple):
 
 
 class UnplacedError(SceneError):
-    """Error of a pose that is relative to a model that is not found."""
+    """Error of a pose relative to an unknown model."""
 
 
 class Scope:

@@ -38,7 +38,7 @@ class Model:
     """World or model with its frames.
 
     Attributes:
-        name: distinct in the model or world that it is in.
+        name: unique in its model or world.
         element: `<world>` or `<model>`.
         scope: its frames.
         models: nested ones.
@@ -250,7 +250,7 @@ class PlacedModel(NamedTuple):
     """Model in the frame of an outer one.
 
     Attributes:
-        path: names of the models that it is in, a slash after each; a merged model adds none.
+        path: names of the models around it, a slash after each; a merged model adds none.
         model: itself.
         outer_from_model: (4, 4).
     """

@@ -13,7 +13,7 @@ _LEVEL = 1e-6  # of a viewing direction: straight up or down has no heading
 
 
 def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
-    """Start at a camera's position, with its heading; None for a pose that is none.
+    """Start at a camera's position, with its heading; None for an invalid pose.
 
     Source: UsdGeomCamera looks along −z, its y up.
     """

@@ -38,7 +38,7 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
     """Triangles of a shape that is stated by numbers; None: it has none.
 
     Raises:
-        SceneError: a size that is none.
+        SceneError: an invalid size.
     """
     surface = read_shape(prim, time, meters_per_unit)
     if not len(surface.triangles):

@@ -25,7 +25,7 @@ def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Su
     """Triangles of a shape in the units of the stage, as fine as its size in meters asks for.
 
     Raises:
-        SceneError: a size that is none.
+        SceneError: an invalid size.
     """
     surface = _SHAPES[str(prim.GetTypeName())](prim, time, meters_per_unit)
     axis = prim.GetAttribute("axis")

@@ -35,7 +35,7 @@ def stage_axes(stage: Usd.Stage) -> FileAxes:
     """Up axis and unit of a stage; without them y, and centimeters.
 
     Raises:
-        SceneError: a unit that is none.
+        SceneError: an invalid unit.
     """
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     if not 0.0 < unit < 1e30:

@@ -32,7 +32,7 @@ class XmlElement(NamedTuple):
     Attributes:
         element: of the XML tree.
         place: path to it, for messages; of an included file with that file's name.
-        file: that it is in; paths are relative to its folder.
+        file: file of the element; paths are relative to its folder.
     """
 
     element: Element
