@@ -188,7 +188,7 @@ def test_a_model_without_a_fit_is_named():
 def test_lenses_can_be_targets():
     lenses = {
         "perspective", "equidistant", "stereographic", "equisolid", "orthographic",
-        "kannala_brandt", "eucm", "double_sphere", "unified", "f_theta", "f_theta_inverse", "ocamcalib",
-        "radial_table", "gazebo", "rational_polynomial",
+        "kannala_brandt", "eucm", "double_sphere", "unified", "f_theta", "f_theta_inverse",
+        "ocamcalib", "radial_table", "gazebo", "rational_polynomial",
     }  # fmt: skip
     assert lenses <= set(FITTED_MODELS)
