@@ -104,3 +104,18 @@ def test_import_keeps_existing_files(omnisim, tmp_path):
 def test_wrong_usage_is_status_2(omnisim):
     assert omnisim("robot", "import", "a.ini")[0] == 2
     assert omnisim("robot", "fly")[0] == 2
+
+
+def test_a_model_with_an_impossible_sensor_leaves_no_sensor_files(omnisim, tmp_path):
+    """A camera is first, whose sensor file is not written where the robot file cannot be."""
+    lens = "<horizontal_fov>1</horizontal_fov><image><width>8</width><height>8</height></image>"
+    far = "<pose>2000 0 0 0 0 0</pose>"
+    (tmp_path / "m.sdf").write_text(
+        '<sdf version="1.9"><model name="m"><link name="l">'
+        f'<sensor name="eye" type="camera"><camera>{lens}</camera></sensor>'
+        f'<sensor name="imu" type="imu">{far}</sensor></link></model></sdf>'
+    )
+    status, _, error = omnisim("robot", "import", tmp_path / "m.sdf", "-o", tmp_path / "r.toml")
+    assert status != 0
+    assert "position_m" in error
+    assert [path.name for path in tmp_path.glob("*.toml")] == []
