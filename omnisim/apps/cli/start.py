@@ -14,8 +14,12 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from types import FrameType
 
-# imports swallow it, or abort; moderngl's C code calls Python and does not expect it
-_NOT_TO_INTERRUPT = {"_frozen_importlib", "importlib._bootstrap", "moderngl", "_moderngl"}
+# Imports swallow it, or abort; moderngl's C code calls Python and does not expect it; the bindings
+# of OpenImageIO turn it into another error.
+_NOT_TO_INTERRUPT = {
+    "_frozen_importlib", "importlib._bootstrap", "moderngl", "_moderngl",
+    "omnisim.core.files.image_files",
+}  # fmt: skip
 
 
 def main() -> None:
@@ -36,7 +40,7 @@ def main() -> None:
 
 
 def _interrupt(signal_number: int, frame: "FrameType | None") -> None:
-    """Raise KeyboardInterrupt, but end at once inside of what does not stand it."""
+    """Raise KeyboardInterrupt, but end at once inside modules that cannot handle it."""
     signal.signal(signal.SIGINT, _end)  # pressed again: do not wait
     while frame is not None:
         if frame.f_globals.get("__name__") in _NOT_TO_INTERRUPT:

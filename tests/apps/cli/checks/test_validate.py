@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from omnisim.validation import suite
+from omnisim.validation import oracles, suite
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import Section
 
@@ -49,7 +49,7 @@ def test_a_missed_bound_is_printed_and_is_the_exit_status(omnisim, tmp_path, mon
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_missing_oracle_is_skipped_and_reported_first(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not installed: pip")
+    monkeypatch.setattr(oracles, "import_failure", lambda name: f"{name} is not installed: pip")
     status, out, error = omnisim(
         "validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint"
     )
@@ -66,7 +66,7 @@ def test_a_missing_oracle_is_skipped_and_reported_first(omnisim, tmp_path, monke
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_report_without_checks_does_not_claim_success(omnisim, tmp_path, monkeypatch):
-    monkeypatch.setattr(suite, "import_failure", lambda name: f"{name} is not installed: pip")
+    monkeypatch.setattr(oracles, "import_failure", lambda name: f"{name} is not installed: pip")
     status, _, _ = omnisim("validate", "-o", "report", "--only", "omnidir")
     assert status == 0
     page = (tmp_path / "report" / "report.html").read_text()

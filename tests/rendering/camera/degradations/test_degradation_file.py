@@ -203,7 +203,7 @@ def test_constructors_check_like_files():
     with pytest.raises(OpticsError, match=r"exposure_s: expected at most 0\.1 s.*, got 1"):
         Shutter(exposure_s=1.0, frame_rate_hz=10.0)
     with pytest.raises(OpticsError, match=r"degradation\.white_balance\.gains: expected"):
-        WhiteBalance(gains="gray")
+        WhiteBalance(gains="red")
 
 
 @pytest.mark.parametrize("name", EFFECTS)
