@@ -182,6 +182,22 @@ def test_repeated_ranges_are_those_of_the_benchmark(page, pattern, rows, number)
         assert abs(float(told) - true) <= 2 * _half_unit(told), f"{page}: {told}, measured {true}"
 
 
+@pytest.mark.parametrize(
+    ("pattern", "measured"),
+    [
+        (r"FPS\(4096\)/FPS\(16\) is # to #", r"FPS\(16\), [^:]+: ([\d.]+) \("),
+        (r"# to # times as much at `fast`", r", fast: beside [^:]+: ([\d.]+) times"),
+        (r"# to # times at default", r", default: beside [^:]+: ([\d.]+) times"),
+        (r"a scan costs # to # ms", r"the LMS200 ([\d.]+) ms"),
+    ],
+)
+def test_the_comparison_with_the_paper_is_that_of_the_benchmark(pattern, measured):
+    values = [float(value) for value in re.findall(measured, _words(PERFORMANCE))]
+    told = _numbers(WHY + "paper.md", pattern)
+    for one, true in zip(told, (min(values), max(values)), strict=True):
+        assert abs(float(one) - true) <= _half_unit(one), f"{one}, measured {true}"
+
+
 def test_numbers_of_the_code():
     samples = {name: quality.supersampling for name, quality in QUALITIES.items()}
     for name, count in samples.items():
