@@ -141,8 +141,8 @@ def test_repeated_numbers_are_those_of_their_source(claim):
     measure = MEASURES[claim]
     known = _numbers(measure.source, measure.pattern)
     for page, pattern in measure.places:
-        told = _numbers(page, pattern)
-        for one, true in zip(told, known[: len(told)], strict=True):
+        stated = _numbers(page, pattern)
+        for one, true in zip(stated, known[: len(stated)], strict=True):
             distance = abs(float(one) - float(true))
             assert distance <= _half_unit(one) + 1e-9, f"{page}: {one}, {measure.source}: {true}"
 
@@ -177,9 +177,11 @@ def _row(name, pattern):
 def test_repeated_ranges_are_those_of_the_benchmark(page, pattern, rows, number):
     values = [value for row in rows for value in _row(row, number)]
     assert len(values) == 3 * len(rows)
-    for told, true in zip(_numbers(page, pattern), (min(values), max(values)), strict=True):
+    for stated, true in zip(_numbers(page, pattern), (min(values), max(values)), strict=True):
         # within a unit: half a unit for the range's own rounding, half for a bound rounded inwards
-        assert abs(float(told) - true) <= 2 * _half_unit(told), f"{page}: {told}, measured {true}"
+        assert abs(float(stated) - true) <= 2 * _half_unit(stated), (
+            f"{page}: {stated}, measured {true}"
+        )
 
 
 @pytest.mark.parametrize(
@@ -193,8 +195,8 @@ def test_repeated_ranges_are_those_of_the_benchmark(page, pattern, rows, number)
 )
 def test_the_comparison_with_the_paper_is_that_of_the_benchmark(pattern, measured):
     values = [float(value) for value in re.findall(measured, _words(PERFORMANCE))]
-    told = _numbers(WHY + "paper.md", pattern)
-    for one, true in zip(told, (min(values), max(values)), strict=True):
+    stated = _numbers(WHY + "paper.md", pattern)
+    for one, true in zip(stated, (min(values), max(values)), strict=True):
         assert abs(float(one) - true) <= _half_unit(one), f"{one}, measured {true}"
 
 
@@ -202,10 +204,10 @@ def test_numbers_of_the_code():
     samples = {name: quality.supersampling for name, quality in QUALITIES.items()}
     for name, count in samples.items():
         assert f"`{name}` | {count} × {count}" in _words(HOW_TO + "choose.md")
-    told = _numbers(
+    stated = _numbers(
         WHY + "rendering.md", r"`fast` takes # × \d samples, `default` # × \d, `fine` # × \d"
     )
-    assert [int(one) for one in told] == [samples[name] for name in ("fast", "default", "fine")]
+    assert [int(one) for one in stated] == [samples[name] for name in ("fast", "default", "fine")]
     near = _numbers(WHY + "assumptions.md", r"than their near plane, # m")
     assert float(near[0]) == DEFAULT_NEAR_M
     assert _numbers(HOW_TO + "troubleshooting.md", r"near plane, # m") == near

@@ -68,9 +68,20 @@ def test_every_page_is_reached_from_the_first():
     assert not {page for page in PAGES if DOCS in page.parents} - reached
 
 
-def test_links_and_images_of_the_documentation_lead_to_files():
+def _anchors(page):
+    """Anchors of a page's headings, as GitHub and MyST make them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_links_and_images_lead_to_files_and_headings():
     """But for the images that the documentation's build makes, and pages of the web."""
     for page in PAGES:
-        for target in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
-            if not target.startswith(("http", "figures/")):
-                assert (page.parent / target).exists(), f"{page}: {target}"
+        for target, anchor in re.findall(
+            r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)", page.read_text(encoding="utf-8")
+        ):
+            if target.startswith(("http", "figures/")):
+                continue
+            path = page.parent / target if target else page
+            assert path.exists(), f"{page}: {target}"
+            assert not anchor or anchor in _anchors(path), f"{page}: {target}#{anchor}"
