@@ -1,5 +1,7 @@
 """Claims that stand on several pages, against the one place that knows."""
 
+import dataclasses
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M
 from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
@@ -123,6 +126,17 @@ MEASURES = {
             (HOW_TO + "choose.md", r"agree to \[# dB or more\]"),
         ),
     ),
+    "a mesh of 1024 polygons": Measure(
+        WHY + "optics.md",
+        r"\| 1024 \| [\d.]+ px \| [\d.]+ px \| # px \|",
+        (("omnisim/ground_truth/README.md", r"`-n 1024` it is within # px at 360 × 360"),),
+    ),
+    "the paper's real run": Measure(
+        WHY + "self-localization.md",
+        r"real setting \| step at which the gate opens, median \| # \| ≥ 6 .*? gate opens, median "
+        r"\| # m",
+        ((WHY + "paper.md", r"hand-picked landmarks: step #, # m"),),
+    ),
     "times of the back ends": Measure(
         WHY + "back-ends.md",
         r"in the same process takes # s and # s",
@@ -198,6 +212,32 @@ def test_the_comparison_with_the_paper_is_that_of_the_benchmark(pattern, measure
     stated = _numbers(WHY + "paper.md", pattern)
     for one, true in zip(stated, (min(values), max(values)), strict=True):
         assert abs(float(one) - true) <= _half_unit(one), f"{one}, measured {true}"
+
+
+def _result(suite, **row):
+    """First row of a suite's committed results with these values."""
+    text = (ROOT / f"benchmarks/results/llvmpipe-2-cores/{suite}.json").read_text(encoding="utf-8")
+    return next(one for one in json.loads(text)["rows"] if row.items() <= one.items())
+
+
+def test_numbers_of_batches_are_those_of_the_benchmark():
+    batch = _result("scaling", against="batch", image_px=84, cameras=64)
+    idle = _result("limit", kind="idle driver", scene="soccer", setting="fast")
+    ratio, processor = batch["batch_ratio"], batch["batch_processor_ratio"]
+    times_ms = (idle["small_frame_ms"], idle["batched_ms"])
+    for page, pattern, values in (
+        (PERFORMANCE, r"takes # of a single frame's time, and # of its", (ratio, processor)),
+        (PERFORMANCE, r"falls from # to # ms per image", times_ms),
+        ("benchmarks/README.md", r"of 84² takes # of the time of single frames", (ratio,)),
+        ("benchmarks/README.md", r"processor's # ms per image # are left", times_ms),
+    ):
+        for stated, true in zip(_numbers(page, pattern), values, strict=True):
+            assert abs(float(stated) - true) <= _half_unit(stated), f"{page}: {stated}, {true}"
+
+
+def test_degradations_are_counted():
+    assert len(dataclasses.fields(Degradation)) == 12
+    assert "twelve degradations" in _words(WHY + "paper.md")
 
 
 def test_numbers_of_the_code():
