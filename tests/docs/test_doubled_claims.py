@@ -1,0 +1,316 @@
+"""Claims that stand on several pages, against the one place that knows."""
+
+import dataclasses
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omnisim.rendering.camera.degradations import Degradation
+from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M
+from omnisim.rendering.camera.quality import QUALITIES
+from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
+from omnisim.runs.physics.convex_pieces import SLAB_M, SMALL_M
+from omnisim.runs.physics.simulation import LOST_M, TIPPED_COSINE
+from omnisim.runs.physics.surroundings import OBJECT_REACH_M, PATH_REACH_M
+from omnisim.runs.physics.world_model import STEP_S
+from omnisim.scene.formats.gltf.features import FEATURES
+
+ROOT = Path(__file__).resolve().parents[2]
+README, HOW_TO, WHY = "README.md", "docs/how-to/", "docs/explanation/"
+ACCURACY, PERFORMANCE = WHY + "accuracy.md", WHY + "performance.md"
+NUMBER = r"(−?[\d.]+)"
+
+
+def _text(page):
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def _words(page):
+    """A page's text without line breaks."""
+    return " ".join(_text(page).split())
+
+
+def _numbers(page, pattern):
+    """Numbers, as text, where a pattern has `#`."""
+    match = re.search(pattern.replace("#", NUMBER), _words(page))
+    assert match, f"{page}: {pattern}: not there"
+    return match.groups()
+
+
+def _half_unit(text):
+    """Half a unit of a number's last digit."""
+    return 0.5 * 10.0 ** -len(text.partition(".")[2])
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Numbers of a table that other pages repeat; in patterns `#` is a number.
+
+    Attributes:
+        pattern: of the page that the measurement writes.
+        places: pages and patterns that repeat its numbers, or the first of them, in the same order.
+    """
+
+    source: str
+    pattern: str
+    places: tuple[tuple[str, str], ...]
+
+
+MEASURES = {
+    "rings": Measure(
+        ACCURACY,
+        r"exact capture, 360 px: each ring's mean radius against the exact relation "
+        r"\| # px \| ≤ # px",
+        ((README, r"rings at every 5° of incidence \| # px \| # px"),),
+    ),
+    "a real mirror": Measure(
+        ACCURACY,
+        r"\| markers, mean distance \| # px \| ≤ 0.1 px \| \| \| "
+        r"markers, largest distance \| # px \| ≤ 0.2 px",
+        ((README, r"a real mirror traced by Mitsuba: [^|]+\| # px, # px \| 0.1 px, 0.2 px"),),
+    ),
+    "non-central systems": Measure(
+        ACCURACY,
+        r"markers, mean distance in any system \| # px \| ≤ 0.05 px \| \| \| "
+        r"markers, largest distance \| # px \| ≤ 0.15 px",
+        ((README, r"non-central mirrors and windows [^|]+\| # px, # px \| 0.05 px, 0.15 px"),),
+    ),
+    "focal length": Measure(
+        ACCURACY,
+        r"calibration: focal length, distance from the stated one \| # % \| ≤ # %",
+        ((README, r"our chessboards: focal length \| # % \| # %"),),
+    ),
+    "shadows in soccer": Measure(
+        ACCURACY,
+        r"soccer, mirror: default quality \| # dB \| ≥ # dB",
+        (
+            (README, r"lamps and shadows by Mitsuba: [^|]+\| # dB, [\d.]+ dB \| # dB"),
+            (WHY + "rendering.md", r"inside them come to # dB and"),
+        ),
+    ),
+    "shadows in courtyard": Measure(
+        ACCURACY,
+        r"courtyard, mirror: default quality \| # dB",
+        (
+            (README, r"lamps and shadows by Mitsuba: [^|]+\| [\d.]+ dB, # dB"),
+            (WHY + "rendering.md", r"come to [\d.]+ dB and # dB"),
+        ),
+    ),
+    "materials": Measure(
+        ACCURACY,
+        r"a lamp: mean CIEDE2000 \| # \| ≤ 2 \| \| \| even light: mean CIEDE2000 \| # \| ≤ 2 "
+        r"\| \| \| an environment map: mean CIEDE2000 \| # \|",
+        ((WHY + "rendering.md", r"are # under a lamp, # under even light and # under an env"),),
+    ),
+    "baked soccer": Measure(
+        ACCURACY,
+        r"soccer, mirror: baked \| # dB .*?similarity \| # .*?soccer, fisheye: baked \| # dB "
+        r".*?similarity \| # ",
+        ((WHY + "baked-light.md", r"\| `soccer` \| # dB, # \| # dB, # \|"),),
+    ),
+    "baked courtyard": Measure(
+        ACCURACY,
+        r"courtyard, mirror: baked \| # dB .*?similarity \| # .*?courtyard, fisheye: baked "
+        r"\| # dB .*?similarity \| # ",
+        ((WHY + "baked-light.md", r"\| `courtyard` \| # dB, # \| # dB, # \|"),),
+    ),
+    "two back ends": Measure(
+        ACCURACY,
+        r"worst image \| [\d.]+ dB \| ≥ # dB",
+        (
+            (WHY + "back-ends.md", r"agree to # dB or more"),
+            (HOW_TO + "choose.md", r"agree to \[# dB or more\]"),
+        ),
+    ),
+    "a mesh of 1024 polygons": Measure(
+        WHY + "optics.md",
+        r"\| 1024 \| [\d.]+ px \| [\d.]+ px \| # px \|",
+        (("omnisim/ground_truth/README.md", r"`-n 1024` it is within # px at 360 × 360"),),
+    ),
+    "the paper's real run": Measure(
+        WHY + "self-localization.md",
+        r"real setting \| step at which the gate opens, median \| # \| ≥ 6 .*? gate opens, median "
+        r"\| # m",
+        ((WHY + "paper.md", r"hand-picked landmarks: step #, # m"),),
+    ),
+    "times of the back ends": Measure(
+        WHY + "back-ends.md",
+        r"in the same process takes # s and # s",
+        ((HOW_TO + "choose.md", r"0.1 s \| .*?\| # s \| The two"),),
+    ),
+    "polygons of the paper": Measure(
+        WHY + "optics.md",
+        r"\| 1024 \| # px \| [\d.]+ px \| # px \|",
+        ((HOW_TO + "choose.md", r"paper's mesh: # px off on average at 360 × 360 px, # px at"),),
+    ),
+}
+
+
+@pytest.mark.parametrize("claim", MEASURES)
+def test_repeated_numbers_are_those_of_their_source(claim):
+    measure = MEASURES[claim]
+    known = _numbers(measure.source, measure.pattern)
+    for page, pattern in measure.places:
+        stated = _numbers(page, pattern)
+        for one, true in zip(stated, known[: len(stated)], strict=True):
+            distance = abs(float(one) - float(true))
+            assert distance <= _half_unit(one) + 1e-9, f"{page}: {one}, {measure.source}: {true}"
+
+
+def _row(name, pattern):
+    """Numbers of a row of the table of other renderers."""
+    row = re.search(rf"^\| {re.escape(name)} \|.*$", _text(PERFORMANCE), re.MULTILINE)
+    assert row, f"{PERFORMANCE}: {name}: not there"
+    return [float(value) for value in re.findall(pattern, row[0])]
+
+
+@pytest.mark.parametrize(
+    ("page", "pattern", "rows", "number"),
+    [
+        (README, r"pyrender, five faces[^|]+\| # to # ×", ("pyrender",), r"([\d.]+) × ours"),
+        (README, r"the paper's method[^|]+\| # to # ×", ("the paper's way",), r"([\d.]+) × ours"),
+        (README, r"Gazebo's method \| # to # ×", ("Gazebo's way",), r"([\d.]+) × ours"),
+        (README, r"at fast quality \| # to # ms", ("omnisim, fast",), r"([\d.]+) ms"),
+        (README, r"at default quality \| # to # ms", ("omnisim, default",), r"([\d.]+) ms"),
+        (HOW_TO + "choose.md", r"2 × 2 \| # to # ms", ("omnisim, fast",), r"([\d.]+) ms"),
+        (HOW_TO + "choose.md", r"3 × 3 \| # to # ms", ("omnisim, default",), r"([\d.]+) ms"),
+        (HOW_TO + "choose.md", r"2 × 2 [^d]+\| # to # dB", ("omnisim, fast",), r"([\d.]+) dB"),
+        (HOW_TO + "choose.md", r"3 × 3 [^d]+\| # to # dB", ("omnisim, default",), r"([\d.]+) dB"),
+        (
+            WHY + "objects.md",
+            r"\[# to # ms\]",
+            ("omnisim, fast", "omnisim, default"),
+            r"([\d.]+) ms",
+        ),
+    ],
+)
+def test_repeated_ranges_are_those_of_the_benchmark(page, pattern, rows, number):
+    values = [value for row in rows for value in _row(row, number)]
+    assert len(values) == 3 * len(rows)
+    for stated, true in zip(_numbers(page, pattern), (min(values), max(values)), strict=True):
+        # within a unit: half a unit for the range's own rounding, half for a bound rounded inwards
+        assert abs(float(stated) - true) <= 2 * _half_unit(stated), (
+            f"{page}: {stated}, measured {true}"
+        )
+
+
+@pytest.mark.parametrize(
+    ("pattern", "measured"),
+    [
+        (r"FPS\(4096\)/FPS\(16\) is # to #", r"FPS\(16\), [^:]+: ([\d.]+) \("),
+        (r"# to # times as much at `fast`", r", fast: beside [^:]+: ([\d.]+) times"),
+        (r"# to # times at default", r", default: beside [^:]+: ([\d.]+) times"),
+        (r"a scan costs # to # ms", r"the LMS200 ([\d.]+) ms"),
+    ],
+)
+def test_the_comparison_with_the_paper_is_that_of_the_benchmark(pattern, measured):
+    values = [float(value) for value in re.findall(measured, _words(PERFORMANCE))]
+    stated = _numbers(WHY + "paper.md", pattern)
+    for one, true in zip(stated, (min(values), max(values)), strict=True):
+        assert abs(float(one) - true) <= _half_unit(one), f"{one}, measured {true}"
+
+
+def _result(suite, **row):
+    """First row of a suite's committed results with these values."""
+    text = (ROOT / f"benchmarks/results/llvmpipe-2-cores/{suite}.json").read_text(encoding="utf-8")
+    return next(one for one in json.loads(text)["rows"] if row.items() <= one.items())
+
+
+def test_numbers_of_batches_are_those_of_the_benchmark():
+    batch = _result("scaling", against="batch", image_px=84, cameras=64)
+    idle = _result("limit", kind="idle driver", scene="soccer", setting="fast")
+    ratio, processor = batch["batch_ratio"], batch["batch_processor_ratio"]
+    times_ms = (idle["small_frame_ms"], idle["batched_ms"])
+    for page, pattern, values in (
+        (PERFORMANCE, r"takes # of a single frame's time, and # of its", (ratio, processor)),
+        (PERFORMANCE, r"falls from # to # ms per image", times_ms),
+        ("benchmarks/README.md", r"of 84² takes # of the time of single frames", (ratio,)),
+        ("benchmarks/README.md", r"processor's # ms per image # are left", times_ms),
+    ):
+        for stated, true in zip(_numbers(page, pattern), values, strict=True):
+            assert abs(float(stated) - true) <= _half_unit(stated), f"{page}: {stated}, {true}"
+
+
+def test_degradations_are_counted():
+    assert len(dataclasses.fields(Degradation)) == 12
+    assert "twelve degradations" in _words(WHY + "paper.md")
+
+
+def test_numbers_of_the_code():
+    samples = {name: quality.supersampling for name, quality in QUALITIES.items()}
+    for name, count in samples.items():
+        assert f"`{name}` | {count} × {count}" in _words(HOW_TO + "choose.md")
+    stated = _numbers(
+        WHY + "rendering.md", r"`fast` takes # × \d samples, `default` # × \d, `fine` # × \d"
+    )
+    assert [int(one) for one in stated] == [samples[name] for name in ("fast", "default", "fine")]
+    near = _numbers(WHY + "assumptions.md", r"than their near plane, # m")
+    assert float(near[0]) == DEFAULT_NEAR_M
+    assert _numbers(HOW_TO + "troubleshooting.md", r"near plane, # m") == near
+    mebibytes = str(MAX_SLICE_BYTES >> 20)
+    for page in (HOW_TO + "batches.md", PERFORMANCE, HOW_TO + "troubleshooting.md"):
+        assert f"{mebibytes} MiB" in _words(page), page
+
+
+def test_numbers_of_physics():
+    page = WHY + "physics.md"
+    for pattern, value in (
+        (r"at # steps per second", 1.0 / STEP_S),
+        (r"fits into # m", SMALL_M),
+        (r"a slab of # cm", 100.0 * SLAB_M),
+        (r"farther than # m from the path", PATH_REACH_M),
+        (r"beyond # m from them", OBJECT_REACH_M),
+        (r"leaves the path by # m", LOST_M),
+    ):
+        assert float(_numbers(page, pattern)[0]) == pytest.approx(value), pattern
+    tilt_deg = float(_numbers(page, r"tilts by #°")[0])
+    assert np.cos(np.radians(tilt_deg)) == pytest.approx(TIPPED_COSINE, abs=0.01)
+
+
+def test_what_gltf_materials_lack_is_said():
+    (transmission,) = [one for one in FEATURES if "glass is opaque" in one.effect]
+    assert transmission.name == "KHR_materials_transmission"
+
+
+# Sentences that several pages have, whole: one that changes on one page changes on all.
+STATEMENTS = {
+    "even light": (
+        "has even light: ambient light and two directional lights, without shadows",
+        (HOW_TO + "light.md", WHY + "rendering.md", WHY + "assumptions.md"),
+    ),
+    "even light, short": (
+        "even light, without shadows",
+        (README, HOW_TO + "own-scene.md"),
+    ),
+    "reflections": (
+        "eflections show the sky and lamps, never the scene",
+        (README, HOW_TO + "light.md", WHY + "rendering.md", WHY + "assumptions.md"),
+    ),
+    "transmission": (
+        "Transmission is not rendered: glass is opaque.",
+        (README, WHY + "assumptions.md"),
+    ),
+    "emission": (
+        "What a surface emits lights others only once it is [baked](baked-light.md)",
+        (WHY + "rendering.md", WHY + "assumptions.md"),
+    ),
+    "no caustics": (
+        "there are no caustics",
+        (HOW_TO + "light.md", WHY + "baked-light.md"),
+    ),
+    "physics": (
+        "by 0.5 m or tilts by 45°",
+        (HOW_TO + "drives.md", WHY + "physics.md"),
+    ),
+}
+
+
+@pytest.mark.parametrize("claim", STATEMENTS)
+def test_pages_say_the_same(claim):
+    sentence, pages = STATEMENTS[claim]
+    for page in pages:
+        assert sentence in _words(page), f"{page}: {sentence}: not there"
