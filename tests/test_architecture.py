@@ -234,7 +234,8 @@ def test_a_public_name_means_one_thing():
         if path.stem == "__init__":
             for node in _import_nodes(module):
                 for alias in node.names if isinstance(node, ast.ImportFrom) else ():
-                    sources[alias.asname or alias.name].add(_source(node.module, alias.name))
+                    if alias.name != "*":
+                        sources[alias.asname or alias.name].add(_source(node.module, alias.name))
     assert len(sources) > 100
     _check(
         f"{name}: {', '.join(sorted(found))}" for name, found in sources.items() if len(found) > 1
@@ -244,7 +245,9 @@ def test_a_public_name_means_one_thing():
 def _source(module, name):
     """Module that defines what a package exports by a name."""
     if module in MODULES and MODULES[module].stem == "__init__":
-        for node in _import_nodes(module):
-            if isinstance(node, ast.ImportFrom) and name in {one.name for one in node.names}:
-                return _source(node.module, name)
+        imports = [node for node in _import_nodes(module) if isinstance(node, ast.ImportFrom)]
+        for exported in (name, "*"):
+            for node in imports:
+                if exported in {alias.name for alias in node.names}:
+                    return _source(node.module, name)
     return module

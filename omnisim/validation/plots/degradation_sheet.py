@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from omnisim.rendering.camera.degradations import (
     WhiteBalance,
     preset,
 )
+from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.twist import Twist
@@ -100,6 +102,15 @@ AHEAD = {
     "rolling shutter, turning left": Degradation(shutter=Shutter(readout_s=0.06)),
 }
 PRESETS = ("ideal", "dragonfly2", "webcam", "bad-day")
+_SHOWN = {name for one in (*WHOLE.values(), *PARTS.values()) for name in one.parts}
+
+
+def _with_defaults(name: str) -> Degradation:
+    effect: dict[str, Any] = {name: EFFECTS[name]()}
+    return Degradation(**effect)
+
+
+OTHERS = {name: _with_defaults(name) for name in EFFECTS if name not in _SHOWN}
 
 
 def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.uint8]]]:
@@ -120,7 +131,7 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
             with stage.open(camera.with_degradation(degradation)) as renderer:
                 return renderer.render(pose, motion=twist.through(pose)).rgb
 
-        for title, degradation in WHOLE.items():
+        for title, degradation in (WHOLE | OTHERS).items():
             tiles.append((title, render(mirror, degradation, TURNING_LEFT)))
         for title, degradation in AHEAD.items():
             tiles.append((title, render(lens, degradation, TURNING_LEFT)))

@@ -1,35 +1,9 @@
 """Degradations of real cameras: parameters, presets, passes on the GPU and their reference."""
 
 from omnisim.core.package_files import preset_names
-from omnisim.rendering.camera.degradations.bayer import Bayer
-from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
-from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations import degradation as effects
+from omnisim.rendering.camera.degradations.degradation import *  # noqa: F403  # its effects
 from omnisim.rendering.camera.degradations.degradation_file import preset
-from omnisim.rendering.camera.degradations.dirt import Dirt
-from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.exposure import Exposure
-from omnisim.rendering.camera.degradations.jpeg import Jpeg
-from omnisim.rendering.camera.degradations.noise import Noise
-from omnisim.rendering.camera.degradations.reflectance import Reflectance
-from omnisim.rendering.camera.degradations.shutter import Shutter
-from omnisim.rendering.camera.degradations.vignetting import Vignetting
-from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 
-__all__ = [
-    "Bayer",
-    "ChromaticAberration",
-    "Defocus",
-    "Degradation",
-    "Dirt",
-    "Encoding",
-    "Exposure",
-    "Jpeg",
-    "Noise",
-    "Reflectance",
-    "Shutter",
-    "Vignetting",
-    "WhiteBalance",
-    "preset",
-    "preset_names",
-]
+__all__ = ["preset", "preset_names"]
+__all__ += effects.__all__

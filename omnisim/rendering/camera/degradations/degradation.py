@@ -24,6 +24,22 @@ from omnisim.rendering.camera.degradations.vignetting import Vignetting
 from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 from omnisim.rendering.opengl.degradation.step import Step
 
+__all__ = [  # of the package
+    "Bayer",
+    "ChromaticAberration",
+    "Defocus",
+    "Degradation",
+    "Dirt",
+    "Encoding",
+    "Exposure",
+    "Jpeg",
+    "Noise",
+    "Reflectance",
+    "Shutter",
+    "Vignetting",
+    "WhiteBalance",
+]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Degradation:
