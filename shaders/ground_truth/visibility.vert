@@ -1,4 +1,4 @@
-// Vertex of the scene, see scene/vertex.glsl, for the triangle ID that it is of.
+// Vertex of the scene, see scene/vertex.glsl, with its triangle ID.
 #version 450 core
 #ifdef CLUSTERED
 #extension GL_ARB_shader_draw_parameters : require
