@@ -13,7 +13,7 @@ uniform mat3 u_rig_from_optical;
 uniform mat3 u_face_from_rig[FACES];
 uniform int u_first_tile[FACES + 1];            // of each face; the next one's is past its last
 uniform vec4 u_tile_region[MAX_TILES];         // tangents that it is read at: first two, last two
-uniform vec4 u_tile_padded_region[MAX_TILES];  // tangents that are drawn, likewise
+uniform vec4 u_tile_padded_region[MAX_TILES];  // tangents that are drawn: first two, last two
 uniform vec4 u_uv_from_tangent[MAX_TILES];     // offset, then scale
 uniform float u_tile_px_per_tan[MAX_TILES];    // texels per tangent of 1
 

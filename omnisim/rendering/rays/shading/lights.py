@@ -18,7 +18,7 @@ class LampLight(NamedTuple):
     Attributes:
         color: (3,) linear RGB on a surface that faces the lamp, at level 1.
         levels: (n,) factors of the color.
-        directions: (n, 3) unit, towards the lamp; or (1, 3), the same for all points.
+        directions: (n, 3) unit, toward the lamp; or (1, 3), the same for all points.
     """
 
     color: NDArray[np.float32]
