@@ -2,7 +2,7 @@
 // frame's y axis. The ray is a unit direction; false past half a turn to either side.
 // Twin of omnisim/cameras/models/cylindrical.py.
 
-uniform float u_focal_length_px;  // pixels in a radian of azimuth, and in a tangent of 1
+uniform float u_focal_length_px;  // pixels per radian of azimuth, and per tangent of 1
 uniform vec2 u_principal_point_px;
 
 const float HALF_TURN_RAD = 3.14159265358979;

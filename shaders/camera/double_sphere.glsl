@@ -1,5 +1,5 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the double sphere model. The ray is a unit
-// direction in the optical frame; false past the fold, which there is for alpha > 0.5.
+// direction in the optical frame; false past the fold, which exists for alpha > 0.5.
 // Twin of omnisim/cameras/models/double_sphere.py. Source: Usenko et al. 2018, see there.
 
 #include "camera/parts/unified_sphere.glsl"

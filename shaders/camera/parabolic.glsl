@@ -7,7 +7,7 @@ uniform vec2 u_principal_point_px;
 uniform float u_rim_half_tangent;  // tan(theta_max/2)
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {
-    // tan(theta/2) towards the azimuth, a stereographic image of the ray
+    // tan(theta/2) toward the azimuth, a stereographic image of the ray
     vec2 half_tangent = (pixel_px - u_principal_point_px) / u_horizon_radius_px;
     float radius = length(half_tangent);
     half_tangent *= u_rim_half_tangent / max(radius, u_rim_half_tangent);

@@ -21,11 +21,11 @@ uniform float u_nearest;     // largest nearness of all
 uniform float u_near_m;      // of a cube about a ray's origin, as the virtual cameras' planes are
 uniform mat3 u_face_from_rig[6];
 
-const int CELLS = 64;  // of a face, to a side
+const int CELLS = 64;  // per side of a face
 const int BLOCK = 8, GROUP = 64;  // as in depth_pyramid.py
 const int MAX_LOOK_UPS = 48, GUESSES = 4;
 const float STEP_TEXELS = 1.5;  // of the search where something may be
-const float SAME_TEXELS = 1.0;  // a look-up that moves by less stays
+const float SAME_TEXELS = 1.0;  // a lookup that moves by less stays
 
 struct Place {
     vec2 texel;

@@ -1,9 +1,9 @@
-// Image's pixels: the mean of their valid samples, linear, and encoded in sRGB. A pixel is valid
-// where at least half of its samples are.
+// Image pixels: the mean of their valid samples, linear, or encoded in sRGB. A pixel is valid
+// if at least half of its samples are.
 // With REMAP a sample is the atlas's at a UV of a table, with MIP_LEVELS at a level of another.
 // Without, samples were drawn into a finer image.
-// With BATCH there are images below each other, each of a layer of its own of the atlas.
-// SUPERSAMPLING: samples to a side of a pixel; a constant, so that the loops unroll.
+// With BATCH images are stacked vertically, each from its own layer of the atlas.
+// SUPERSAMPLING: samples per pixel side; a constant, so that the loops unroll.
 #version 450 core
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
@@ -16,7 +16,7 @@ uniform sampler2D u_samples;  // the atlas, or the finer image
 #define at_layer(uv) uv
 #endif
 #ifdef REMAP
-// Those of a pixel one after the other, row by row; below 0 where not valid.
+// UVs of a pixel's samples, row by row; below 0 if invalid.
 layout(std430, binding = 5) readonly buffer Uvs { vec2 uvs[]; };
 #ifdef MIP_LEVELS
 layout(std430, binding = 6) readonly buffer Levels { float levels[]; };
@@ -38,7 +38,7 @@ vec4 sample_at(ivec2 pixel, ivec2 part) {
 #endif
     return uvs[at].x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
 #else
-    return texelFetch(u_samples, pixel * SUPERSAMPLING + part, 0);  // 0 where not valid
+    return texelFetch(u_samples, pixel * SUPERSAMPLING + part, 0);  // 0 if invalid
 #endif
 }
 

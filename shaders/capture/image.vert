@@ -1,4 +1,4 @@
-// A vertex of the rectangles that cover the image's valid pixels.
+// Vertex of the rectangles that cover the image's valid pixels.
 // With BATCH an instance is an image, below the one before.
 // in_corner_px  counted from the corner of the first row's first pixel
 #version 450 core
@@ -6,7 +6,7 @@
 uniform vec2 u_image_size_px;
 in vec2 in_corner_px;
 #ifdef BATCH
-uniform int u_images;  // that the target has room for
+uniform int u_images;  // capacity of the target
 flat out int v_image;
 #endif
 

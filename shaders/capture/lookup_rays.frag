@@ -1,4 +1,4 @@
-// Exact capture by rays that are kept: for camera models that find them by iteration.
+// Exact capture by precomputed rays, for camera models that compute them by iteration.
 #version 450 core
 
 uniform sampler2D u_rays;  // xyz, and 1 where valid

@@ -1,4 +1,4 @@
-// Capture of the mirror's mesh: the point of the flat polygon that the pixel sees, projected from
+// Capture by the mirror mesh: the point on the flat polygon seen by the pixel, projected from
 // the effective viewpoint onto the cube (the paper's section 2.3). EMIT is the output's file.
 #version 450 core
 

@@ -1,4 +1,4 @@
-// A vertex of the mirror's mesh, seen by the pinhole camera that looks at the mirror.
+// Vertex of the mirror mesh, seen by the pinhole camera that looks at the mirror.
 // in_position is in the mirror frame in units of c: viewpoint at 0, pinhole at (0, 0, 1).
 #version 450 core
 

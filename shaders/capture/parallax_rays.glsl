@@ -3,7 +3,7 @@
 // Rays of pixels' centers have one texel each, and MARGIN more around: unit directions, rig frame,
 // and the share of the pixel's samples that have a ray; origins from the viewpoint, and 1 + first
 // texel of the samples' own rays, which those at the rim have, else 0: theirs are interpolated.
-// SUPERSAMPLING: samples to a side of a pixel.
+// SUPERSAMPLING: samples per pixel side.
 
 uniform sampler2D u_rays;
 uniform sampler2D u_origins;
@@ -28,7 +28,7 @@ vec3 rim_ray(int at) {
     return texelFetch(u_rim_rays, ivec2(at & ((1 << RIM_ROW_BITS) - 1), at >> RIM_ROW_BITS), 0).xyz;
 }
 
-// Between pixels by a parabola to a side.
+// Interpolation between pixels by a parabola along each side.
 Ray ray_of(ivec2 pixel, int part) {
     ivec2 at = pixel + MARGIN;
     int rim = int(texelFetch(u_origins, at, 0).w) - 1;

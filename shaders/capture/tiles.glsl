@@ -1,5 +1,5 @@
-// int face_of(vec3 rig): face of the cube that a direction in the rig frame meets.
-// int tile_of(int face, vec2 tangent): tile of the atlas that has the face there.
+// int face_of(vec3 rig): face of the cube in a direction in the rig frame.
+// int tile_of(int face, vec2 tangent): tile of the atlas with this part of the face.
 //
 // Handedness: u_face_from_rig holds the faces' own optical frames (right, down, forward), as
 // omnisim/core/cube.py states them. A face's image has its first row at the top, so tangents to
@@ -13,9 +13,9 @@ uniform mat3 u_rig_from_optical;
 uniform mat3 u_face_from_rig[FACES];
 uniform int u_first_tile[FACES + 1];            // of each face; the next one's is past its last
 uniform vec4 u_tile_region[MAX_TILES];         // tangents that it is read at: first two, last two
-uniform vec4 u_tile_padded_region[MAX_TILES];  // tangents that are drawn, likewise
+uniform vec4 u_tile_padded_region[MAX_TILES];  // tangents that are drawn: first two, last two
 uniform vec4 u_uv_from_tangent[MAX_TILES];     // offset, then scale
-uniform float u_tile_px_per_tan[MAX_TILES];    // texels in a tangent of 1
+uniform float u_tile_px_per_tan[MAX_TILES];    // texels per tangent of 1
 
 int face_of(vec3 rig) {
     vec3 size = abs(rig);

@@ -1,6 +1,6 @@
 // vec3 uv_level_from_ray(vec3 ray): texture coordinates in the atlas, and mip level, of a ray in
 // the optical frame, of any length; from its derivatives.
-// The tiles stand beside each other in one atlas; each was drawn a little wider than it is read, so
+// The tiles lie beside each other in one atlas. Each is drawn slightly wider than its region, so
 // that no fetch crosses into its neighbor.
 
 #include "capture/tiles.glsl"

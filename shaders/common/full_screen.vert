@@ -1,4 +1,4 @@
-// One triangle that covers the target. No inputs, no outputs but the position.
+// Triangle that covers the target. No inputs, and no outputs except the position.
 #version 450 core
 
 void main() {

@@ -1,5 +1,5 @@
 // uvec4 pcg4d(uvec4 v): four hashes of four coordinates.
-// float uniform_number(uint hash): a number in (0, 1), never the ends; exact.
+// float uniform_number(uint hash): a number in (0, 1), without the ends; exact.
 // float normal_number(uint first, uint second): mean 0, variance 1.
 // The reference with the same bits is omnisim/rendering/camera/degradations/random_numbers.py.
 // Source: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020; Box and Muller.

@@ -1,6 +1,6 @@
-// Draw commands of a camera's blended items, far ones first, and their triangles, far ones first.
-// One work group for each item and camera. Ranks are counted: items are few, and so are their
-// triangles, see omnisim/rendering/opengl/drawing/blended_drawer.py.
+// Draw commands of a camera's blended items, back to front, and their triangles, back to front.
+// One work group per item and camera. Ranks are counted: items and their triangles are
+// few, see omnisim/rendering/opengl/drawing/blended_drawer.py.
 #version 450 core
 
 layout(local_size_x = 32) in;
@@ -33,7 +33,7 @@ float squared_distance(vec3 point, uint object, uint camera) {
     return dot(at, at);
 }
 
-// Nothing of a sphere is outside of a view.
+// False: the sphere is completely outside of the view.
 bool may_be_seen(Item item, uint view) {
     Instance instance = instances[item.object * u_cameras * u_tiles + view];
     mat4 rows = transpose(instance.clip_from_object);

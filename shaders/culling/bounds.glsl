@@ -1,11 +1,11 @@
-// Table of the bounds of groups and clusters, a texture: software drivers fetch from one quicker
-// than they read buffers. The layout is that of
+// Table of the bounds of groups and clusters, as a texture: software drivers fetch textures faster
+// than buffers. The layout is that of
 // omnisim/rendering/opengl/culling/cluster_buffers.py.
 // Group group_at(uint index), Cluster cluster_at(uint index).
 
 uniform usampler2D u_bounds;
 
-const uint ROW_BITS = 12u;  // of entries in a row
+const uint ROW_BITS = 12u;  // entries per row
 const uint GROUP_ENTRIES = 2u, CLUSTER_ENTRIES = 3u;
 
 struct Group {
@@ -17,7 +17,7 @@ struct Group {
 struct Cluster {
     vec3 aabb_min, aabb_max;
     vec3 cone_axis;
-    float cone_sine;  // above 1: some triangle is seen from everywhere
+    float cone_sine;  // above 1: at least one triangle is visible from everywhere
     float width;      // of its triangles, for occlusion
 };
 

@@ -1,5 +1,5 @@
 // Boxes of a view's clip space, and lists of candidates for the passes.
-// Boxes are projected as floats: each counts as larger by this share of its distance.
+// Boxes are projected as floats: each is enlarged by this share of its distance.
 const float TOLERANCE = 2e-6;
 const uint WORK_GROUP = 64u;  // of the shader that reads a list
 
@@ -12,7 +12,7 @@ struct ClipBox {
     vec3 x_edges, y_edges, w_edges;
 };
 
-// Box in the frame of an object, as an instance of it has it.
+// Box of an instance, in the frame of its object.
 ClipBox clip_box(mat4 rows, vec3 center, vec3 extent, float margin) {
     vec4 at = vec4(center, 1.0);
     extent += TOLERANCE * (margin + reach(center) + reach(extent));
@@ -21,7 +21,7 @@ ClipBox clip_box(mat4 rows, vec3 center, vec3 extent, float margin) {
         rows[0].xyz * extent, rows[1].xyz * extent, rows[3].xyz * extent);
 }
 
-// False: all of it is outside of one plane of the frustum.
+// False: completely outside of one plane of the frustum.
 bool is_inside(ClipBox box) {
     float depth = reach(box.w_edges), x = box.center.x, y = box.center.y, w = box.center.z;
     return w + depth >= u_depths_m.x && w - depth <= u_depths_m.y
@@ -31,7 +31,7 @@ bool is_inside(ClipBox box) {
         && w - y + reach(box.w_edges - box.y_edges) >= 0.0;
 }
 
-// Place of a candidate of a list.
+// Index of a candidate in a list.
 uint candidate_place(uint list, uint at) {
     return (list & 1u) * u_cameras * u_tiles * u_groups + at;
 }

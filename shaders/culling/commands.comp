@@ -1,8 +1,8 @@
-// Draw commands of the visible clusters of one range and one camera, near ones first: a stable
-// counting sort by distance. One work group for each range, of one bucket, and camera. Clusters of
-// a group that follow each other, visible in a tile and of the same bin, are a run and share a
-// command: drivers take longer for a command than for some triangles. In a tile the order of
-// clusters stays.
+// Draw commands of the visible clusters of one range and one camera, front to back: a stable
+// counting sort by distance. One work group per range, of one bucket, and camera. Consecutive
+// clusters of a group, visible in a tile and in the same bin, are a run and share a
+// command: drivers spend more time on a command than on a few triangles. The order of clusters
+// within a tile is kept.
 #version 450 core
 
 #define THREADS 32u
@@ -16,7 +16,7 @@ struct Command {  // of glMultiDrawElementsIndirect
 };
 
 struct Range {  // of a bucket's clusters
-    uint first_group, groups, first_command, most_commands;  // of a band
+    uint first_group, groups, first_command, most_commands;  // per band
 };
 
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
@@ -30,7 +30,7 @@ shared uint s_first[2];  // by band, without the commands of the band before
 struct Child {
     uint cluster;
     uint bin;
-    uint tiles;  // in which it is visible, of one word
+    uint tiles;  // tiles where it is visible, of one word
 };
 
 const Child NONE = Child(0xFFFFFFFEu, BINS, 0u);
@@ -40,7 +40,7 @@ Child child_at(uint cluster, uint camera, uint word) {
     return Child(cluster, bins[at], visible_tiles[at * tile_words() + word]);
 }
 
-// Tiles in which a child begins a run; the visible one before it is given.
+// Tiles in which a child begins a run, given the previous visible child.
 uint run_starts(Child child, Child before) {
     bool follows = child.cluster == before.cluster + 1u && child.bin == before.bin;
     return follows ? child.tiles & ~before.tiles : child.tiles;
@@ -67,7 +67,7 @@ void main() {
     }
     memoryBarrierShared();
     barrier();
-    // each thread sums a run of the counts, one sums the runs
+    // each thread sums a run of the counts, one thread sums the runs
     uint sum = 0u;
     for (uint at = thread * BINS; at < (thread + 1u) * BINS; ++at) {
         uint count = s_counts[at];
@@ -84,7 +84,7 @@ void main() {
             s_sums[at] = total;
             total += count;
         }
-        // the order of cameras, which share nothing in the atlas, does not show
+        // the order of cameras has no effect: they share no texels of the atlas
         uint near = s_sums[FAR_BIN * THREADS / BINS];
         uint count = BANDS * u_pass * u_ranges + number;
         s_first[0] = range.first_command;

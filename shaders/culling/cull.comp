@@ -1,8 +1,9 @@
-// Culls the clusters of a candidate, a group in a view: outside of the frustum, turned away, or too
-// small to cover a sample.
-// PASS 0: the only one; 1: only what occludes others is drawn, the rest waits; 2: of what waits,
-// but for what is behind the depth of the passes before, in the same way. Bounds are conservative:
-// what is drawn differs by nothing that shows.
+// Culling of the clusters of a candidate, a group in a view: outside of the frustum, back-facing,
+// or
+// too small to cover a sample.
+// PASS 0: the only one; 1: draw large occluders, defer the rest; 2: draw the deferred clusters that
+// pass the test against the depth of the passes before. Bounds are conservative: culling never
+// changes the image.
 #version 450 core
 
 layout(local_size_x = 64) in;
@@ -16,7 +17,7 @@ const float CONE_TOLERANCE = 1e-5;
 
 // Bounds of a box on the screen.
 struct Bounds {
-    bool crosses;  // the near plane: they are the whole tile
+    bool crosses;  // crosses the near plane: the bounds are the whole tile
     float nearest; // depth
     vec2 first_px, last_px;  // texels of the tile whose centers it covers
 };
@@ -37,7 +38,7 @@ Bounds bounds_of(ClipBox box, vec2 size_px) {
     Bounds bounds;
     bounds.crosses = nearest_m < u_depths_m.x;
     bounds.nearest = u_depth.x + u_depth.y / nearest_m;
-    // no farther off the tile than a texel, so that they are numbers that integers hold
+    // at most a texel off the tile, so that the values fit into integers
     bounds.first_px =
         clamp(ceil(0.5 * size_px * (low + 1.0) - (0.5 + u_radius_px)), vec2(0.0), size_px);
     bounds.last_px = clamp(
@@ -53,10 +54,10 @@ bool covers_texel(Bounds bounds) {
 #include "culling/hi_z.glsl"
 layout(std430, binding = 11) readonly buffer HiZ { float farthest[]; };
 
-const float DEPTH_TOLERANCE = 1e-4;  // of a depth: what is this close behind a surface is drawn
-const int MAX_CELLS = 4;             // to a side
+const float DEPTH_TOLERANCE = 1e-4;  // share of a depth: geometry this close behind is drawn
+const int MAX_CELLS = 4;             // per side
 
-// All that it covers is nearer than all of the box.
+// True: the depth in all covered cells is nearer than the whole box.
 bool is_occluded(Bounds bounds, vec2 corner_px, uint camera) {
     if (bounds.crosses) return false;
     ivec2 first_px = ivec2(corner_px + bounds.first_px);
@@ -88,7 +89,7 @@ const float NEAREST_M = 0.25;
 void show(uint view, uint group, uint child, uint cluster, float far_m) {
     uint at = view / u_tiles * u_clusters + cluster, tile = view % u_tiles;
     bins[at] = uint(min(2.0 * log2(max(far_m / NEAREST_M, 1.0)), float(BINS - 1u)));
-    // the outcome is the same in any order
+    // the result is the same in any order
     atomicOr(visible_tiles[at * tile_words() + tile / 32u], 1u << (tile & 31u));
     atomicOr(visible_of_group[view / u_tiles * u_groups + group], 1u << child);
 }

@@ -1,4 +1,4 @@
-// Culls groups of clusters: those in the frustum of a view are the candidates of the first pass.
+// Culling of cluster groups: those in the frustum of a view become candidates of the first pass.
 #version 450 core
 
 layout(local_size_x = 64) in;

@@ -1,7 +1,7 @@
 // Farthest depth in square cells of an atlas, whose sides double from level to level. Depth is
-// reversed: the farthest is the least. With COARSE levels 2 to 4, by level 1; otherwise levels 0
-// and 1, by the depth. An invocation makes a cell of the last of them, and those in it: software
-// drivers are slow where many wait for each other.
+// reversed: the farthest is the smallest. With COARSE levels 2 to 4, from level 1; otherwise levels
+// 0 and 1, from the depth. An invocation makes a cell of the last level and all cells in it:
+// software drivers are slow if many invocations wait for each other.
 // Source: hierarchical z buffers, Greene, Kass & Miller 1993.
 #version 450 core
 
@@ -11,7 +11,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(std430, binding = 11) buffer HiZ { float farthest[]; };
-// With LAYERED each camera has a layer, and an invocation is of the camera of its z.
+// With LAYERED each camera has a layer, and the z of an invocation is its camera.
 
 uint place(uvec2 cell, int level) {
     uvec2 cells = last_cells();
@@ -51,7 +51,7 @@ uniform sampler2D u_atlas_depth;
 #define at_layer(uv) uv
 #endif
 
-// The four texels around a corner; at the edge they repeat.
+// Four texels around a corner; at the edge they repeat.
 vec4 around(uvec2 corner) {
     vec2 size = vec2(textureSize(u_atlas_depth, 0).xy);
     return textureGather(u_atlas_depth, at_layer(vec2(corner) / size));

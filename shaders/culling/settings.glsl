@@ -1,4 +1,4 @@
-// Settings of culling. They stay bound where its commands are drawn.
+// Settings of culling. They stay bound while its commands are drawn.
 // The layout is that of omnisim/rendering/opengl/culling/cluster_culling.py.
 
 layout(std140, binding = 0) uniform Settings {
@@ -10,10 +10,10 @@ layout(std140, binding = 0) uniform Settings {
     vec2 u_depths_m;    // of the near and far plane
     vec2 u_depth;       // a and b in a + b / w, w along the view
     uint u_ranges;  // of commands, of all slices
-    bool u_both_sides;  // back faces are seen, too
+    bool u_both_sides;  // back faces are visible too
     float u_radius_px;  // distance from a texel's center up to which it is covered
     uint u_clusters;
-    uint u_pass;        // of those that draw: each leaves out what those before it occlude
-    float u_occluder_rad;  // clusters whose triangles look wider are drawn, the rest waits
-    uint u_first_range;  // of the slice of clusters whose commands are made
+    uint u_pass;        // of the drawing passes: each omits what earlier passes occlude
+    float u_occluder_rad;  // clusters with wider triangles are drawn, the rest is deferred
+    uint u_first_range;  // of the slice of clusters whose commands are built
 };

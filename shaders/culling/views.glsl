@@ -1,10 +1,10 @@
-// Buffers of culling that several of its shaders share. A view is one tile of one camera, counted
-// camera by camera; an object is a frame in which geometry stays as it is: the static one, then one
-// for each dynamic object.
+// Buffers shared by several culling shaders. A view is one tile of one camera, counted
+// camera by camera. An object is a frame of rigid geometry: the static scene, then each
+// dynamic object.
 // vec3 transformed(vec4 rows[3], vec3 point): point in another frame.
 // The layouts are those in omnisim/rendering/opengl/culling/.
 
-#define LISTS 4u  // of candidates, one for each pass that there can be, and one more
+#define LISTS 4u  // of candidates: one per possible pass, and one more
 
 struct Instance {
     mat4 clip_from_object;         // of the tile alone
@@ -17,12 +17,12 @@ struct Instance {
 layout(std430, binding = 3) buffer Instances { Instance instances[]; };  // [object][view]
 // First index of a cluster, and the number of its indices.
 layout(std430, binding = 5) readonly buffer Ranges { uvec2 index_ranges[]; };
-// Bits of the tiles that a cluster is visible in: [camera][cluster][word].
+// Bits of the tiles where a cluster is visible: [camera][cluster][word].
 layout(std430, binding = 6) buffer Visible { uint visible_tiles[]; };
 // Bin of a visible cluster's distance, from near to far: [camera][cluster].
 layout(std430, binding = 12) buffer Bins { uint bins[]; };
 
-// Bits of a group's clusters that are visible in any tile: [camera][group].
+// Bits of a group's clusters that are visible in at least one tile: [camera][group].
 layout(std430, binding = 13) buffer VisibleOfGroup { uint visible_of_group[]; };
 
 #define BINS 32u
@@ -38,7 +38,7 @@ struct Candidate {
     uint clusters;  // bits of its clusters
 };
 
-// Each pass reads the list that the one before wrote. Its order does not show.
+// Each pass reads the list written by the one before. Its order has no effect.
 struct List {
     uint work_groups, work_groups_y, work_groups_z;  // of the pass that reads it
     uint candidates;

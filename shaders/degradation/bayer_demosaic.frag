@@ -1,4 +1,4 @@
-// Demosaicking: Malvar's 5 x 5 filters where all their pixels are valid, otherwise the mean of the
+// Demosaicing: Malvar's 5 x 5 filters if all their pixels are valid, otherwise the mean of the
 // valid ones among the nearest pixels of the color.
 // Source: Malvar, He and Cutler, ICASSP 2004.
 #version 450 core
@@ -15,7 +15,7 @@ vec2 raw_at(ivec2 pixel) {
     return value.y > 0.5 ? value : vec2(0.0);
 }
 
-// Mean of the valid nearest pixels of a color: at the sides, or if there are none, at the corners.
+// Mean of the valid nearest pixels of a color: at the sides or, if none is, at the corners.
 float nearest_mean(ivec2 pixel, int color, float own) {
     for (int corners = 0; corners <= 1; ++corners) {
         vec2 total = vec2(0.0);
@@ -37,7 +37,7 @@ void main() {
     int own_color = color_of(pixel);
     vec2 own = value.ra;
 
-    // sums of the pixels that Malvar's filters weigh alike; y counts the valid ones
+    // sums of the pixels with equal Malvar weights; y counts the valid ones
     vec2 sides = raw_at(pixel + ivec2(-1, 0)) + raw_at(pixel + ivec2(1, 0));
     vec2 above = raw_at(pixel + ivec2(0, -1)) + raw_at(pixel + ivec2(0, 1));
     vec2 corners = raw_at(pixel + ivec2(-1, -1)) + raw_at(pixel + ivec2(1, -1))

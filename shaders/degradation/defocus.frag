@@ -1,11 +1,11 @@
-// Defocus: the mean of the valid pixels in a disc whose radius grows towards the rim.
+// Defocus: the mean of the valid pixels in a disc whose radius grows toward the rim.
 #version 450 core
 
 uniform sampler2D u_image;
 uniform float u_center_defocus_px;
 uniform float u_rim_defocus_px;
 uniform vec2 u_limits_px;  // of the radius
-uniform int u_strips;     // of a pixel on the disc's edge
+uniform int u_strips;     // per pixel on the disc's edge
 #include "degradation/squared_radius.glsl"
 layout(location = 0) out vec4 out_value;
 
@@ -13,7 +13,7 @@ layout(location = 0) out vec4 out_value;
 // across them the exact chord.
 float covered_share(vec2 offset_px, float radius_px) {
     float away = length(offset_px);
-    if (abs(away - radius_px) > 0.7072)  // no further from its middle to its corner
+    if (abs(away - radius_px) > 0.7072)  // farther than a pixel's corner from its middle
         return away < radius_px ? 1.0 : 0.0;
     float far = max(abs(offset_px.x), abs(offset_px.y));
     float near = min(abs(offset_px.x), abs(offset_px.y));

@@ -1,4 +1,4 @@
-// Shot noise, dark current, read noise and the converter, for each pixel and color.
+// Shot noise, dark current, read noise and A/D conversion, per pixel and color.
 // Names and units are those of omnisim/rendering/camera/degradations/noise.py, which has the
 // sources.
 #version 450 core

@@ -1,13 +1,13 @@
-// Hit of each laser's beam: 1 + draw item, and range as bits of a float; 0: nothing is hit.
-// Lidar and objects move while it turns: a draw item's two matrices are those at the start and at
-// the end of a slice of the revolution, each about the lidar's origin at that time, and a firing
-// takes the share between them that its time is at. So triangles are intersected where they are at
-// the firing; the atlas, drawn in the middle of the slice, only says which to try.
+// Hit of each laser's beam: 1 + draw item, and range as bits of a float; 0: no hit.
+// Lidar and objects move during the revolution. A draw item's two matrices are those at the start
+// and the end of a slice, each about the lidar's origin at that time; a firing interpolates between
+// them by its time. So triangles are intersected at their poses at
+// the firing; the atlas, drawn in the middle of the slice, only selects candidates.
 #version 450 core
 
 uniform sampler2D u_rays;  // unit, the world's axes; and the firing's share of its slice, 0 to 1
 uniform mat3 u_rig_from_viewpoint;
-uniform vec3 u_path_m;  // of the lidar's origin from the slice's start to its end
+uniform vec3 u_path_m;  // motion of the lidar's origin from the slice's start to its end
 
 layout(location = 0) out uvec2 out_hit;
 
@@ -23,7 +23,7 @@ void main() {
     slice_share = firing.w;
     vec3 texel = texel_of_ray(u_rig_from_viewpoint * ray);
     Hit hit = intersect(texel, ray);
-    // the point that is hit, as the middle of the slice sees it
+    // the hit point, relative to the middle of the slice
     vec3 offset = (slice_share - 0.5) * u_path_m;
     if (hit.primitive.x != 0u && dot(offset, offset) > 0.0) {
         vec3 moved = texel_of_ray(u_rig_from_viewpoint * normalize(hit.range * ray + offset));

@@ -1,5 +1,5 @@
-// void write_gloss(): with MATERIALS roughness, metalness and emission, of surfaces without
-// REFLECTANCE those of matte ones. Call it before any discard: derivatives need the whole 2 x 2
+// void write_gloss(): with MATERIALS roughness, metalness and emission; matte values without
+// REFLECTANCE. Call it before any discard: derivatives need the whole 2 x 2
 // block.
 
 #ifdef MATERIALS

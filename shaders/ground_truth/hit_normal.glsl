@@ -1,6 +1,6 @@
-// void write_normal(Hit hit): the interpolated normal as scene/surface_normal.glsl has it, of the
-// side that is seen; or the plane's. With NORMALS, else nothing. NORMAL_OUTPUTS: how many outputs
-// it takes.
+// void write_normal(Hit hit): normal of the visible side, interpolated as in
+// scene/surface_normal.glsl, or the plane's. With NORMALS, else nothing. NORMAL_OUTPUTS: number of
+// its outputs.
 
 #ifdef NORMALS
 #define NORMAL_OUTPUTS 1

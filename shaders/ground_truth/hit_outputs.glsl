@@ -1,11 +1,11 @@
-// Outputs of a ray: point, range, primitive, and the details that were asked for.
-// void write_nothing(vec3 ray): nothing is hit, or there is no ray.
+// Outputs of a ray: point, range, primitive, and the requested details.
+// void write_nothing(vec3 ray): no hit, or no ray.
 // void write_hit(vec3 ray, vec3 start, vec3 texel, Hit hit): start is the ray's
-// origin from the viewpoint, texel the place in the atlas that shows its end.
+// origin from the viewpoint, texel the position in the atlas that shows its end.
 
-// Viewpoint frame; and range. Infinite: nothing is hit, and the point is a direction.
+// Viewpoint frame; and range. Infinite: no hit, and the point is a direction.
 layout(location = 0) out vec4 out_point;
-layout(location = 1) out uvec2 out_primitive;  // 1 + draw item, and triangle in it; 0: nothing
+layout(location = 1) out uvec2 out_primitive;  // 1 + draw item, and triangle in it; 0: no hit
 #define FIRST_DETAIL 2
 #include "ground_truth/hit_normal.glsl"
 #include "ground_truth/hit_material.glsl"

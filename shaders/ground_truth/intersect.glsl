@@ -1,36 +1,36 @@
 // Hit intersect(vec3 texel, vec3 ray): nearest triangle that a ray from the viewpoint hits.
-// bool occluded(vec3 texel, vec3 ray, uvec2 ignored, float max_range): any nearer triangle than
-//     that, but for the primitive to ignore.
+// bool occluded(vec3 texel, vec3 ray, uvec2 ignored, float max_range): true if any triangle except
+//     the ignored primitive is nearer than max_range.
 // Texels are those of `texel.glsl`; rays are of unit length, in the viewpoint frame.
 //
-// The atlas says which triangles are seen around the ray. Those, and adjacent ones where the ray
-// just misses, are intersected with the ray itself, and the nearest one counts: nothing is blended,
-// no texel's edge is seen, and the distance is as exact as floats are. With SLICE they stand where
-// `slice_share` of the way between a draw item's two matrices is.
+// The atlas gives the triangles visible around the ray. These, and adjacent ones where the ray
+// just misses, are intersected with the ray itself, and the nearest one counts. Nothing is blended,
+// no texel edges appear, and the distance has float precision. With SLICE the triangles stand at
+// the share `slice_share` between a draw item's two matrices.
 
 #include "ground_truth/texel_block.glsl"
 #include "ground_truth/triangle.glsl"
 
 const uint NO_TRIANGLE = 0xFFFFFFFFu;
 const uint MAX_STEPS = 3u;  // over edges, from a triangle that the ray misses
-// Triangles adjacent to one whose plane is farther than that behind a hit are not searched.
+// Triangles adjacent to one whose plane is farther than this behind a hit are not searched.
 const float FARTHER = 1.1;
-#define INFINITE uintBitsToFloat(0x7F800000u)  // not every compiler has it as a constant
+#define INFINITE uintBitsToFloat(0x7F800000u)  // some compilers lack it as a constant
 // A ray between two triangles may miss both by rounding, a micrometer at 20 m: it hits the nearer.
 const float EDGE_RAD = 2e-7;
 
 uniform vec2 u_depth_limits_m;  // near and far plane of the faces
 
 struct Hit {
-    uvec2 primitive;   // 1 + draw item, and triangle in it; 0: nothing is hit
+    uvec2 primitive;   // 1 + draw item, and triangle in it; 0: no hit
     uint triangle_id;  // where a texel shows it, else 0
     bool beside;       // the ray just misses it, and hits nothing
-    float range;       // infinite: nothing is hit
+    float range;       // infinite: no hit
     vec3 weights;      // of the corners, not normalized
-    vec3 normal;       // of the plane, towards the viewpoint, not of unit length
+    vec3 normal;       // of the plane, toward the viewpoint, not of unit length
 };
 
-// any_hit, a constant: return the first hit nearer than max_range, other than the one to ignore.
+// any_hit, a constant: return the first hit nearer than max_range, except the ignored primitive.
 Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     ivec2 own_texel = ivec2(floor(texel.xy));
     vec2 limits = u_depth_limits_m / texel.z;  // along the ray
@@ -46,7 +46,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     uint ids[TEXELS] = ids_around(own_texel);
     uint candidates = distinct_texels(ids);
     uvec2 own_primitive = primitive_at(ids[OWN]);
-    if (any_hit && own_primitive == ignored) {  // it occludes nothing of itself
+    if (any_hit && own_primitive == ignored) {  // it does not occlude itself
         candidates &= ~1u;
         hits = true;
     }
@@ -83,7 +83,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
         bool may_be_nearer = crossing.range < FARTHER * hit.range;
         if (crossing.outside_rad >= EDGE_RAD && steps < MAX_STEPS && may_be_nearer) {
             uvec2 next = uvec2(primitive.x, crossing.adjacent);
-            // those that were intersected before tell nothing new
+            // triangles intersected before add nothing
             if (crossing.adjacent != NO_TRIANGLE && next != own_primitive && next != hit.primitive)
                 adjacent = next;
             ++steps;

@@ -1,5 +1,5 @@
-// ivec2 nearest_texel(vec3 texel, Hit hit): texel around a ray's own that shows what it hits, or
-// else one of its draw item, or else any that shows something; the nearest.
+// ivec2 nearest_texel(vec3 texel, Hit hit): nearest texel around a ray's own that shows the hit
+// triangle, otherwise its draw item, otherwise any surface.
 
 // Squares of texels, more than there are around: the rest is as far away as that.
 const float OTHER_TRIANGLE = 16.0, OTHER_ITEM = 32.0;

@@ -1,5 +1,5 @@
-// Occlusion of the point that the ray of a pixel hits, from the next viewpoint: 1, else 0. Where
-// nothing is hit, the point is infinitely far.
+// Occlusion of the point hit by the ray of a pixel, from the next viewpoint: 1, else 0. Without a
+// hit, the point is infinitely far.
 #version 450 core
 
 const vec3 ray_origin = vec3(0.0);

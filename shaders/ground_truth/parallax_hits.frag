@@ -1,5 +1,5 @@
-// Hit of each pixel's ray, whose origin is beside the viewpoint: the triangles are those that the
-// viewpoint sees where the ray ends, by depth (first_surface.glsl).
+// Hit of each pixel's ray, with an origin beside the viewpoint: candidates are the triangles that
+// the viewpoint sees at the ray's end, by depth (first_surface.glsl).
 #version 450 core
 
 vec3 ray_origin = vec3(0.0);  // from the viewpoint
@@ -11,7 +11,7 @@ vec3 ray_origin = vec3(0.0);  // from the viewpoint
 
 uniform sampler2D u_origins;  // of the rays, from the viewpoint, optical frame
 uniform mat3 u_rig_from_optical;
-// Bit of a draw item's number: the viewpoint does not see where the ray ends.
+// Bit of a draw item's number: the viewpoint does not see the ray's end.
 const uint UNKNOWN = 0x80000000u;
 const int ROUNDS = 3;
 const float IN_FRONT = 1.005;  // inverse depths this much larger are not of the same plane
@@ -22,8 +22,8 @@ struct Ending {
     bool known;
 };
 
-// Tells whether a texel around shows something in front of the plane that is hit: it may reach as
-// far as the ray, too thin to show there.
+// Tests whether a texel around shows something in front of the hit plane. It may extend to the
+// ray, too thin to show there.
 bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
     vec3 normal = u_face_from_rig[place.face] * u_rig_from_optical *
         (transpose(viewpoint_from_optical()) * hit.normal);
@@ -39,13 +39,13 @@ bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
     return is_nearer;
 }
 
-// The depth of texels tells the end but for a texel, triangles tell it exactly. A ray that passes
-// just beside what a texel shows continues.
+// Texel depths give the end to within a texel, triangles give it exactly. A ray that just misses
+// the surface in a texel continues.
 Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
     Ending ending;
     ending.known = false;
     float start = u_nearest;
-    float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));  // planes are those of its origin
+    float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));  // planes are about its origin
     bool goes_on = true;
     for (int round = 0; round < ROUNDS && goes_on; ++round) {
         FirstSurface found = first_surface(rig, rig_origin, start);

@@ -1,5 +1,5 @@
-// Occlusion as in occlusion.frag, from the origin of the ray that shows the point then. UNKNOWN is
-// added where the viewpoint does not see all of that ray.
+// Occlusion as in occlusion.frag, from the origin of the ray to the point at that time. UNKNOWN is
+// added if the viewpoint does not see the whole ray.
 #version 450 core
 
 vec3 ray_origin = vec3(0.0);  // from the next viewpoint
@@ -12,7 +12,7 @@ uniform sampler2D u_origins;  // from the next viewpoint, in its frame
 const uint UNKNOWN = 2u;
 const int ROUNDS = 3;
 
-// As parallax_hits.frag follows a ray, until it is occluded or has reached the point.
+// Follows a ray as in parallax_hits.frag, until it is occluded or reaches the point.
 uint follow(vec3 ray, uvec2 primitive, float range) {
     vec3 rig = u_rig_from_viewpoint * ray, rig_origin = u_rig_from_viewpoint * ray_origin;
     float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));

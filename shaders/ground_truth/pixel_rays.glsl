@@ -1,6 +1,6 @@
-// Rays of an image's pixels; with BATCH of several images, one below the other.
+// Rays of an image's pixels; with BATCH of several images, stacked vertically.
 // ivec2 pixel(): the fragment's, of its own image.
-// mat3 viewpoint_from_optical(): of its camera, which is past the last of the draw items in a
+// mat3 viewpoint_from_optical(): rotation of its camera, stored after the last draw item in a
 // batch.
 
 uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one

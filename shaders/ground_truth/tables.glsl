@@ -1,6 +1,6 @@
-// Tables of triangles and draw items, as textures: software drivers fetch from those quicker than
-// they read buffers, index by index.
-// uvec4 corner_at(uint index): of an entry of the index buffer the position, as bits of floats, in
+// Tables of triangles and draw items, as textures: software drivers fetch textures faster than they
+// read buffers by index.
+// uvec4 corner_at(uint index): for an entry of the index buffer, the position as float bits, in
 //     the frame of its mesh, and the triangle beyond the opposite edge.
 // uvec4 draw_item_at(uint item): first index of a draw item, its flags, unused.
 // vec4[3] matrix_at(uint item, uint which): rows of one of its matrices.
@@ -12,7 +12,7 @@ uniform usampler2D u_corners;
 uniform usampler2D u_draw_items;
 uniform usampler2D u_primitives;
 
-const uint ROW_BITS = 12u;  // of entries in a row of any of them
+const uint ROW_BITS = 12u;  // entries per row of any table
 const uint ITEM_ENTRIES = 8u;
 // First entries of an item's matrices, counted from its own.
 const uint VIEWPOINT_FROM_MESH = 1u, SECOND_MATRIX = 4u;

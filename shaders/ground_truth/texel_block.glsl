@@ -1,10 +1,10 @@
 // uint[TEXELS] ids_around(ivec2 texel): triangle IDs of the 3 × 3 texels around one; 0: nothing.
 // uint id_at(ivec2 texel): triangle ID of a texel; with BATCH of the image's own layer.
-// uint distinct_texels(uint ids[TEXELS]): bits of those whose triangle none before them shows. Bit
-//     0 is the block's own, in its middle, then come all, row by row: what its own ray hits spares
-//     the search behind it.
+// uint distinct_texels(uint ids[TEXELS]): bits of texels whose triangle no earlier texel shows. Bit
+//     0 is the block's middle, then come all texels, row by row: a hit of the middle's triangle
+//     saves the search behind it.
 
-// As visibility.frag writes them.
+// Written by visibility.frag.
 #ifdef BATCH
 uniform usampler2DArray u_triangle_ids;
 #else

@@ -1,23 +1,23 @@
 // Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index): a triangle in the
 // viewpoint frame: the world's axes, the origin is the viewpoint, meters.
-// Crossing intersect_triangle(Triangle t, vec3 ray): that with a unit ray from the viewpoint.
-// vec3 weights_beside(Triangle t, uint edge, vec3 ray): corners' shares in an edge's nearest point.
-// A program declares `ray_origin`, from the viewpoint, before: all is as seen from there.
+// Crossing intersect_triangle(Triangle t, vec3 ray): intersection with a unit ray.
+// vec3 weights_beside(Triangle t, uint edge, vec3 ray): weights of an edge's nearest point.
+// A program declares `ray_origin`, from the viewpoint, before: rays start there.
 
 #include "ground_truth/tables.glsl"
 
 struct Triangle {
     vec3 a, b, c;       // corners
-    vec3 normal;        // of its plane, towards the viewpoint, not of unit length
+    vec3 normal;        // of its plane, toward the viewpoint, not of unit length
     bool is_clockwise;  // seen from the viewpoint
     uvec3 adjacent;     // triangles beyond the edges opposite to the corners
 };
 
 struct Crossing {
-    float outside_rad;  // by how much the ray passes outside of the triangle; negative: inside
+    float outside_rad;  // angle by which the ray misses the triangle; negative: inside
     float range;        // to the triangle's plane
     vec3 weights;       // of the corners, not normalized
-    uint edge;          // that the ray passes by most, opposite to the corner of this number
+    uint edge;          // edge that the ray passes by most: number of the opposite corner
     uint adjacent;      // triangle beyond it
 };
 

@@ -1,6 +1,6 @@
-// Triangle ID that a texel shows: 1 + its ID, see triangle_ids.py; 0: nothing.
-// With ALPHA_MASK only where alpha reaches the cutoff: a blended surface has one, too.
-// With ALBEDO also the plain base color: its square root, for which 8 bits are as fine as sRGB's.
+// Triangle ID of a texel: 1 + the ID, see triangle_ids.py; 0: nothing visible.
+// With ALPHA_MASK only where alpha reaches the cutoff, which blended surfaces have too.
+// With ALBEDO also the plain base color as its square root: 8 bits are then as fine as sRGB.
 // With MATERIALS roughness, metalness and emission, see gloss.glsl.
 #version 450 core
 

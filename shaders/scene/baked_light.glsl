@@ -1,9 +1,9 @@
 // Baked light of a scene: its lamps, sky and bounces, with their shadows.
 // vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in meters
 // from the effective viewpoint, normal a unit vector, both in axes of the world.
-// LIGHTMAP: of static surfaces, by their places in the lightmap, with BOTH_SIDES by that of the
-// side seen. PROBES: of all else, by spherical harmonics of order 2 between the probes of a grid.
-// With both: the lightmap's, unless the place is negative.
+// LIGHTMAP: for static surfaces, by lightmap coordinates; with BOTH_SIDES by those of the visible
+// side. PROBES: for all other surfaces, by spherical harmonics of order 2 between grid probes.
+// With both: the lightmap, unless its coordinate is negative.
 // Twin of omnisim/scene/light/baked_light.py.
 
 #ifdef LIGHTMAP
@@ -14,7 +14,7 @@ in vec4 v_light_coordinate;
 in vec2 v_light_coordinate;
 #define LIGHT_PLACE v_light_coordinate
 #endif
-uniform sampler2D u_lightmap;  // of one level: a look-up needs no derivatives
+uniform sampler2D u_lightmap;  // of one level: a lookup needs no derivatives
 
 vec3 lightmap_light() {
     return texture(u_lightmap, LIGHT_PLACE).rgb;

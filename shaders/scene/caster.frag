@@ -1,5 +1,5 @@
-// Depth of what casts shadows. With ALPHA_MASK only where alpha reaches the cutoff: a blended
-// surface has one, too.
+// Depth of shadow casters. With ALPHA_MASK only where alpha reaches the cutoff, which blended
+// surfaces have too.
 #version 450 core
 
 #include "scene/material.glsl"

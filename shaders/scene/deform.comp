@@ -12,8 +12,8 @@ struct Bound {
     vec3 normal;       // zero: flat
     uint first_offset; // of the first target
     uvec4 joints[2];
-    vec4 shares[2];    // of the joints, of the sum 1
-    uvec4 targets;     // first weight, number, step from target to target
+    vec4 shares[2];    // of the joints, with sum 1
+    uvec4 targets;     // first weight, number, step between targets
 };
 
 struct Offset {
@@ -23,7 +23,7 @@ struct Offset {
 layout(std430, binding = 0) buffer Vertices { uint vertex_words[]; };
 layout(std430, binding = 1) readonly buffer Bounds { Bound bounds[]; };
 layout(std430, binding = 2) readonly buffer Offsets { Offset offsets[]; };
-layout(std430, binding = 3) readonly buffer Matrices { vec4 rows_of_joints[]; };  // three each
+layout(std430, binding = 3) readonly buffer Matrices { vec4 rows_of_joints[]; };  // three per joint
 layout(std430, binding = 4) readonly buffer Weights { float weights[]; };
 
 const uint VERTEX_WORDS = 10u, NORMAL_WORD = 3u;

@@ -7,7 +7,7 @@
 // 2001; Karis, "Real shading in Unreal Engine 4", 2013.
 
 uniform vec3 u_irradiance[9];
-uniform sampler2D u_filtered_sky;  // a level for each step of roughness
+uniform sampler2D u_filtered_sky;  // one level per step of roughness
 
 #include "scene/sky_coordinates.glsl"
 

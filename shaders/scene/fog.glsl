@@ -1,5 +1,4 @@
-// vec3 fogged(vec3 color, float distance_m): a linear color through so much of the scene's fog,
-// with FOG.
+// vec3 fogged(vec3 color, float distance_m): a linear color seen through this much fog, with FOG.
 // Twin of omnisim/rendering/rays/shading/fog.py.
 
 #ifdef FOG

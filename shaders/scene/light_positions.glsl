@@ -1,6 +1,6 @@
-// Positions that count from the effective viewpoint, meters.
-// PUNCTUAL_POSITION(i): of a point or spot light. SHADOW_VIEWPOINT: of the viewpoint, from the
-// shadow maps' origin. With LAYERED each camera has its own, and v_camera is one's number.
+// Positions relative to the effective viewpoint, meters.
+// PUNCTUAL_POSITION(i): position of a point or spot light. SHADOW_VIEWPOINT: viewpoint relative to
+// the shadow maps' origin. With LAYERED each camera has its own; v_camera is the camera's index.
 
 #ifdef SHADOWS
 const int PROBES_POSITION = PUNCTUAL_LIGHTS + 1;
@@ -13,7 +13,7 @@ const int POSITIONS = PROBES_POSITION + 1;
 const int POSITIONS = PROBES_POSITION;
 #endif
 #ifdef LAYERED
-// Of the punctual lights, of the shadow maps' origin and of the first probe: [camera].
+// Punctual lights, shadow maps' origin and first probe: [camera].
 layout(std430, binding = 15) readonly buffer LightPositions { vec4 light_positions[]; };
 #define PUNCTUAL_POSITION(i) light_positions[v_camera * POSITIONS + i].xyz
 #define SHADOW_VIEWPOINT (-light_positions[v_camera * POSITIONS + PUNCTUAL_LIGHTS].xyz)

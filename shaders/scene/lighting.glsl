@@ -6,13 +6,13 @@
 // direction, as a surface of this roughness reflects it.
 // vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light and that of all lamps on a white
 // surface.
-// With BAKED_LIGHT, which LIGHTMAP or PROBES have, light_on_surface is scene/baked_light.glsl's.
+// With BAKED_LIGHT, set by LIGHTMAP or PROBES, light_on_surface comes from scene/baked_light.glsl.
 // position in meters from the effective viewpoint, normal a unit vector, both in axes of the
 // world. Twin of the illuminance in omnisim/scene/light/lighting.py.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights.
-// EACH_DIRECTIONAL, EACH_PUNCTUAL: a macro for each of their numbers. A loop of large bodies may
-// not be unrolled, and then nothing of a light is known when it is compiled. A point light is a
-// spot light whose cone has every direction in it.
+// EACH_DIRECTIONAL, EACH_PUNCTUAL: expand a macro for each light. A loop with a large body may not
+// be unrolled, which hides the light's constants from the compiler. A point light is a spot light
+// whose cone covers every direction.
 // Source: glTF extension KHR_lights_punctual (falloff and cone).
 
 uniform vec3 u_ambient;
@@ -46,8 +46,8 @@ vec3 environment_light(vec3 direction, float roughness) {
 
 struct Lamp {
     vec3 color;
-    float level;     // of the color, on a surface that faces the lamp
-    vec3 direction;  // unit, towards the lamp
+    float level;     // factor of the color, on a surface that faces the lamp
+    vec3 direction;  // unit, toward the lamp
 };
 
 #if DIRECTIONAL_LIGHTS > 0

@@ -3,7 +3,7 @@
 // vec4 texture_color(): of the material's texture, with TEXTURED; else 1.
 // void discard_hole(float alpha): with ALPHA_MASK, below the material's cutoff.
 // void discard_hidden_side(), bool is_unlit(): of blended materials, which one program draws.
-// With CLUSTERED the texture is a layer of an array, as many materials share a draw call.
+// With CLUSTERED the texture is a layer of an array, because many materials share a draw call.
 
 #if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
 in vec2 v_texture_coordinate;
@@ -22,7 +22,7 @@ flat in vec2 v_material;  // layer, and cutoff of alpha
 #endif
 
 #ifdef BLENDED_ARRAYS
-// In place of the cutoff the number of the array and flags, as in blended_drawer.py.
+// Replaces the cutoff: number of the array and flags, as in blended_drawer.py.
 #define ARRAY_BITS 7
 #define UNLIT_BIT 8
 #define DOUBLE_SIDED_BIT 16
@@ -53,7 +53,7 @@ uniform sampler2DArray u_textures[BLENDED_ARRAYS];
 vec4 texture_color() {
     vec4 color = vec4(1.0);
     int own = MATERIAL_KIND & ARRAY_BITS;
-    // of all: derivatives need the whole 2 x 2 block
+    // sample all arrays: derivatives need the whole 2 x 2 block
     for (int array = 0; array < BLENDED_ARRAYS; ++array) {
         vec4 of_array = texture(u_textures[array], vec3(texture_coordinate(), v_material.x));
         if (array == own) color = of_array;

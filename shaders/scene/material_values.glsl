@@ -1,8 +1,8 @@
-// Numbers of a fragment's material, times its maps.
+// Material factors of a fragment, times its maps.
 // SurfaceValues surface_values(vec2 uv): texture coordinates as in scene/surface.frag.
-// vec4 material_texel(int index): of the material's record.
+// vec4 material_texel(int index): texel of the material's record.
 // vec3 map_coordinates(int map, vec2 uv): texture coordinates and layer of a map.
-// The table has MATERIAL_TEXELS texels a material, see
+// The table has MATERIAL_TEXELS texels per material, see
 // omnisim/rendering/opengl/materials/material_table.py.
 // METALLIC_ROUGHNESS_MAP, OCCLUSION_MAP, EMISSIVE_MAP: the material has such a map.
 // Source: glTF 2.0, section 3.9.
@@ -20,7 +20,7 @@ in vec2 v_second_coordinate;
 #endif
 
 const int MATERIAL_TEXELS = 19, MATERIALS_IN_ROW = 256;
-const int FIRST_MAP = 5;  // two texels for each
+const int FIRST_MAP = 5;  // two texels per map
 
 struct SurfaceValues {
     float metallic;

@@ -1,16 +1,16 @@
 // Texel of a mip level: the mean of the texels of the finer level that it covers.
-// With ARRAY of a layer of a texture array: u_layer, or with LAYERED that of the target.
+// With ARRAY it is a texel of an array's layer: u_layer, or with LAYERED the target's layer.
 #version 450 core
 
 #ifdef ARRAY
-uniform sampler2DArray u_finer;  // filters linearly, and has no level but the finer one
+uniform sampler2DArray u_finer;  // linear filter, only the finer level
 #ifdef LAYERED
 flat in float v_layer;
 #else
 uniform float u_layer;
 #endif
 #else
-uniform sampler2D u_finer;  // likewise
+uniform sampler2D u_finer;  // linear filter, only the finer level
 #endif
 uniform vec2 u_texels;  // 1 / size of the target
 

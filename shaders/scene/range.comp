@@ -1,15 +1,15 @@
-// Ranges of a scanner's beams to the triangles of one draw; one invocation a triangle.
-// The plane of the scan, z = 0 of the scanner's frame, cuts a triangle in a segment; each beam that
-// crosses the segment does so at a point that follows from the segment's ends alone. So a range is
+// Ranges of a scanner's beams to the triangles of one draw; one invocation per triangle.
+// The scan plane, z = 0 of the scanner's frame, cuts a triangle in a segment. The hit of each beam
+// that crosses the segment depends on the segment's ends alone. So a range is
 // exact up to the rounding of floats: no pixels, no depth buffer, no near plane. Both sides of a
 // surface reflect. A triangle that lies in the plane is not hit.
 //
 // u_scanner_from_mesh  x forward, y left, z up, meters; origin where the beams start
 // u_first              first index of the draw
-// u_triangles          how many triangles it has
+// u_triangles          number of triangles of the draw
 // u_angle_min, u_angle_increment  of the beams, radians, counter-clockwise
 //
-// With HOLES the beam passes where alpha is below u_alpha_cutoff.
+// With HOLES the beam continues where alpha is below u_alpha_cutoff.
 #version 450 core
 
 layout(local_size_x = 64) in;
@@ -52,14 +52,14 @@ uniform float u_base_alpha;
 uniform float u_alpha_cutoff;
 
 bool is_hole(vec3 surface) {
-    // a beam has no width that could ask for a coarser level
+    // beams have no width, so the finest level applies
     float alpha = u_base_alpha * surface.z * textureLod(u_texture, surface.xy, 0.0).a;
     return alpha < u_alpha_cutoff;
 }
 #endif
 
-// Where the edge between a corner above the plane and one below it crosses the plane. The order
-// makes the result the same, bit by bit, for both triangles at the edge: nothing slips between.
+// Crossing of the plane by the edge between a corner above and one below. This order makes the
+// result bit-identical for both triangles at the edge: nothing slips between.
 Corner crossing(Corner above, Corner below) {
     precise float t = above.position.z / (above.position.z - below.position.z);
     precise vec3 position = above.position + t * (below.position - above.position);
@@ -76,7 +76,7 @@ void try_beam(uint beam, Corner start, Corner end) {
     float side_start = cross2(direction, start.position.xy);
     float side_end = cross2(direction, end.position.xy);
     bool misses = min(side_start, side_end) > 0.0 || max(side_start, side_end) < 0.0;
-    if (misses || side_start == side_end) return;  // equal: seen edge-on, it has no width
+    if (misses || side_start == side_end) return;  // equal: edge-on, without width
     float t = side_start / (side_start - side_end);
     float range = mix(dot(direction, start.position.xy), dot(direction, end.position.xy), t);
     if (!(range >= 0.0)) return;

@@ -1,13 +1,13 @@
 // Reflectance of metals and dielectrics.
-// struct Reflectance: a surface's, of one fragment.
+// struct Reflectance: reflectance of a fragment's surface.
 // vec3 reflected_light(Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal,
 // vec3 shape_normal, vec3 view): linear RGB that a lit surface reflects and emits. Position,
-// normals and view in axes of the world; the view is a unit vector towards the viewpoint. The
-// normals are those of the surface and of its clear coat by their maps, and of its shape, without.
-// With BAKED_LIGHT the light of the surroundings is what the baked light has beyond that of the
-// lamps; an environment map is reflected as far as its light reaches the surface.
+// normals and view in axes of the world; the view is a unit vector toward the viewpoint. The
+// normals are those of the surface and its clear coat after normal mapping, and of the bare shape.
+// With BAKED_LIGHT the light of the surroundings is the baked light minus that of the lamps; the
+// reflection of an environment map is scaled by the share of its light that reaches the surface.
 // Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
-// Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; of baked light
+// Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; for baked light
 // beside maps: Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
 
 const float PI = 3.14159265358979;
@@ -15,7 +15,7 @@ const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/surface_refl
 const float MIN_COSINE = 1e-3;
 
 struct Reflectance {
-    vec3 body;          // what a dielectric scatters below its surface
+    vec3 body;          // light scattered below the surface of a dielectric
     vec3 dielectric_f0;
     vec3 f0;            // of the dielectric and the metal together
     float dielectric_f90;
@@ -23,7 +23,7 @@ struct Reflectance {
     float roughness;
     float coat;
     float coat_roughness;
-    float occlusion;    // of light from the environment
+    float occlusion;    // of environment light
     vec3 emissive;
 };
 
@@ -54,7 +54,7 @@ vec3 reflected_lamp(
     Reflectance surface, Lamp lamp, vec3 normal, vec3 coat_normal, vec3 view, float coat) {
     float light = max(dot(normal, lamp.direction), 0.0);
     float view_cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
-    vec3 middle = lamp.direction + view;  // 0 where the lamp is behind what is seen
+    vec3 middle = lamp.direction + view;  // 0 where the lamp is exactly opposite to the view
     vec3 halfway = middle * inversesqrt(max(dot(middle, middle), 1e-30));
     float grazing = pow(1.0 - clamp(dot(view, halfway), 0.0, 1.0), 5.0);
     vec3 gloss = mix(surface.f0, vec3(surface.f90), grazing)
@@ -70,15 +70,15 @@ vec3 reflected_lamp(
     return lamp.color * lamp.level * total;
 }
 
-// Direction that most of the light comes from: of a rough surface nearer to the normal than the
-// mirror's. Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
+// Dominant direction of reflected light: on a rough surface nearer to the normal than the mirror
+// direction. Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
 vec3 dominant_direction(vec3 normal, vec3 view, float roughness) {
     float alpha = roughness * roughness;
     float share = (1.0 - alpha) * (sqrt(1.0 - alpha) + alpha);
     return normalize(mix(normal, reflect(-view, normal), share));
 }
 
-// Radiance around a direction, where the surroundings give this light to a white surface.
+// Radiance around a direction, given the surroundings' light on a white surface.
 vec3 surroundings(vec3 direction, float roughness, vec3 normal, vec3 light) {
 #if defined(BAKED_LIGHT) && defined(ENVIRONMENT)
     vec3 share = clamp(light / max(ambient_light(normal), 1e-4), 0.0, 1.0);
@@ -90,7 +90,7 @@ vec3 surroundings(vec3 direction, float roughness, vec3 normal, vec3 light) {
 #endif
 }
 
-// Light of the surroundings on a white surface; shape_normal: without its normal map.
+// Light of the surroundings on a white surface; shape_normal: without normal map.
 vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
 #ifdef BAKED_LIGHT
     vec3 lamps = with_lamps(vec3(0.0), position, shape_normal);

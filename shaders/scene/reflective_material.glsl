@@ -1,7 +1,7 @@
-// Reflectance of a fragment's material: numbers of a table, times its maps.
+// Reflectance of a fragment's material: factors from a table, times its maps.
 // Reflectance reflectance_of(vec3 base_color, vec2 uv): base color as in scene/surface.frag.
-// vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side), coat_shading_normal
-// likewise: unit normal of the surface and of its clear coat, by their normal maps.
+// vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side), and coat_shading_normal
+// with the same arguments: unit normal of the surface and of its clear coat, by their normal maps.
 // NORMAL_MAP, SPECULAR_MAP, CLEARCOAT_MAP, CLEARCOAT_NORMAL_MAP: the material has such a map.
 // Includes scene/material_values.glsl.
 // Source: glTF 2.0, section 3.9; KHR_materials_specular, KHR_materials_clearcoat.
@@ -21,7 +21,7 @@ vec3 mapped_normal(
     if (dot(along_u, along_u) == 0.0) return normal;
     vec3 tangent = normalize(along_u);
     vec3 bitangent = cross(normal, tangent);
-    bitangent *= dot(bitangent, along_v) > 0.0 ? -1.0 : 1.0;  // v runs down a texture
+    bitangent *= dot(bitangent, along_v) > 0.0 ? -1.0 : 1.0;  // v points down in a texture
     bump.xy *= side * scale;
     return normalize(bump.x * tangent + bump.y * bitangent + bump.z * normal);
 }

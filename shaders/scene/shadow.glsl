@@ -1,16 +1,16 @@
 // float directional_visibility(int i, vec3 position): share of a light that reaches a surface at a
 // position in meters from the effective viewpoint; 1 without SHADOWS.
-// float punctual_visibility(int i, vec3 away, vec3 area): likewise, `away` in meters from the
-// light.
-// vec3 surface_area(vec3 position): of the surface in a texel of the image, times its normal.
-// DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bits of the lights that cast shadows; CUBE_CASTERS: of
-// those punctual ones whose maps are the faces of a cube. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS:
-// how many lights cast some. SHADOW_CASCADES: maps of each directional light.
+// float punctual_visibility(int i, vec3 away, vec3 area): the same for a punctual light; `away` in
+// meters from the light.
+// vec3 surface_area(vec3 position): area of the surface in a texel of the image, times its normal.
+// DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bit masks of the lights that cast shadows. CUBE_CASTERS:
+// punctual ones with a cube of maps. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS: number of lights that
+// cast shadows. SHADOW_CASCADES: maps per directional light.
 // SHADOW_REGIONS: middle and half size of each caster's first map, in the texture. SHADOW_TEXELS:
 // size of their texels, on maps from -1 to 1. SHADOW_SCALES: inverse of the tangent of half the
-// field of view; of directional lights depth of half a map's width. Loads would take longer than
-// what is computed.
-// Surfaces are offset along their triangles' normals, as those of vertices may point elsewhere.
+// field of view; for directional lights depth of half a map's width. These are constants: a buffer
+// load would cost more than the arithmetic.
+// Surfaces are offset along their triangles' normals, because vertex normals may differ.
 // Source of the normal offset: Holbert, "Saying Goodbye to Shadow Acne", GDC 2011.
 
 #ifdef SHADOWS
@@ -37,13 +37,14 @@ vec3 surface_area(vec3 position) {
     return cross(dFdx(position), dFdy(position));
 }
 
-// Level of a map.
+// Mip level of a map.
 struct MapLevel {
     float number;
-    float texel;  // its size, on maps from -1 to 1
+    float texel;  // texel size, on maps from -1 to 1
 };
 
-// Level whose texels are at most twice as large as one of the image; area: of that, on the map.
+// Level whose texels are at most twice as large as one of the image; area: of an image texel, on
+// the map.
 MapLevel level_for(float area, float finest) {
     float texels = area / (finest * finest);
     return texels < 1.0 ? MapLevel(0.0, finest)
@@ -51,21 +52,21 @@ MapLevel level_for(float area, float finest) {
         : texels < 16.0 ? MapLevel(2.0, 4.0 * finest) : MapLevel(3.0, 8.0 * finest);
 }
 
-// From a surface to where it is looked up, in texels: in front of it by more than its depth differs
-// by within the filter, a texel to each side. area: along the axes of the map, and towards the
+// Offset from a surface to its lookup, in texels: in front of it by more than its depth varies
+// within the filter, one texel to each side. area: along the axes of the map, and toward the
 // light.
 vec3 offset_texels(vec3 area) {
     vec3 normal = area * inversesqrt(max(dot(area, area), 1e-37));
     return normal * (0.2 + abs(normal.x) + abs(normal.y));
 }
 
-// slope: of depth on the surface, along x and y together. The offset is that of the finest level,
-// as it moves a shadow's edge, too; coarser ones compare with a depth that is as much nearer.
+// slope: change of depth on the surface, along x and y together. The offset is that of the finest
+// level, because it also moves the shadow's edge; coarser levels compare with a nearer depth.
 float visibility_at(
     vec2 local, float depth, float slope, vec4 region, MapLevel level, float finest) {
     float coarser = level.texel - finest, most = 1.0 - 0.5 * level.texel;
     depth += coarser * slope;
-    // a coarse texel is the first of those that it covers
+    // a coarse texel takes the first of the texels that it covers
     local = clamp(local + 0.5 * coarser, -most, most);
     return textureLod(u_shadow_maps, vec3(region.xy + local * region.zw, depth), level.number);
 }
@@ -104,7 +105,7 @@ float directional_visibility(int i, vec3 position) {
 #endif
 
 #if PUNCTUAL_SHADOWS > 0
-// at: from the light, along the axes of the map.
+// at: position from the light, along the axes of the map.
 float perspective_visibility(vec3 at, vec3 area, vec4 region, float scale, float finest) {
     float volume = dot(area, at), inverse = 1.0 / max(at.z, 1e-6);
     float on_map = abs(volume) * inverse * inverse * inverse * scale * scale;

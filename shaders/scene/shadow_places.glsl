@@ -1,8 +1,8 @@
-// Places on the maps of directional and spot lights.
-// vec3 place_on_map(int place, vec3 position): of a position in meters from the effective
-// viewpoint, by the axes of a light. Of a directional light x and y on its (largest) map, from -1
-// to 1, and depth in the same unit, towards the light; of a spot light meters from it. It is
-// linear: vertices may have it.
+// Positions on the maps of directional and spot lights.
+// vec3 place_on_map(int place, vec3 position): map coordinates of a position in meters from the
+// effective viewpoint, along the axes of a light. Directional light: x and y on its (largest) map,
+// from -1 to 1, and depth in the same unit, toward the light. Spot light: meters from the light.
+// The result is linear in the position, so that vertices can interpolate it.
 // PLACES: number of these maps. The layout is that in
 // omnisim/rendering/opengl/shadows/shadow_plan.py.
 

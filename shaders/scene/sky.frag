@@ -9,7 +9,7 @@ uniform sampler2D u_sky;
 
 void main() {
     vec3 direction = normalize(v_direction);
-    // by angle: texture coordinates jump where the map ends
+    // mip level from the angle: texture coordinates jump at the seam of the map
     float radians = max(length(dFdx(direction)), length(dFdy(direction)));
     float texel = 0.5 * TURN / float(textureSize(u_sky, 0).y);
     float level = radians > texel ? log2(radians / texel) : 0.0;

@@ -4,7 +4,7 @@
 const float TURN = 6.28318530717959;
 
 vec2 sky_coordinates(vec3 direction) {
-    // straight up or down it is anything, but a number
+    // straight up or down the azimuth is arbitrary, but must be a number
     float azimuth = direction.xy == vec2(0.0) ? 0.0 : atan(direction.y, direction.x);
     return vec2(0.5 - azimuth / TURN, acos(clamp(direction.z, -1.0, 1.0)) / (0.5 * TURN));
 }

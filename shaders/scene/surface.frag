@@ -10,7 +10,7 @@
 #ifdef BAKED
 flat
 #endif
-in vec4 v_color;  // base color, and light where that is known
+in vec4 v_color;  // base color, and light if computed at the vertices
 layout(location = 0) out vec4 out_color;
 
 // Maps are sampled after the first hole, if at all, and need derivatives of the whole 2 x 2 block.
@@ -34,6 +34,6 @@ void main() {
     vec3 light = lit_color(color.rgb, triangle_normal);
     if (LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
     light = fogged(light, length(surface_position()));
-    // near a punctual light there is no bound, and infinity spoils mip levels
+    // near a punctual light the value is unbounded, and infinity spoils mip levels
     out_color = vec4(min(light, vec3(MAX_HALF_FLOAT)), IS_BLENDED ? color.a : 1.0);
 }

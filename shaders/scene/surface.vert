@@ -1,4 +1,4 @@
-// Vertex of the scene, see scene/vertex.glsl, and what the light on it takes.
+// Vertex of the scene, see scene/vertex.glsl, with the inputs of its lighting.
 #version 450 core
 
 #include "scene/vertex.glsl"
@@ -10,7 +10,7 @@
 #ifdef BAKED
 flat
 #endif
-out vec4 v_color;  // base color, and light where that is known
+out vec4 v_color;  // base color, and light if computed at the vertices
 
 void main() {
     gl_Position = clip_position();

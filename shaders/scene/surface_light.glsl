@@ -1,8 +1,8 @@
-// vec3 lit_color(vec3 base_color, vec3 triangle_normal): linear RGB that a surface sends to the
+// vec3 lit_color(vec3 base_color, vec3 triangle_normal): linear RGB from a surface toward the
 // viewpoint.
-// Without LIT and LIGHTMAP the base color, whose light is known at the vertices or does not count.
-// With REFLECTANCE it has metal, gloss, maps or emission. With LIGHTMAP and without LIT it is
-// matte, and all of its light is in the lightmap.
+// Without LIT and LIGHTMAP: base color; light is computed at the vertices, or ignored.
+// With REFLECTANCE the surface has metal, gloss, maps or emission. With LIGHTMAP but without LIT it
+// is matte, and the lightmap has all of its light.
 
 #if defined(LIT) && defined(REFLECTANCE)
 #include "scene/lighting.glsl"

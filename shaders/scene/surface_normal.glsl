@@ -1,10 +1,10 @@
 // Position and normal of a fragment, in axes of the world about the effective viewpoint.
-// vec3 surface_position(): meters, with POSITION; else 0, as nobody needs it.
+// vec3 surface_position(): meters, with POSITION; otherwise 0 and unused.
 // vec3 normal_of_triangle(): of any length and either side. Call it before any discard: derivatives
 // need the whole 2 x 2 block.
-// vec3 seen_normal(vec3 triangle_normal): unit, of the side that is seen, which is the side that is
-// lit, whatever way the triangle is wound. With NORMALS_AGREE all normals point to the front side,
-// which alone is seen: none is missing, and none is flipped.
+// vec3 seen_normal(vec3 triangle_normal): unit normal of the visible side, which is the lit side,
+// regardless of the triangle's winding. With NORMALS_AGREE all normals point to the front side,
+// the only visible one: no normal is missing or flipped.
 
 #ifdef POSITION
 in vec3 v_position;

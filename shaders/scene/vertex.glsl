@@ -1,8 +1,8 @@
 // Position of a vertex of the scene.
-// vec4 clip_position(): and, of clusters, the distances to the edges of the tile.
-// With CLUSTERED of an object in a view, which are the draw call's base instance: all tiles of the
-// atlas are drawn at once. Otherwise of one item in one tile, which is the viewport.
-// With LAYERED each camera has a layer of the target. Included before all else, for its extensions.
+// vec4 clip_position(): also sets, for clusters, the distances to the edges of the tile.
+// With CLUSTERED it is for an object in a view, given by the draw call's base instance: all tiles
+// of the atlas are drawn at once. Otherwise for one item in one tile, which is the viewport.
+// With LAYERED each camera has a layer of the target. Include this first, for its extensions.
 // u_clip_from_mesh  pose and projection of the face, y of the clip space down the image
 // Attributes of clusters have the same locations in all programs, which share their vertex arrays:
 // those of CLUSTER_VERTEX and INSTANCE in omnisim/rendering/opengl/geometry/vertex_format.py, in
@@ -15,7 +15,7 @@
 flat out int v_camera;
 #endif
 
-invariant gl_Position;  // a batch's program has a vertex where that of single frames has it
+invariant gl_Position;  // identical vertices in batches and in single frames
 
 layout(location = 0) in vec3 in_position;
 

@@ -1,7 +1,7 @@
-// Details of vertices that few materials need, from a table beside the vertex buffer.
-// void pass_details(): with REFLECTANCE the record of the material, of clusters; and with
-// SECOND_COORDINATES, which comes with it, the second texture coordinates.
-// The table has one texel a vertex, see omnisim/rendering/opengl/materials/material_table.py.
+// Vertex details that few materials need, from a table beside the vertex buffer.
+// void pass_details(): with REFLECTANCE the material record of clusters; also with
+// SECOND_COORDINATES the second texture coordinates.
+// The table has one texel per vertex, see omnisim/rendering/opengl/materials/material_table.py.
 
 #if defined(REFLECTANCE) && defined(CLUSTERED)
 #define RECORD_IN_DETAILS

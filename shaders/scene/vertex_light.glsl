@@ -1,8 +1,8 @@
-// Light on a surface that is known at its vertices.
+// Light on a surface that is computed at its vertices.
 // vec3 vertex_light(): on a white surface, linear RGB, with BAKED; else 1.
-// void pass_light_coordinate(): place of each side in the lightmap, with LIGHTMAP.
+// void pass_light_coordinate(): lightmap coordinates of each side, with LIGHTMAP.
 // u_light_rectangles: left, top, width and height of an item's sides in the lightmap; those of
-// clusters are applied.
+// clusters are already applied.
 
 #ifdef BAKED
 layout(location = 1) in vec3 in_light;

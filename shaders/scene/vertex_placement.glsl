@@ -1,5 +1,4 @@
-// Placement of a vertex in axes of the world about the effective viewpoint: where it is, and which
-// way its surface looks.
+// Placement of a vertex in axes of the world about the effective viewpoint: position and normal.
 // void pass_placement(): v_position in meters, with POSITION; v_normal of any length, with LIT; and
 // with VERTEX_PLACES its places on the shadow maps.
 // u_viewpoint_from_mesh  of single items, from their mesh

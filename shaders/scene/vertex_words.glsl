@@ -1,11 +1,11 @@
-// The scene's triangles for shaders that read them themselves: the two buffers, word by word.
-// uint vertex_at(uint index): first word of the vertex that an entry of the index buffer names.
-// vec3 position_at(uint at), normal_at(uint at): of the vertex there, in the frame of its mesh.
+// Triangles of the scene for shaders that fetch them directly: both buffers, word by word.
+// uint vertex_at(uint index): first word of the vertex at an entry of the index buffer.
+// vec3 position_at(uint at), normal_at(uint at): values of that vertex, in the frame of its mesh.
 // uint vertex_word(uint at), index_word(uint at): words of the buffers.
 // The layout of a vertex is that in omnisim/rendering/opengl/geometry/vertex_format.py, in words of
 // 4 bytes.
-// With WINDOW_WORD_BITS the buffers are larger than a binding, and bound in windows of as many
-// words, see omnisim/rendering/opengl/geometry/triangle_windows.py.
+// With WINDOW_WORD_BITS the buffers exceed the size of a binding, and are bound in windows of that
+// number of words, see omnisim/rendering/opengl/geometry/triangle_windows.py.
 
 layout(std430, binding = 0) readonly buffer Vertices { uint vertex_words[]; };
 layout(std430, binding = 1) readonly buffer Indices { uint indices[]; };

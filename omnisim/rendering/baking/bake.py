@@ -25,11 +25,11 @@ from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.scene.model import Scene
 
 TILE = 4096  # patches
-_LINKS = 32  # rays from each patch, between which all bounces but the last are counted
-_AIMED_LINKS = 16  # rays to what shines
+_LINKS = 32  # rays per patch, along which all bounces but the last are computed
+_AIMED_LINKS = 16  # rays to emitters
 _MAX_PLACES = 32
-_BRIGHT = 4.0  # times the mean: rays are aimed at what reflects more
-_TRIED_PATCHES = 8  # one of so many tells which lights are worth rays
+_BRIGHT = 4.0  # times the mean: rays are aimed at patches that reflect more
+_TRIED_PATCHES = 8  # one in 8 patches is tried to choose the lights to aim at
 _DIRECT, _GATHER = range(2)  # stages of random numbers
 
 
@@ -37,12 +37,12 @@ class BakedPatches(NamedTuple):
     """Light on the patches of a scene.
 
     Attributes:
-        patches: of the scene.
-        lamps: (p, 3) light of the lamps.
+        patches: patches of the scene.
+        lamps: (p, 3) light of lamps.
         gathered: (p, 3) all other light.
-        halves: (p, 2, 3) the same, by every other ray.
-        radiosity: (p, 3) light that patches reflect.
-        is_valid: (p,) there is a light.
+        halves: (p, 2, 3) the same, from every other ray.
+        radiosity: (p, 3) reflected light.
+        is_valid: (p,) the patch has light.
     """
 
     patches: Patches
@@ -54,14 +54,14 @@ class BakedPatches(NamedTuple):
 
 
 class Bake:
-    """Bake of a scene, tile after tile.
+    """Bake of a scene, tile by tile.
 
     Args:
-        scene: its dynamic objects are left out.
-        settings: of the bake.
+        scene: scene to bake; its dynamic objects are ignored.
+        settings: settings of the bake.
 
     Raises:
-        OmnisimError: a missing package; texels too small.
+        OmnisimError: a package is missing, or texels are too small.
     """
 
     def __init__(self, scene: Scene, settings: BakeSettings):
@@ -110,12 +110,12 @@ class Bake:
         )
 
     def try_tile(self, tile: int) -> None:
-        """Compute the light of a tile without keeping it: for its time."""
+        """Compute the light of a tile and discard it, to measure its time."""
         self._direct(tile)
         self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
 
     def light(self, found: BakedPatches) -> Floats:
-        """Light (p, 3) of patches, whose noise is filtered."""
+        """Denoised light (p, 3) of patches."""
         surfaces = self.surfaces(found.is_valid)
         return found.lamps + denoised(self.patches, surfaces, found.gathered, found.halves)
 
@@ -129,11 +129,11 @@ class Bake:
         return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
 
     def prober(self, seen: Floats) -> ProbeBaker:
-        """Bake of the probes, by the light (p, 3) of patches that they see."""
+        """Bake of the probes, from the light (p, 3) of visible patches."""
         return ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
 
     def surfaces(self, is_valid: NDArray[np.bool_]) -> TexelSurfaces:
-        """Surfaces at the patches, in the first sample of each."""
+        """Surfaces at the patches, at the first sample of each."""
         positions, normals = np.zeros((2, self.patches.count, 3), dtype=np.float32)
         for tile in range(self.tiles):
             first, last = self._range(tile)
@@ -147,7 +147,7 @@ class Bake:
         return Emitters(self.patches, self._points, emission, aimed, gathered)
 
     def _bright(self, radiosity: Floats) -> NDArray[np.bool_]:
-        """True (p,) of patches that shine, and of those that reflect far more than the mean."""
+        """Mask (p,) of patches that emit, or reflect far more light than the mean."""
         luminance, areas_m2 = radiosity @ LUMINANCE, self.patches.areas_m2
         mean = np.sum(luminance * areas_m2) / max(float(areas_m2.sum()), 1e-30)
         bright: NDArray[np.bool_] = luminance > _BRIGHT * mean
@@ -158,7 +158,7 @@ class Bake:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)
 
     def _places(self, first: int, last: int) -> tuple[NDArray[np.intp], list[Points]]:
-        """Patches of a range that have samples, and points of theirs, each in its turn."""
+        """Patches of a range that have samples, and their points, used in turn."""
         starts = self.patches.first[first : last + 1]
         counts = np.diff(starts)
         some = np.flatnonzero(counts)
@@ -174,7 +174,7 @@ class Bake:
         return some, places
 
     def _direct(self, tile: int) -> Arrays:
-        """Light of lamps, and links between patches with the light that comes along them."""
+        """Light of lamps, and links between patches with the light along them."""
         first, last = self._range(tile)
         count = last - first
         lamps, other = np.zeros((2, count, 3), dtype=np.float32)
@@ -208,7 +208,7 @@ class Bake:
         return emitters.focused(self.transport, at, shifts[tried])
 
     def _aimed(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Floats:
-        """Light (n, 2, 3) of emitters by every other ray to them, shared among the places."""
+        """Light (n, 2, 3) of emitters by every other ray to them, divided among the places."""
         total = np.zeros((len(shifts), 2, 3), dtype=np.float32)
         points = spread_points(emitters.aimed)
         for number, at in enumerate(places):

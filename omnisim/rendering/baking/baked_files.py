@@ -1,4 +1,4 @@
-"""Folder of a bake: lightmap, unwrapping, probes, and what they are of."""
+"""Folder of a bake: lightmap, unwrapping, probes, and the fingerprint of the scene."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Baked(NamedTuple):
 
     Attributes:
         atlas_px: width and height.
-        texel_m: width of a texel near the vehicles' places.
-        probes: number of valid ones.
+        texel_m: width of a texel near the vehicles.
+        probes: number of valid probes.
     """
 
     atlas_px: tuple[int, int]
@@ -58,22 +58,22 @@ def bake_scene(
     force: bool = False,
     start: Callable[[Bake], None] = lambda bake: None,
 ) -> Baked | None:
-    """Bake the light of a scene's static surfaces into a folder; None: it is there already.
+    """Bake the light of a scene's static surfaces into a folder; None: already baked.
 
     Unfinished work stays in a folder beside it; the same bake resumes it, on any machine.
 
     Args:
-        scene: its dynamic objects are left out.
-        output: the folder.
-        settings: of the bake.
-        jobs: threads; None: one for each core. The files do not depend on them.
-        progress: of each stage.
-        force: replace the bake that is there.
-        start: called before the light is computed.
+        scene: scene to bake; its dynamic objects are ignored.
+        output: folder of the bake.
+        settings: settings of the bake.
+        jobs: number of threads; None: one per core. The files do not depend on it.
+        progress: progress display of each stage.
+        force: overwrite another bake.
+        start: callback before the light is computed.
 
     Raises:
-        OmnisimError: another bake is there, a package is missing, texels are too small, or
-            nothing can be written.
+        OmnisimError: the folder holds another bake, a package is missing, texels are too small, or
+            a file cannot be written.
     """
     require_extra("bake", "baking light")
     fingerprint = baked_fingerprint(scene)
@@ -83,7 +83,7 @@ def bake_scene(
     plan = {
         "omnisim": __version__,
         "fingerprint": fingerprint,
-        "texel_m": settings.texel_m,  # as given: a computed one is rounded otherwise elsewhere
+        "texel_m": settings.texel_m,  # as given: a computed width may round differently elsewhere
         "atlas_px": list(bake.atlas.size_px),
         "samples": settings.samples,
         "bounces": settings.bounces,
@@ -130,7 +130,7 @@ def bake_of(scene: Scene, settings: BakeSettings) -> Bake:
 
 
 def _joined(unwrappings: dict[int, Unwrapping]) -> Arrays:
-    """Arrays of all meshes, one after the other: an archive of few is small, and read fast."""
+    """Arrays of all meshes, concatenated: few arrays make a small archive that loads fast."""
     numbers = sorted(unwrappings)
     pages = [unwrappings[mesh] for mesh in numbers]
     counts = [
@@ -150,5 +150,5 @@ def _joined(unwrappings: dict[int, Unwrapping]) -> Arrays:
 
 
 def _short(indices: NDArray[np.int32]) -> NDArray[np.unsignedinteger[Any]]:
-    """Indices as short as they fit."""
+    """Indices in the smallest integer type that holds them."""
     return indices.astype(np.uint16 if indices.max(initial=0) <= 0xFFFF else np.uint32)

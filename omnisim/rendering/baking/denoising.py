@@ -1,8 +1,8 @@
-"""Filter of the noise of gathered light, among texels that are neighbors on one surface.
+"""Noise filter of gathered light, among neighboring texels on one surface.
 
-Texels have weights by how alike their light is, beside their noise, as two halves of the rays tell
-it. Light of lamps, which has no noise, is not filtered, so that shadows stay sharp. Neighbors in
-the atlas that are not in the world, or lie another way, count for nothing: charts do not mix.
+Texels are weighted by the similarity of their light relative to its noise, which two halves of the
+rays estimate. Light of lamps has no noise and is not filtered, so shadows stay sharp. Neighbors in
+the atlas that are apart in the world, or differ in orientation, have no weight: charts do not mix.
 Source: Dammertz et al., "Edge-avoiding À-Trous wavelet transform for fast global illumination
 filtering", 2010; Schied et al., "Spatiotemporal variance-guided filtering", 2017.
 """
@@ -19,11 +19,11 @@ from omnisim.rendering.baking.atlas.patches import Patches
 from omnisim.rendering.baking.sampling import Floats
 
 _STEPS = (1, 2, 4)  # texels between the samples of the filter
-_KERNEL = (1.0, 2.0 / 3.0, 1.0 / 6.0)  # by their distance, of a cubic B-spline
-_ALIKE = 2.0  # standard deviations
+_KERNEL = (1.0, 2.0 / 3.0, 1.0 / 6.0)  # by distance, from a cubic B-spline
+_ALIKE = 2.0  # similarity limit, standard deviations
 _MIN_COSINE = 0.9
-_PLANE_TEXELS, _NEAR_TEXELS = 0.5, 1.5  # off the plane; farther than in the atlas
-_BAND = 256  # rows at once
+_PLANE_TEXELS, _NEAR_TEXELS = 0.5, 1.5  # distance off the plane; distance relative to the atlas
+_BAND = 256  # rows per step
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
 
 
@@ -31,8 +31,8 @@ class TexelSurfaces(NamedTuple):
     """Surfaces at patches.
 
     Attributes:
-        positions_m, normals: (p, 3).
-        is_valid: (p,) there is a light.
+        positions_m, normals: (p, 3) position and normal.
+        is_valid: (p,) the patch has light.
     """
 
     positions_m: Floats
@@ -41,7 +41,7 @@ class TexelSurfaces(NamedTuple):
 
 
 class _Maps(NamedTuple):
-    """Atlas of the surfaces, with a margin."""
+    """Surfaces in the layout of the atlas, with a margin."""
 
     positions_m: Floats
     normals: Floats
@@ -50,13 +50,13 @@ class _Maps(NamedTuple):
 
 
 def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: Floats) -> Floats:
-    """Light (p, 3) of patches without most of its noise.
+    """Light (p, 3) of patches with most of its noise removed.
 
     Args:
-        patches: of the scene; those beyond the atlas stay as they are.
-        surfaces: of the patches.
-        light: (p, 3).
-        halves: (p, 2, 3) of it, by every other ray.
+        patches: patches of the scene; those outside of the atlas are unchanged.
+        surfaces: surfaces at the patches.
+        light: (p, 3) gathered light.
+        halves: (p, 2, 3) the same, from every other ray.
     """
     width, height = patches.size_px
     margin = 2 * max(_STEPS)
@@ -88,7 +88,7 @@ def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: F
 def _filtered(
     maps: _Maps, pixels: Floats, variances: Floats | None, step: int, margin: int
 ) -> tuple[Floats, Floats]:
-    """Means of pixels and their variances; without variances whatever is near counts alike."""
+    """Means of pixels and their variances; without variances light has no effect on weights."""
     means, new_variances = np.zeros_like(pixels), np.zeros(pixels.shape[:2], dtype=np.float32)
     height = len(pixels)
     for top in range(margin, height - margin, _BAND):
@@ -112,7 +112,7 @@ Place = tuple[slice, slice]
 
 
 def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Floats]]:
-    """Shifted places of 5 × 5 neighbors, and their weights by the surfaces."""
+    """Shifted places of 5 × 5 neighbors, and their weights by surface."""
     normals, positions = maps.normals[inner], maps.positions_m[inner]
     spacing = maps.spacing_m[inner]
     for down in range(-2, 3):
@@ -130,7 +130,7 @@ def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Fl
 
 
 def _likeness(pixels: Floats, variances: Floats, inner: Place, shifted: Place) -> Floats:
-    """Weights by the difference of light beside its noise."""
+    """Weights by the difference of light relative to its noise."""
     off = np.abs((pixels[shifted] - pixels[inner]) @ _LUMINANCE)
     noise = np.sqrt(variances[inner] + variances[shifted])
     weights: Floats = np.exp(-off / (np.float32(_ALIKE) * noise + np.float32(1e-6)))

@@ -1,6 +1,6 @@
-"""Light of emissive and other bright surfaces: rays to points on them.
+"""Light of emissive and other bright surfaces: rays aimed at points on them.
 
-Their light is weighed against that of rays that meet them by chance.
+Aimed rays are weighted against gathering rays that hit the same emitter.
 Source of the weights: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
 rendering", 1995, the balance heuristic.
 """
@@ -20,17 +20,17 @@ from omnisim.rendering.baking.transport import PatchHits, Transport
 
 LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
 _MIN_M2 = 1e-8
-_TRIED = 64  # rays from each place that tell who gives it light
-_MIN_SHARE = 0.2  # of rays that go to all emitters
+_TRIED = 64  # rays per place that find the emitters that light it
+_MIN_SHARE = 0.2  # share of rays spread over all emitters
 
 
 class _AimedRays(NamedTuple):
     """Rays that reach emitters.
 
     Attributes:
-        numbers: (r,) of the rays, place after place.
-        picked: (r,) of the emitters.
-        light: (r, 3) along them, on white surfaces, each weighed against a gathering ray.
+        numbers: (r,) ray numbers, place after place.
+        picked: (r,) chosen emitters.
+        light: (r, 3) along the rays, on white surfaces, weighted against gathering rays.
     """
 
     numbers: NDArray[np.intp]
@@ -39,14 +39,14 @@ class _AimedRays(NamedTuple):
 
 
 class Emitters:
-    """Patches that shine, chosen by their power, and as often from each side of what shines.
+    """Bright patches, chosen by power, and equally often from each emitting side.
 
     Args:
-        patches: of the scene.
-        points: of all their entries in `Patches.of_sample`.
-        emission: (p, 3) light of those that rays are aimed at, 0 of others.
-        aimed: rays to emitters from each place.
-        gathered: rays from it by the cosine.
+        patches: patches of the scene.
+        points: points of all entries in `Patches.of_sample`.
+        emission: (p, 3) light of the patches to aim at; 0 elsewhere.
+        aimed: rays to emitters per place.
+        gathered: cosine-distributed rays per place.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Emitters:
         self._gathered = gathered
         self._emission, self._areas_m2 = emission, patches.areas_m2
         mine = np.flatnonzero(power > 0.0)
-        # side after side of what shines, so that rays are shared among them evenly
+        # sorted by emitting side, so that rays are divided among them evenly
         triangles = patches.samples.triangles[patches.of_sample[patches.first[mine]]]
         order = np.lexsort((mine, triangles, patches.sides[mine]))
         self._mine = mine[order]
@@ -73,14 +73,14 @@ class Emitters:
         self._choose_by(0.5 * (powers / max(total, 1e-300) + evenly))
 
     def _choose_by(self, shares: NDArray[np.float64]) -> None:
-        """Let rays go to emitters by shares of them."""
+        """Set the shares of rays that the emitters get."""
         self._shares, self._ends = shares, np.cumsum(shares)
         density = np.zeros(len(self._emission))
         density[self._mine] = shares / np.maximum(self._areas_m2[self._mine], 1e-12)
-        self._density = density.astype(np.float32)  # for each square meter
+        self._density = density.astype(np.float32)  # per square meter
 
     def focused(self, transport: Transport, at: Points, shifts: Floats) -> Emitters:
-        """Emitters chosen by the light that reaches some places (n,), whose shifts are (n, 2)."""
+        """Emitters chosen by the light that reaches places (n,), with shifts (n, 2)."""
         if not self.aimed:
             return self
         rays = self._aim(transport, at, spread_points(_TRIED), shifts)
@@ -102,10 +102,10 @@ class Emitters:
         """Light (n, 3) on white surfaces, by rays to emitters.
 
         Args:
-            transport: through the scene.
+            transport: ray casting in the scene.
             at: (n,) places.
-            points: (k, 2) of the unit square, one for each ray of these places.
-            shifts: (n, 2) of the places.
+            points: (k, 2) in the unit square, one per ray.
+            shifts: (n, 2) shifts of the points, one per place.
         """
         count = len(at.origins_m)
         total = np.zeros((count, 3), dtype=np.float32)
@@ -141,11 +141,11 @@ class Emitters:
         return _AimedRays(some, picked[some], self._emission[patches[some]] * weights[:, None])
 
     def seen(self, hits: PatchHits, cosines: Floats) -> Floats:
-        """Emission (n, 3) of patches that gathering rays end on, less what `light` has of it.
+        """Emission (n, 3) of patches hit by gathering rays, weighted against `light`.
 
         Args:
-            hits: (n,) on patches.
-            cosines: (n,) of the rays and the normals that they come from.
+            hits: (n,) hits on patches.
+            cosines: (n,) between the rays and the normals at their origins.
         """
         emission = self._emission[hits.patches]
         shining = np.flatnonzero(self._density[hits.patches])

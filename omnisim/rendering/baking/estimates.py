@@ -1,4 +1,4 @@
-"""Estimate of a bake's time, from some of its tiles."""
+"""Estimate of the time of a bake, from some of its tiles."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 from omnisim.rendering.baking.bake import Bake
 
-_PROBED_TILES = 2  # by each thread
+_PROBED_TILES = 2  # per thread
 
 
 def estimate(bake: Bake, jobs: int | None = None) -> str:
-    """Time and size of a bake in words, after some of its tiles were tried.
+    """Time and size of a bake as text, measured on some of its tiles.
 
     Args:
-        bake: to estimate.
-        jobs: threads; None: one for each core.
+        bake: bake to estimate.
+        jobs: number of threads; None: one per core.
     """
     threads = jobs or os.cpu_count() or 1
     probes = bake.prober(bake.patches.emission)
@@ -29,7 +29,7 @@ def estimate(bake: Bake, jobs: int | None = None) -> str:
 
 
 def _seconds(compute: Callable[[int], object], tiles: int, threads: int) -> float:
-    """Time of all tiles, by that of some spread over them."""
+    """Time of all tiles, extrapolated from evenly spread ones."""
     count = min(tiles, _PROBED_TILES * threads)
     begin_s = time.monotonic()
     with ThreadPoolExecutor(threads) as pool:

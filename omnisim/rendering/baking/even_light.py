@@ -1,4 +1,4 @@
-"""Even light, which stands in for the lamps that a file does not have, and its absence."""
+"""Even light, the substitute for lamps that a file lacks, and its removal."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from omnisim.scene.model import Scene
 
 
 def without_even_light(scene: Scene) -> Scene:
-    """Scene in the light of its emissive surfaces, if it has no lamps and they are bright.
+    """Scene lit by its emissive surfaces alone, if it has no lamps and they are bright.
 
-    Bright ones are brighter than white: a lamp's tubes, and not a screen. A background that is
-    brighter than white shines, too: it is the sky outside.
+    Bright means brighter than white: a lamp's tubes, but not a screen. A background brighter than
+    white counts too: it is the sky outside.
     """
     lighting = scene.lighting
     is_even = lighting.lights is DEFAULT_LIGHTING.lights and not lighting.is_matte

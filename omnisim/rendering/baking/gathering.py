@@ -17,12 +17,12 @@ _RAYS_AT_ONCE = 1 << 17
 
 
 class Gathered(NamedTuple):
-    """Light at points, on white surfaces.
+    """Gathered light at points, on white surfaces.
 
     Attributes:
-        light: (n, 3) mean of rays from emissive patches and the sky; and by `radiosity`.
-        halves: (n, 2, 3) the same of every other ray.
-        is_valid: (n,) some rays did not come out of something solid.
+        light: (n, 3) mean of rays: light of emissive patches and sky, and `radiosity`.
+        halves: (n, 2, 3) the same, from every other ray.
+        is_valid: (n,) at least one ray did not hit the inside of a solid.
     """
 
     light: Floats
@@ -31,12 +31,12 @@ class Gathered(NamedTuple):
 
 
 class Gatherer:
-    """Gathers light with rays by the cosine.
+    """Gathers light with cosine-distributed rays.
 
     Args:
-        lighting: with the sky.
-        transport: through the scene.
-        samples: rays from each place.
+        lighting: lighting of the scene, with the sky.
+        transport: ray casting in the scene.
+        samples: rays per place.
     """
 
     def __init__(self, lighting: Lighting, transport: Transport, samples: int):
@@ -46,7 +46,7 @@ class Gatherer:
         self._points = spread_points(samples)
 
     def sky(self, directions: Floats) -> Floats:
-        """Light (n, 3) from far away along directions (n, 3)."""
+        """Sky light (n, 3) along directions (n, 3)."""
         if self._environment is None:
             return np.broadcast_to(self._ambient, directions.shape)
         return self._ambient + self._environment.seen(directions)
@@ -54,12 +54,12 @@ class Gatherer:
     def hits(
         self, places: list[Points], shifts: Floats, first: int, last: int
     ) -> tuple[PatchHits, Floats, Floats]:
-        """Ends of the rays first to last of places (n,), their directions, and cosines.
+        """Hits of the rays first to last of places (n,), their directions, and cosines.
 
         Args:
-            places: what each ray starts from, ray after ray around; (n,) each.
-            shifts: (n, 2).
-            first, last: of the rays.
+            places: origins (n,) for the rays, used in turn.
+            shifts: (n, 2) shifts of the directions, one per place.
+            first, last: range of rays.
         """
         count = last - first
         origins = np.empty((len(shifts), count, 3), dtype=np.float32)
@@ -79,7 +79,7 @@ class Gatherer:
     def gather(
         self, places: list[Points], shifts: Floats, radiosity: Floats, emitters: Emitters
     ) -> Gathered:
-        """Light at places (n,) from patches of radiosity (p, 3), from emitters, and the sky."""
+        """Light at places (n,) from patches of radiosity (p, 3), emitters and sky."""
         count = len(shifts)
         halves = np.zeros((count, 2, 3), dtype=np.float32)
         numbers = np.zeros((count, 2), dtype=np.float32)

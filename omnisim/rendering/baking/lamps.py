@@ -18,13 +18,13 @@ Floats = NDArray[np.float32]
 def lamps_on(
     lighting: Lighting, transport: Transport, origins_m: Floats, at: Points | None = None
 ) -> list[LampLight]:
-    """Light of each lamp at points (n, 3), from the transport's center, that nothing hides.
+    """Unoccluded light of each lamp at points (n, 3), relative to the transport's center.
 
     Args:
-        lighting: with the lamps.
-        transport: through the scene.
-        origins_m: (n, 3).
-        at: how surfaces lie there, that light from behind does not reach; None: in free space.
+        lighting: lighting with the lamps.
+        transport: ray casting in the scene.
+        origins_m: (n, 3) points.
+        at: surface points, which receive no light from behind; None: points in free space.
     """
     points_m = origins_m + transport.center_m
     lamps = lamps_at(lighting.without_shadows(), points_m, origins_m, _no_shadows())
@@ -70,7 +70,7 @@ def _shadowed(
 
 
 def _no_shadows() -> Shadows:
-    """Shadows of lamps of which none casts any."""
+    """Shadows for lamps that cast none."""
     none = np.zeros((0, 3))
     hits = RayHits(
         np.zeros(0, np.int32), np.zeros(0), none.astype(np.float32), none.astype(np.float32)

@@ -1,4 +1,4 @@
-"""Points on patches: where light is gathered, and how the surface lies there."""
+"""Points on patches: positions where light is gathered, with surface orientation."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from omnisim.rendering.rays.ray_scene import RayScene
 
 Floats = NDArray[np.float32]
 _BATCH = 1 << 17
-# Directions of probing rays, by the normal and two axes of the plane.
+# Directions of probing rays, along the normal and two axes of the plane.
 _PROBING = np.array(
     [[1.0, 0.0, 0.0], [0.5, 0.866, 0.0], [0.5, -0.433, 0.75], [0.5, -0.433, -0.75]], np.float32
 )
-_MAX_INSIDE = 1  # of them
+_MAX_INSIDE = 1  # maximum number of probing rays inside of a solid
 
 
 class Points(NamedTuple):
     """Points on patches.
 
     Attributes:
-        origins_m: (n, 3) from `Transport.center_m`, beside the surface, on the patch's side.
-        normals: (n, 3) unit, interpolated, on that side.
-        planes: (n, 3) unit, of the triangles, on that side.
+        origins_m: (n, 3) relative to `Transport.center_m`, beside the surface, on the patch's side.
+        normals: (n, 3) unit, interpolated, on the patch's side.
+        planes: (n, 3) unit, triangle normals, on the patch's side.
     """
 
     origins_m: Floats
@@ -57,9 +57,10 @@ def points_at(
 
 
 def usable(rays: RayScene, transport: Transport, patches: Patches) -> Patches:
-    """Patches without those samples that are inside of something solid, or close below a surface.
+    """Patches without samples inside of a solid or close below a surface.
 
-    Light of such a sample, at the foot of a wall or below a rug, would darken the texel's edge.
+    Light of such a sample, such as at the foot of a wall or below a rug, would darken the texel's
+    edge.
     """
     kept = [np.empty(0, np.bool_)]
     spacing_m = np.repeat(patches.spacing_m, np.diff(patches.first))

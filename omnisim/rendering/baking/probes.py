@@ -1,4 +1,4 @@
-"""Probes: light in free space, for objects that move."""
+"""Probes: light in free space, for dynamic objects."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MIN_SPACING_M, _MIN_SIZE_M = 0.25, 1e-3
 _WIDEST_SPACING_M = 0.6
 _AROUND_M = ((np.inf, np.inf), (32.0, 16.0), (16.0, 8.0), (8.0, 4.0))  # level, upwards
 _RAYS = 256
-_MAX_INSIDE = 0.25  # share of rays that meet backs
+_MAX_INSIDE = 0.25  # share of rays that hit backs
 _PROBES = 2  # stage of random numbers
 
 
@@ -31,8 +31,8 @@ class ProbeGrid(NamedTuple):
     """Grid of probes in the world.
 
     Attributes:
-        origin_m, spacing_m: (3,) of the first probe, and between neighbors.
-        shape: numbers along x, y and z.
+        origin_m, spacing_m: (3,) first probe, and spacing of neighbors.
+        shape: number of probes along x, y and z.
     """
 
     origin_m: NDArray[np.float64]
@@ -51,9 +51,9 @@ class ProbeGrid(NamedTuple):
 
 
 def probe_grid(scene: Scene) -> ProbeGrid:
-    """Grid of at most about `PROBE_BUDGET` probes within the static surfaces' bounds.
+    """Grid of about `PROBE_BUDGET` probes at most within the bounds of the static surfaces.
 
-    Of a scene too large for it, the grid is around the places of cameras and vehicles.
+    In a larger scene the grid surrounds the positions of cameras and vehicles.
     """
     low, high = scene.bounds_m()
     places = camera_places_m(scene)
@@ -70,7 +70,7 @@ def probe_grid(scene: Scene) -> ProbeGrid:
 
 
 def _spacing(size_m: NDArray[np.float64]) -> tuple[float, NDArray[np.intp]]:
-    """Spacing of a grid that keeps to the budget, and its numbers of probes."""
+    """Spacing of a grid within the budget, and its number of probes per axis."""
     spacing_m = _MIN_SPACING_M
     while True:
         shape = np.maximum(np.ceil(size_m / spacing_m).astype(np.intp), 1)
@@ -80,14 +80,14 @@ def _spacing(size_m: NDArray[np.float64]) -> tuple[float, NDArray[np.intp]]:
 
 
 class ProbeBaker:
-    """Bakes probes by rays in all directions.
+    """Bakes probes with rays in all directions.
 
     Args:
-        scene: with its lamps.
-        transport: through the scene.
-        gatherer: of the sky.
-        seen: (p, 3) light that patches send out.
-        seed: of the random numbers.
+        scene: scene with its lamps.
+        transport: ray casting in the scene.
+        gatherer: gatherer of sky light.
+        seen: (p, 3) light leaving the patches.
+        seed: seed of the random numbers.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class ProbeBaker:
         return light
 
     def _add_lamps(self, moments: NDArray[np.float64], origins: Floats) -> None:
-        """Add lamps, each of which is light from one direction."""
+        """Add the light of lamps, each from a single direction."""
         for lamp in lamps_on(self._lighting, self._transport, origins):
             towards = np.broadcast_to(lamp.directions, origins.shape)
             light = np.pi * lamp.levels[:, None] * lamp.color

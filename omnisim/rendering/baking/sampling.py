@@ -1,6 +1,6 @@
-"""Points of the unit square and directions of a hemisphere, spread evenly and turned at random.
+"""Points of the unit square and directions of a hemisphere, evenly spread with random shifts.
 
-Source: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018; the turns are
+Source: Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018; the shifts are
 those of Cranley and Patterson, "Randomization of number theoretic methods", 1976.
 """
 
@@ -14,7 +14,7 @@ _STEPS = np.array((0.7548776662466927, 0.5698402909980532))
 
 
 def generator(seed: int, stage: int, tile: int) -> np.random.Generator:
-    """Random numbers of one tile of one stage, whatever was drawn before."""
+    """Random number generator of one tile of one stage, independent of the others."""
     return np.random.Generator(np.random.Philox(key=seed, counter=(0, 0, stage, tile)))
 
 
@@ -25,16 +25,16 @@ def spread_points(count: int) -> Floats:
 
 
 def turned(points: Floats, shifts: Floats) -> Floats:
-    """Points (n, k, 2) of the unit square: each of (k, 2), shifted by each of (n, 2) around it."""
+    """Points (n, k, 2) in the unit square: points (k, 2) with wrap-around shifts (n, 2)."""
     places = shifts[:, None] + points
     places -= np.floor(places)
     return places
 
 
 def cosine_directions(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Directions (n, k, 3) about unit normals (n, 3) by points (n, k, 2), and their cosines (n, k).
+    """Directions (n, k, 3) about unit normals (n, 3) from points (n, k, 2); cosines (n, k).
 
-    Their density is the cosine over pi.
+    Their probability density is the cosine over pi.
     Source of the axes: Duff et al., "Building an orthonormal basis, revisited", 2017.
     """
     x, y, z = (normals[:, axis, None] for axis in range(3))
@@ -53,7 +53,7 @@ def cosine_directions(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
 
 
 def sphere_directions(points: Floats) -> Floats:
-    """Unit directions (n, 3), even over the sphere, by points (n, 2)."""
+    """Unit directions (n, 3), uniform over the sphere, from points (n, 2)."""
     z = 1.0 - 2.0 * points[:, 0]
     side = np.sqrt(np.maximum(1.0 - z * z, 0.0))
     angle = np.float32(2.0 * np.pi) * points[:, 1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-# Texels of an atlas whose texel is left out: minutes of two cores, at the default samples.
+# Texels of an atlas without a given texel width: minutes on two cores at the default samples.
 DEFAULT_TEXELS = 3 << 16
 FINE_TEXELS = 3 << 19  # 9 MB of half floats, half of that in the file
 DEFAULT_SAMPLES = 128
@@ -13,15 +13,15 @@ DEFAULT_BOUNCES = 16
 
 @dataclass(frozen=True)
 class BakeSettings:
-    """Settings of a bake; equal ones of equal scenes make equal bytes.
+    """Settings of a bake; equal settings and scenes produce equal bytes.
 
     Attributes:
-        texel_m: width of a texel near the vehicles' places; None: by the scene's area, so that
-            the atlas has `texels`.
-        samples: rays that gather light in each texel.
-        bounces: reflections of light between lamps and the texel; 0: direct light alone.
-        seed: of the random numbers.
-        texels: of the atlas at most, where `texel_m` is None.
+        texel_m: width of a texel near the vehicles; None: chosen by the scene's area, so that the
+            atlas has `texels`.
+        samples: gathering rays per texel.
+        bounces: reflections of light between lamps and the texel; 0: direct light only.
+        seed: seed of the random numbers.
+        texels: maximum number of texels in the atlas, if `texel_m` is None.
     """
 
     texel_m: float | None = None

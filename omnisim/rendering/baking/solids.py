@@ -1,4 +1,4 @@
-"""Closed parts of meshes: what is behind their surfaces is inside of something solid."""
+"""Closed parts of meshes, which count as solids: their inside is invisible."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from omnisim.scene.model import Mesh, Scene
 
 
 def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
-    """Triangles (m,) of all instances whose back is seen: double-sided, and not of a solid.
+    """Mask (m,) of triangles with a visible back: double-sided, and not part of a solid.
 
-    A solid is a closed part of a mesh in which no camera starts.
+    A solid is a closed part of a mesh without a start position of a camera inside.
     """
     parts = {one: _closed_parts(scene.meshes[one]) for one in {i.mesh for i in scene.instances}}
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
@@ -37,7 +37,7 @@ def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
 
 
 def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Instances (n,) of which some triangle (m,) is chosen."""
+    """Mask (n,) of instances with at least one chosen triangle of (m,)."""
     counts = [len(scene.meshes[instance.mesh].triangles) for instance in scene.instances]
     ends = np.cumsum([0, *counts])
     before = np.concatenate(([0], np.cumsum(is_chosen)))
@@ -46,7 +46,7 @@ def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_
 
 
 def _closed_parts(mesh: Mesh) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Connected part of each triangle, and the parts each of whose edges is of two triangles."""
+    """Connected part of each triangle, and mask of closed parts: two triangles at every edge."""
     _, welded = np.unique(mesh.positions, axis=0, return_inverse=True)
     corners = welded.reshape(-1)[mesh.triangles]
     count = int(corners.max(initial=-1)) + 1
@@ -56,7 +56,7 @@ def _closed_parts(mesh: Mesh) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         coo_matrix((ones, (firsts, seconds)), shape=(count, count)), directed=False
     )
     part_of = part_of_vertex[corners[:, 0]].astype(np.intp)
-    # an edge is passed as often in one direction as in the other
+    # in a closed part, each edge is traversed equally often in both directions
     keys, reverse = firsts.astype(np.int64) * count + seconds, seconds * np.int64(count) + firsts
     edges, of_both = np.unique(np.concatenate((keys, reverse)), return_inverse=True)
     balance = np.zeros(len(edges), dtype=np.intp)

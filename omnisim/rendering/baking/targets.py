@@ -1,4 +1,4 @@
-"""Folders that a bake is written to: new or empty ones, those of a finished bake, or of another."""
+"""Output folders of bakes: new or empty, with the same finished bake, or with another."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ FILES = ("baked.json", "irradiance.exr", "probes.npz", "unwrapping.npz")
 def is_finished(
     output: Path, fingerprint: str, settings: BakeSettings, force: bool = False
 ) -> bool:
-    """True where a folder holds this very bake; false where it is to be written.
+    """True if a folder holds exactly this bake; False if it has to be written.
 
     Args:
-        output: the folder.
-        fingerprint: of the scene.
-        settings: of the bake.
-        force: another bake may be there: it is replaced.
+        output: folder of the bake.
+        fingerprint: fingerprint of the scene.
+        settings: settings of the bake.
+        force: allow another bake in the folder, which is overwritten.
 
     Raises:
-        OutputError: the folder holds another bake, or something else, or cannot be written.
+        OutputError: the folder holds another bake or other files, or cannot be written.
     """
     names = sorted(path.name for path in output.iterdir()) if output.is_dir() else []
     if not names:
@@ -48,7 +48,7 @@ def is_finished(
 
 
 def clear(output: Path) -> None:
-    """Remove a bake's files, so that another takes their place."""
+    """Remove the files of a bake, to make room for another."""
     for name in FILES:
         (output / name).unlink(missing_ok=True)
 

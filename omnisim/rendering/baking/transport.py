@@ -14,17 +14,17 @@ from omnisim.rendering.rays.ray_scene import MAX_LAYERS, RayScene
 
 Floats = NDArray[np.float32]
 SKY, INSIDE = -1, -2
-# Rays begin beside their surface: by this, and by this share of the scene's size.
+# Offset of rays from their surface: a constant, and a share of the scene's size.
 _START_M, _START_SHARE = 1e-4, 1e-6
 
 
 class PatchHits(NamedTuple):
-    """Patches that rays end on.
+    """Patches hit by rays.
 
     Attributes:
-        patches: (n,) or `SKY`; `INSIDE`: the ray has come out of something solid.
-        ranges_m: (n,).
-        cosines: (n,) of the rays and the patches' planes.
+        patches: (n,) patch, or `SKY`; `INSIDE`: the ray hit the inside of a solid.
+        ranges_m: (n,) ranges.
+        cosines: (n,) between the rays and the planes' normals.
     """
 
     patches: NDArray[np.int32]
@@ -40,12 +40,12 @@ class Transport:
     """Casts rays at the static surfaces of a scene.
 
     Args:
-        rays: of the scene.
-        patches: of the scene.
+        rays: ray scene.
+        patches: patches of the scene.
 
     Attributes:
-        start_m: distance from a surface at which rays begin.
-        center_m: (3,) world, from where origins of rays are counted.
+        start_m: offset of ray origins from a surface.
+        center_m: (3,) world, reference point of ray origins.
     """
 
     def __init__(self, rays: RayScene, patches: Patches):
@@ -62,7 +62,7 @@ class Transport:
         self._has_any_holes = bool(self._has_holes.any())
 
     def cast(self, origins_m: Floats, directions: Floats) -> PatchHits:
-        """Patches that rays (n, 3) of unit directions end on."""
+        """Patches hit by rays (n, 3) with unit directions."""
         hits = self._hits(origins_m, directions, None)
         count = len(origins_m)
         found = np.flatnonzero(hits.triangles != NO_TRIANGLE)
@@ -79,7 +79,7 @@ class Transport:
         return PatchHits(patches, hits.ranges_m, cosines)
 
     def is_back(self, hits: PatchHits) -> NDArray[np.bool_]:
-        """True (n,) where rays end on the back of a patch."""
+        """Mask (n,) of rays that hit the back of a patch."""
         on_patch = hits.patches >= 0
         back: NDArray[np.bool_] = on_patch & (self._patches.sides[hits.patches] == BACK)
         return back
@@ -87,17 +87,17 @@ class Transport:
     def is_hidden(
         self, origins_m: Floats, directions: Floats, far: Floats | None
     ) -> NDArray[np.bool_]:
-        """True (n,) where a surface, seen from either side, is on the way.
+        """Mask (n,) of rays blocked by a surface, hit on either side.
 
         Args:
-            origins_m, directions: (n, 3).
-            far: (n,) ends of the rays, in lengths of the direction; None: nowhere.
+            origins_m, directions: (n, 3) rays.
+            far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
         hidden: NDArray[np.bool_] = self._hits(origins_m, directions, far).triangles != NO_TRIANGLE
         return hidden
 
     def _hits(self, origins_m: Floats, directions: Floats, far: Floats | None) -> EmbreeHits:
-        """Nearest triangles that are no holes of masked surfaces."""
+        """Nearest triangles along rays, ignoring holes of masked surfaces."""
         hits = self._caster.static_hits(origins_m, directions, far)
         if not self._has_any_holes:
             return hits
@@ -119,7 +119,7 @@ class Transport:
         return hits
 
     def _is_hole(self, hits: EmbreeHits) -> NDArray[np.bool_]:
-        """True (n,) where a masked surface has a hole, or a blended one is rather clear."""
+        """Mask (n,) of hits in a hole of a masked surface, or on a mostly clear blended one."""
         weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
         nowhere = np.zeros((len(hits.u), 3))
         ranges_m = np.zeros(len(hits.u))

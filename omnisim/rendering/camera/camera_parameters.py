@@ -1,4 +1,4 @@
-"""Cameras of images and runs, by the parameters that their files hold."""
+"""Cameras of images and runs, from the parameters stored in their files."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from omnisim.core.errors import OpticsError, SensorFileError
 
 
 def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
-    """Camera that any camera's `parameters()` describes, an optical system's among them.
+    """Camera described by the `parameters()` of any camera, including an optical system.
 
     Raises:
-        OpticsError: naming the first faulty key, the expected value and its own.
+        OpticsError: names the first faulty key, with the expected and the actual value.
     """
     if not isinstance(parameters, Mapping) or parameters.get("model") != "optics":
         return camera_from_parameters(parameters)
-    from omnisim.cameras.optics.system_file import parse_optics  # few cameras are one
+    from omnisim.cameras.optics.system_file import parse_optics  # few cameras need it
 
     _check_whole(parameters)
     try:
@@ -27,7 +27,7 @@ def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
 
 
 def _check_whole(parameters: Mapping[str, Any]) -> None:
-    """Refuse names of other files: an image or a run has all of its camera inside."""
+    """Refuse references to other files: an image or a run contains its whole camera."""
     surfaces = parameters.get("surfaces")
     tables = list(surfaces) if isinstance(surfaces, list | tuple) else []
     for table in (parameters.get("camera"), *tables):

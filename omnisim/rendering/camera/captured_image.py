@@ -1,4 +1,4 @@
-"""Image files, read together with their cameras."""
+"""Image files, read with their cameras."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from omnisim.rendering.camera.valid_mask import valid_mask
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CapturedImage:
-    """An image with its camera and poses.
+    """Image with its camera and poses.
 
     Attributes:
         pixels: (height, width, 3) uint8 sRGB, or float32 linear.
-        covered: (height, width) mask of the pixels that show the scene.
-        camera: the camera.
+        covered: (height, width) mask of pixels that show the scene.
+        camera: camera of the image.
         base_from_optical: (3, 3) rotation from the camera's optical frame to the vehicle's base.
-        world_from_base, world_from_optical: (4, 4) poses, where the image knows them.
-        metadata: of the image's file; empty where it has none.
+        world_from_base, world_from_optical: (4, 4) poses, if the image has them.
+        metadata: metadata of the image file; empty if there is none.
     """
 
     pixels: NDArray[Any]
@@ -46,15 +46,15 @@ class CapturedImage:
         return short_repr(self, summary(self.camera), str(self.pixels.dtype))
 
     def assuming_viewpoint(self, distance_m: float) -> tuple[CapturedImage, str | None]:
-        """The same image, or as if all rays of its optical system met in one point.
+        """The same image, or a central approximation if its camera is an optical system.
 
         Args:
-            distance_m: of the points from there that it is right for.
+            distance_m: distance from the viewpoint at which points are exact.
 
         Returns the image, and the assumption with its errors, or None.
 
         Raises:
-            OpticsError: a distance that is not positive, or of a camera that has a viewpoint.
+            OpticsError: the distance is not positive, or the camera is central.
         """
         if not isinstance(self.camera, NonCentralCamera):
             if math.isfinite(distance_m):
@@ -75,10 +75,10 @@ class CapturedImage:
 
 
 def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> CapturedImage:
-    """Read an image with its camera, from its own metadata or by the sensor that is given.
+    """Read an image with its camera, from its own metadata or from a given sensor.
 
     Raises:
-        OmnisimError: not an image, without a camera, or of another size than the camera's.
+        OmnisimError: not an image, no camera, or an image size that differs from the camera's.
     """
     stored, metadata = read_image(path)
     pixels = _three_channels(stored)
@@ -118,7 +118,7 @@ def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> Capture
         raise OutputError(f"{path}: its metadata: {reason}") from None
     if stored.shape[2] in (2, 4):
         covered &= stored[..., -1] > 0
-    if pixels.dtype != np.uint8:  # infinities and NaN are not valid
+    if pixels.dtype != np.uint8:  # infinities and NaN are invalid
         finite = np.isfinite(pixels).all(axis=-1)
         covered &= finite
         pixels[~finite] = 0.0

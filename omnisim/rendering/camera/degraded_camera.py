@@ -12,13 +12,13 @@ from omnisim.rendering.twist import moved_px
 
 
 class DegradedCamera:
-    """Takes the images of a camera that is not ideal.
+    """Takes the images of a non-ideal camera.
 
     Args:
-        sensor: the camera.
-        seed: of its noise.
+        sensor: camera sensor.
+        seed: seed of its noise.
         render: renders an image from sub-frames.
-        boxes: around all that moves.
+        boxes: bounding boxes of the moving parts.
     """
 
     def __init__(

@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from omnisim.cameras.calibration import CalibratedCamera, Calibration
     from omnisim.rendering.camera.sensor_file import SensorSettings
 
-# What `OmniCamera.of` makes a sensor of; None: the paper's.
+# Inputs from which `OmniCamera.of` makes a sensor; None: the paper's.
 CameraLike: TypeAlias = (
     "OmniCamera | CentralCamera | Calibration | CalibratedCamera | str | Path | None"
 )
-Polygons = int | Literal["auto", "default"] | None  # of a mirror's mesh; None: exact
+Polygons = int | Literal["auto", "default"] | None  # polygons of a mirror mesh; None: exact
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
 
@@ -54,29 +54,29 @@ def _paper_camera() -> HyperbolicCamera:
 class OmniCamera:
     """An omnidirectional camera: a pinhole camera below a mirror, or a lens.
 
-    Without arguments: the paper's.
+    Without arguments: the paper's camera.
 
     Attributes:
-        model: the camera model, with its mirror if it has one.
-        polygons: of the mirror's mesh; "auto": as few as keep the largest error in the image
-            below a tenth of a pixel, see `mesh_polygons`; None captures exactly, pixel by pixel,
-            as a lens always is; "default", which becomes one of the two, is "auto", but exact for
-            an optical system, whose exact rays are traced once.
+        model: camera model, including its mirror if it has one.
+        polygons: polygons of the mirror mesh. "auto": the fewest that keep the largest error in the
+            image below a tenth of a pixel, see `mesh_polygons`. None: exact capture, pixel by
+            pixel; a lens is always exact. "default": None for an optical system, whose exact rays
+            are traced once; "auto" for other cameras.
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
-        face_size_px: texels across the 90° of each virtual camera; None: as the image needs.
+        face_size_px: texels across the 90° of each virtual camera; None: as the image requires.
         near_m, far_m: clipping planes of the virtual cameras; far may be infinite. The default
             near plane is nearer in small scenes, see `seeing`.
-        samples: samples a texel of the virtual cameras, against jagged edges.
-        supersampling: samples to a side of a pixel of the image, averaged in linear light.
-        texels_per_pixel: texels of the virtual cameras to a side of the image's finest pixels,
-            where no size is given.
-        degradation: of the ideal image; by default none.
+        samples: samples per texel of the virtual cameras, against jagged edges.
+        supersampling: samples per pixel side of the image, averaged in linear light.
+        texels_per_pixel: texels of the virtual cameras per side of the image's finest pixels, if no
+            size is given.
+        degradation: degradation of the ideal image; by default none.
 
     Raises:
-        OmnisimError: no camera model, a polygon count that makes no mesh, near and far that leave
-            nothing between them, a size or number of samples that cannot be, or a mounting that is
-            no pose.
+        OmnisimError: no camera model, a polygon count that makes no mesh, an empty range between
+            near and far, an invalid size or number of samples, or an invalid mounting
+            pose.
     """
 
     model: CentralCamera = field(default_factory=_paper_camera)
@@ -108,7 +108,7 @@ class OmniCamera:
                     f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
                     "no mirror with a mesh: expected 'auto' or 'exact'"
                 )
-        if not 0.0 < self.near_m < self.far_m:  # false for NaN, too
+        if not 0.0 < self.near_m < self.far_m:  # also rejects NaN
             raise OpticsError(
                 f"near_m: expected more than 0 and less than far_m = {self.far_m:g}, "
                 f"got {self.near_m:g}"
@@ -123,7 +123,7 @@ class OmniCamera:
             raise OpticsError(
                 f"supersampling: expected 1 to {MAX_SUPERSAMPLING}, got {self.supersampling}"
             )
-        if not MIN_DENSITY <= self.texels_per_pixel <= MAX_DENSITY:  # false for NaN, too
+        if not MIN_DENSITY <= self.texels_per_pixel <= MAX_DENSITY:  # also rejects NaN
             raise OpticsError(
                 f"texels_per_pixel: expected {MIN_DENSITY:g} to {MAX_DENSITY:g}, "
                 f"got {self.texels_per_pixel}"
@@ -140,16 +140,16 @@ class OmniCamera:
 
     @classmethod
     def of(cls, camera: CameraLike) -> OmniCamera:
-        """Sensor of whatever names one.
+        """Sensor from any description of a camera.
 
         Args:
-            camera: a sensor; a camera model; path of a sensor, optics or calibration file of one
-                camera; such a calibration, or one of its cameras; None: the paper's.
+            camera: a sensor; a camera model; path of a sensor, optics or single-camera calibration
+                file; a single-camera calibration, or one of its cameras; None: the paper's.
 
         Raises:
-            SensorFileError: naming file, key, value and what was expected.
-            CalibrationError: likewise, or several cameras.
-            OpticsError: none of these.
+            SensorFileError: names file, key, value and the expected value.
+            CalibrationError: the same for calibration files, or several cameras.
+            OpticsError: the input is none of these.
         """
         if isinstance(camera, OmniCamera):
             return camera
@@ -159,7 +159,7 @@ class OmniCamera:
             return cls(camera)
         if isinstance(camera, str | Path) and Path(camera).suffix.lower() in ("", ".toml"):
             return cls.from_file(camera)
-        # the time to import formats and fits is for those who use them
+        # imported late: only users of calibrations need formats and fits
         from omnisim.cameras.calibration import CalibratedCamera, Calibration, load_calibration
 
         found = load_calibration(camera) if isinstance(camera, str | Path) else camera
@@ -176,7 +176,7 @@ class OmniCamera:
         """Read a sensor file.
 
         Raises:
-            SensorFileError: naming file, key, value and what was expected.
+            SensorFileError: names file, key, value and the expected value.
         """
         from omnisim.rendering.camera.sensor_file import (
             read_sensor_file,
@@ -186,10 +186,10 @@ class OmniCamera:
 
     @classmethod
     def from_table(cls, table: dict[str, Any], source: str = "sensor") -> OmniCamera:
-        """Make the sensor of a table with the keys of a sensor file.
+        """Make a sensor from a table with the keys of a sensor file.
 
         Raises:
-            SensorFileError: naming `source`, key, value and what was expected.
+            SensorFileError: names `source`, key, value and the expected value.
         """
         from omnisim.rendering.camera.sensor_file import parse_sensor
 
@@ -217,7 +217,7 @@ class OmniCamera:
         """The same view in an image whose shorter side has `size_px` pixels.
 
         Raises:
-            OpticsError: a size below 1, or beyond any GPU's.
+            OpticsError: the size is below 1, or beyond the limit of GPUs.
         """
         if not 1 <= size_px <= MAX_IMAGE_PX:
             raise OpticsError(f"camera: size: expected 1 to {MAX_IMAGE_PX}, got {size_px}")
@@ -228,11 +228,11 @@ class OmniCamera:
         )
 
     def summary(self) -> str:
-        """Camera model and size."""
+        """Camera model and image size as text."""
         return summary(self.model)
 
     def mounted(self, base_from_mount: ArrayLike | None) -> OmniCamera:
-        """The same sensor on a mount with a pose (4, 4) on the vehicle; None: at its base.
+        """The same sensor on a mount at a pose (4, 4) on the vehicle; None: at its base.
 
         Raises:
             OmnisimError: an invalid pose.
@@ -243,9 +243,9 @@ class OmniCamera:
         return dataclasses.replace(self, base_from_rig=base_from_rig)
 
     def seeing(self, size_m: float) -> OmniCamera:
-        """The same camera for a scene of a size, to which a near plane by default adapts.
+        """The same camera for a scene of a given size, to which a default near plane adapts.
 
-        Rays that start beside the effective viewpoint need one that is farther than they do, so
+        Rays that start beside the effective viewpoint need a near plane beyond their origins, so
         non-central optics keep theirs.
         """
         near_m = near_plane_m(size_m, DEFAULT_NEAR_M)
@@ -256,9 +256,9 @@ class OmniCamera:
 
     @cached_property
     def mesh_polygons(self) -> int | None:
-        """Polygons of the mirror's mesh: `polygons`, or what "auto" comes to; None: exact.
+        """Polygons of the mirror mesh: `polygons`, or the result of "auto"; None: exact.
 
-        "auto" is exact where even the finest mesh is off by more.
+        "auto" is exact if even the finest mesh has a larger error.
         """
         if isinstance(self.polygons, str):
             return auto_polygons(self.model)
@@ -266,12 +266,12 @@ class OmniCamera:
 
     @property
     def mesh_error_px(self) -> float:
-        """Largest error of the mirror's mesh anywhere in the image; 0 where it is exact."""
+        """Largest error of the mirror mesh in the image; 0 if exact."""
         return mesh_error_px(self.model, self.mesh_polygons)
 
     @property
     def mesh_summary(self) -> str:
-        """Polygons of the mirror's mesh in words."""
+        """Polygons of the mirror mesh as text."""
         if self.mesh_polygons is not None:
             chosen = " (auto)" if self.polygons == "auto" else ""
             return f"{self.mesh_polygons} polygons{chosen}"
@@ -282,7 +282,7 @@ class OmniCamera:
 
     @property
     def supersampled_model(self) -> CentralCamera:
-        """Model of the supersampled image that is averaged to this one's."""
+        """Model of the supersampled image, which is averaged to this one."""
         return self.model.scaled(self.supersampling)
 
     @property
@@ -296,7 +296,7 @@ class OmniCamera:
         """The same sensor with another mesh, see `polygons`.
 
         Raises:
-            OpticsError: a polygon count that makes no mesh.
+            OpticsError: the polygon count does not make a mesh.
         """
         return dataclasses.replace(self, polygons=polygons)
 
@@ -304,7 +304,7 @@ class OmniCamera:
         """The same sensor with a capture quality by name: "fast", "default" or "fine".
 
         Raises:
-            OpticsError: there is no such quality.
+            OpticsError: the name is unknown.
         """
         return dataclasses.replace(self, **quality_named(name)._asdict())
 
@@ -323,7 +323,7 @@ class OmniCamera:
         effective viewpoint is at `viewpoint_m` (3,), world.
 
         Raises:
-            OmnisimError: a position or angle that is not finite.
+            OmnisimError: a position or angle is not finite.
         """
         world_from_base = poses.pose(viewpoint_m, roll_deg, pitch_deg, yaw_deg)
         world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]

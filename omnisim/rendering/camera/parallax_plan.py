@@ -1,4 +1,4 @@
-"""Tiles for rays that do not meet in one point: all that their points are seen in."""
+"""Tiles for non-central rays: all directions in which their points are seen."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_densities
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays
 from omnisim.rendering.sensor_tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
 
-# Of pixels: those stretched by more are drawn as if they were by this.
+# Maximum stretch of pixels; more stretched ones are drawn with this stretch.
 IMAGE_ANISOTROPY = 2.0
-_PERCENTILE = 90.0  # % of the pixels, whose mip levels there are
+_PERCENTILE = 90.0  # % of the pixels, whose mip level applies
 _GUTTER_PX = 2  # samples of a pixel are looked up in the tile of its center
-_MAX_RAYS = 20_000  # whose points, near and far, are counted
-_STEP = 2.0 * GRID_STEP  # tangents from a point to the next: what is beside one is seen, too
+_MAX_RAYS = 20_000  # maximum number of rays with near and far points in the estimate
+_STEP = 2.0 * GRID_STEP  # tangents between points: neighborhoods of points count as visible
 
 
 class _SeenRays(NamedTuple):
-    """Rays of pixels that have neighbors, and what of their points is seen."""
+    """Rays of pixels with neighbors, and the visible parts of their points."""
 
     directions: NDArray[np.float64]  # (n, 3)
-    along: NDArray[np.float64]  # (n,) radians from a sample to the next, the longer way
-    points: list[tuple[NDArray[np.float64], NDArray[np.float64]]]  # (m, 3), samples a radian (m,)
+    along: NDArray[np.float64]  # (n,) radians between samples, in the longer direction
+    points: list[tuple[NDArray[np.float64], NDArray[np.float64]]]  # (m, 3), samples per radian (m,)
 
 
 def parallax_tiles(
@@ -45,13 +45,13 @@ def parallax_tiles(
     """Plan the tiles that show all points of rays, in the rig frame, to the viewpoint at 0.
 
     Args:
-        colors: rays of the samples, of each color that has its own.
-        texels_per_pixel: to a side of a pixel.
-        near_m: nothing is nearer.
-        max_anisotropy: of pixels, beyond which they are drawn as if they were less stretched.
+        colors: rays of the samples, one entry per color with its own rays.
+        texels_per_pixel: texels per pixel side.
+        near_m: minimum distance of points.
+        max_anisotropy: stretch limit of pixels; more stretched ones are drawn with this limit.
 
     Raises:
-        GraphicsError: the image shows too little.
+        GraphicsError: the image shows too small a region.
     """
     supersampling = colors[0].supersampling
     seen = [_seen_rays(rays, near_m, max_anisotropy, _MAX_RAYS // len(colors)) for rays in colors]
@@ -78,14 +78,14 @@ def _seen_rays(
         raise GraphicsError("camera: the image shows too little of the scene")
     here = directions[:-1, :-1][whole].astype(np.float64)
     steps = np.stack((directions[:-1, 1:][whole] - here, directions[1:, :-1][whole] - here), -1)
-    # of the samples, as mip levels are of these
+    # of the samples, because mip levels refer to samples
     along, across = (values / rays.supersampling for values in _singular_values(steps))
     densest = 1.0 / np.maximum(across, along / max_anisotropy)
     found = [(here, densest)]
     some = slice(None, None, max(1, len(here) // max_rays))
     near, densest = here[some], densest[some]
     origins_m = origins_m[:-1, :-1][whole][some].astype(np.float64)
-    # of all points of a ray
+    # over all points of a ray
     turn = float(np.linalg.norm(origins_m, axis=1).max()) / near_m
     for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / _STEP))[1:]:
         found.append((near + nearness * origins_m, densest))
@@ -93,10 +93,10 @@ def _seen_rays(
 
 
 def _densities(places: NDArray[np.float64], densest: NDArray[np.float64]) -> list[SamplingDensity]:
-    """Density of each face, by the directions of points (n, 3), and samples a radian (n,)."""
+    """Density of each face, from directions of points (n, 3) and samples per radian (n,)."""
     densities = []
     for on_it, tangents in _on_faces(places):
-        # a face's tangents grow faster than angles away from its middle
+        # away from a face's middle, tangents grow faster than angles
         wider = np.sqrt(1.0 + np.square(tangents).sum(axis=1))
         densities.append(density_of_rays(tangents, densest[on_it] / wider))
     return densities
@@ -107,7 +107,7 @@ def _on_faces(
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64]]]:
     """Indices of the directions (n, 3) on each face, and their tangents (m, 2).
 
-    As `face_index` and `face_tangents` have it, quicker for as many: a face's axes are the rig's.
+    Equivalent to `face_index` and `face_tangents`, but faster: a face's axes are the rig's.
     """
     sizes = np.abs(directions)
     axis = np.where(sizes[:, 1] > sizes[:, 0], 1, 0)
@@ -123,9 +123,9 @@ def _on_faces(
 def _mip_level(
     plan: TilePlan, directions: NDArray[np.float64], along: NDArray[np.float64]
 ) -> float:
-    """Level at which a texel is as wide as the samples of directions (n, 3) are far, in radians.
+    """Level at which texels are as wide as the spacing of samples at directions (n, 3), radians.
 
-    That of most: past a rim's last pixels, and at poles, samples are as far as one likes.
+    A percentile: beyond a rim's last pixels, and at poles, the spacing is unbounded.
     """
     texels = [np.ones(1)]
     for face, (on_it, tangents) in enumerate(_on_faces(directions)):

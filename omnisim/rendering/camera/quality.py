@@ -1,8 +1,8 @@
-"""Capture quality: texels of the virtual cameras and samples per pixel, by a name or by numbers.
+"""Capture quality: texels of the virtual cameras and samples per pixel, by name or by number.
 
-Both numbers are about jagged edges and lost detail, at two places: texels to a side of the
-image's finest pixels, and samples to a side of each pixel, which are averaged. The names are
-settings where neither is finer than the other can show.
+Both numbers control jagged edges and lost detail: texels per side of the image's finest pixels,
+and samples per pixel side, which are averaged. The named settings balance both, so that neither
+is finer than the other can show.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import Literal, NamedTuple
 
 from omnisim.core.errors import OpticsError, did_you_mean
 
-MAX_IMAGE_PX = 32768  # what any GPU of today allows; the one at hand may allow less
+MAX_IMAGE_PX = 32768  # limit of current GPUs; the actual GPU may allow less
 MAX_SUPERSAMPLING = 8
-MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras to a side of a pixel
+MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras per pixel side
 
 QualityName = Literal["fast", "default", "fine"]
 
@@ -22,8 +22,8 @@ class CaptureQuality(NamedTuple):
     """Texels and samples of a capture.
 
     Attributes:
-        supersampling: samples to a side of a pixel of the image.
-        texels_per_pixel: texels of the virtual cameras to a side of the image's finest pixels.
+        supersampling: samples per pixel side of the image.
+        texels_per_pixel: texels of the virtual cameras per side of the image's finest pixels.
     """
 
     supersampling: int
@@ -40,10 +40,10 @@ DEFAULT_QUALITY: QualityName = "default"
 
 
 def quality_named(name: str) -> CaptureQuality:
-    """Capture quality of a name.
+    """Capture quality by name.
 
     Raises:
-        OpticsError: there is no such quality.
+        OpticsError: the name is unknown.
     """
     if name in QUALITIES:
         return QUALITIES[name]

@@ -73,30 +73,30 @@ class MountingTable(Table):
     roll_deg: Number = 0.0
     """Degrees about x."""
     pitch_deg: Number = 0.0
-    """Degrees about y; more than 0: nose down."""
+    """Degrees about y; positive: nose down."""
     yaw_deg: Number = 0.0
     """Degrees about z, counter-clockwise seen from above."""
 
 
 class MirrorTable(Table):
-    """First group: the static mesh."""
+    """First group: the static mirror mesh."""
 
     shape: Literal["hyperbolic"] = "hyperbolic"
     """Profile of the mirror: Baker and Nayar's hyperboloid, the paper's Eq. 1."""
     k: Annotated[Number, Field(ge=2.0)] = PAPER_K
-    """Parameter k of the profile, without a unit."""
+    """Parameter k of the profile, dimensionless."""
     c: AboveZero = PAPER_C
-    """From the effective viewpoint to the pinhole, in units of the profile."""
+    """Distance from the effective viewpoint to the pinhole, in units of the profile."""
     meters_per_unit: AboveZero = PAPER_METERS_PER_UNIT
-    """Meters in a unit of the profile; the paper names none: an assumption."""
+    """Meters per unit of the profile; the paper names none: an assumption."""
     theta_max_deg: Number | None = None
-    """The rim: degrees of incidence from straight down, 90 is the horizon; 105 where no rim is
+    """Incidence angle of the rim in degrees from straight down; 90 is the horizon; 105 if no rim is
     given."""
     rim_radius_m: AboveZero | None = None
-    """Radius of the rim in meters, in place of theta_max_deg."""
+    """Radius of the rim in meters, instead of theta_max_deg."""
     polygons: PolygonCount = "auto"
-    """Polygons of the mesh: 16, 64, 256, 1024 (the paper's), 4096, …; "auto": as few as keep the
-    largest error in the image below 0.1 px; "exact": no mesh."""
+    """Polygons of the mesh: 16, 64, 256, 1024 (the paper's), 4096, …; "auto": the fewest that keep
+    the largest error in the image below 0.1 px; "exact": no mesh."""
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     @model_validator(mode="after")
@@ -108,10 +108,10 @@ class MirrorTable(Table):
         return self
 
     def make_mirror(self, source: str) -> HyperbolicMirror:
-        """The mirror.
+        """Make the mirror.
 
         Raises:
-            SensorFileError: values that do not fit each other.
+            SensorFileError: the values contradict each other.
         """
         shape = (self.k, self.c, self.meters_per_unit)
         given = f"theta_max_deg = {math.degrees(DEFAULT_RIM_RAD):g} (default)"
@@ -130,10 +130,10 @@ class MirrorTable(Table):
             raise _fault(f"{source}: mirror.{given}: ", reason, "mirror: ") from None
 
     def polygon_count(self, source: str) -> Polygons:
-        """Polygons of the mesh, or None: exact.
+        """Polygons of the mesh; None: exact.
 
         Raises:
-            SensorFileError: a count that makes no mesh.
+            SensorFileError: the count does not make a mesh.
         """
         return _polygon_count(self.polygons, f"{source}: mirror")
 
@@ -142,16 +142,16 @@ class VirtualCamerasTable(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
-    """Texels across the 90°; "auto": as texels_per_pixel needs."""
+    """Texels across the 90°; "auto": as texels_per_pixel requires."""
     texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
-    """Texels to a side of the image's finest pixels; left out: as camera.quality says."""
+    """Texels per side of the image's finest pixels; left out: from camera.quality."""
     near_m: AboveZero = DEFAULT_NEAR_M
-    """Meters; nothing nearer is seen, and a note says so where something is. Left at 0.05, it is
-    nearer in scenes of less than 1 m."""
+    """Near plane in meters; nearer surfaces are invisible, and a note reports them. The default
+    0.05 is reduced in scenes of less than 1 m."""
     far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
-    """Meters; nothing farther is seen; may be inf."""
+    """Far plane in meters; farther surfaces are invisible; may be inf."""
     samples: Literal[1, 2, 4, 8] = 1
-    """Samples a texel, against jagged edges; at most as many as the GPU has."""
+    """Samples per texel, against jagged edges; at most as many as the GPU supports."""
 
     @model_validator(mode="after")
     def _near_before_far(self) -> VirtualCamerasTable:
@@ -172,13 +172,13 @@ class CameraTable(Table):
     focal_length_px: FocalLength = "fit"
     """Focal length in pixels; "fit": the rim touches the nearest edges of the image."""
     principal_point_px: PrincipalPoint = "center"
-    """(u, v) of the optical axis in pixels, (0, 0) at the center of the top left one; "center": the
-    image's middle."""
+    """(u, v) of the optical axis in pixels, (0, 0) at the center of the top left pixel; "center":
+    the middle of the image."""
     quality: QualityName = DEFAULT_QUALITY
     """Capture quality by name: fast is supersampling 2 and texels_per_pixel 1, default 3 and 2.9,
     fine 4 and 4."""
     supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] | None = None
-    """Samples to a side of a pixel, averaged in linear light; left out: as quality says."""
+    """Samples per pixel side, averaged in linear light; left out: from quality."""
 
     def make_camera(self, mirror: HyperbolicMirror, source: str) -> HyperbolicCamera:
         """The camera below a mirror; `source` names the file in messages."""
@@ -194,7 +194,7 @@ class CameraTable(Table):
 
 
 class LensTable(Table):
-    """A camera in place of the first and third group.
+    """Camera that replaces the first and third group.
 
     Either a model with its own parameters as further keys, or a calibration file.
     """
@@ -204,8 +204,8 @@ class LensTable(Table):
     model: str | None = None
     """Name of the camera model; its parameters are further keys of this table."""
     calibration: str | None = None
-    """Calibration file, relative to this file, in place of model; with `mirrored = true` beside it
-    the camera looks into a mirror, by default as omnisim's metadata in the file has it."""
+    """Calibration file, relative to this file, instead of model; with `mirrored = true` beside it
+    the camera looks into a mirror, by default as omnisim's metadata in the file states."""
     camera: str | None = None
     """Name of a camera in the calibration file; left out: the first."""
     mounting: MountingTable = Field(default_factory=MountingTable)
@@ -217,10 +217,10 @@ class LensTable(Table):
         return self
 
     def make_camera(self, source: str) -> CentralCamera:
-        """The camera of these parameters, or of the calibration file.
+        """Make the camera from these parameters, or from the calibration file.
 
         Raises:
-            SensorFileError: naming the key and what was expected.
+            SensorFileError: names the key and the expected value.
         """
         extra = dict(self.__pydantic_extra__ or {})
         if self.calibration is not None:
@@ -241,7 +241,7 @@ class LensTable(Table):
             raise SensorFileError(
                 f"{source}: lens.mirrored: expected true or false, got {mirrored!r}"
             )
-        # formats and fits are worth their time only to those who ask for them
+        # imported late: only users of calibration files need formats and fits
         from omnisim.cameras.calibration import load_calibration
 
         try:
@@ -252,7 +252,7 @@ class LensTable(Table):
 
 
 class OpticsTable(Table):
-    """An optical system in place of the first and third group: its rays need not meet.
+    """Optical system that replaces the first and third group: its rays need not meet.
 
     Either a file, or the keys of an optics file as further keys: `[optics.camera]`,
     `[[optics.surfaces]]` and so on.
@@ -269,10 +269,10 @@ class OpticsTable(Table):
     mounting: MountingTable = Field(default_factory=MountingTable)
 
     def polygon_count(self, camera: CentralCamera, source: str) -> Polygons:
-        """Polygons of a camera's mesh, or None: exact.
+        """Polygons of a camera's mesh; None: exact.
 
         Raises:
-            SensorFileError: a count that makes no mesh, or no mirror that has one.
+            SensorFileError: the count does not make a mesh, or no mirror has one.
         """
         found = _polygon_count(self.polygons, f"{source}: optics")
         if isinstance(found, int) and most_polygons(camera) is None:
@@ -283,10 +283,10 @@ class OpticsTable(Table):
         return found
 
     def make_camera(self, source: str) -> CentralCamera:
-        """The optical system of the file, or of the further keys.
+        """Make the optical system of the file, or of the further keys.
 
         Raises:
-            SensorFileError: naming the file, its key and what was expected.
+            SensorFileError: names the file, its key and the expected value.
         """
         from omnisim.cameras.optics.system_file import (  # few have one
             parse_optics,
@@ -303,7 +303,7 @@ class OpticsTable(Table):
 
 
 class SensorFile(Table):
-    """A whole sensor file: a mirror and the camera that looks at it, a lens, or optics."""
+    """Sensor file: a mirror and the camera that looks at it, a lens, or optics."""
 
     mirror: MirrorTable = Field(default_factory=MirrorTable)
     virtual_cameras: VirtualCamerasTable = Field(default_factory=VirtualCamerasTable)
@@ -311,8 +311,7 @@ class SensorFile(Table):
     lens: LensTable | None = None
     optics: OpticsTable | None = None
     degradation: dict[str, Any] = Field(default_factory=dict)
-    """Table of the effects that make the camera less than ideal, see the degradations; left out:
-    none."""
+    """Table of the effects of a non-ideal camera, see the degradations; left out: ideal."""
 
     @model_validator(mode="after")
     def _mirror_or_lens(self) -> SensorFile:
@@ -333,12 +332,12 @@ class SensorSettings:
     """Contents of a sensor file.
 
     Attributes:
-        model: the camera model, with its mirror if it has one.
-        polygons: of the mirror's mesh, or "auto"; None: exact.
-        mounting: on the vehicle.
-        virtual_cameras: at the effective viewpoint.
-        quality: of the capture: the named one, but for what has a key of its own.
-        degradation: of the ideal image.
+        model: camera model, including its mirror if it has one.
+        polygons: polygons of the mirror mesh, or "auto"; None: exact.
+        mounting: pose on the vehicle.
+        virtual_cameras: virtual cameras at the effective viewpoint.
+        quality: capture quality: the named one, overridden by individual keys.
+        degradation: degradation of the ideal image.
     """
 
     model: CentralCamera
@@ -350,10 +349,10 @@ class SensorSettings:
 
 
 def read_sensor_file(path: Path) -> SensorSettings:
-    """Read and check a sensor file; or an optics file, whose system has default settings.
+    """Read and check a sensor file, or an optics file, which implies default settings.
 
     Raises:
-        SensorFileError: naming file, key, value and what was expected.
+        SensorFileError: names file, key, value and the expected value.
     """
     table = read_tables(path, SensorFileError)
     if "surfaces" not in table or "optics" in table:
@@ -368,21 +367,21 @@ def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:
     """Check a table with the keys of a sensor file; `source` names it in messages.
 
     Raises:
-        SensorFileError: naming source, key, value and what was expected.
+        SensorFileError: names source, key, value and the expected value.
     """
     return _settings(parse_table(table, SensorFile, SensorFileError, source), source)
 
 
 def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:
-    """The error of a file for one of the optics, whose own prefix gives way to the key."""
+    """Convert an optics error to a sensor-file error; the file's key replaces its prefix."""
     return SensorFileError(where + str(reason).removeprefix(prefix))
 
 
 def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Polygons:
-    """Polygons of a mesh, or None: exact.
+    """Polygons of a mesh; None: exact.
 
     Raises:
-        SensorFileError: a count that makes no mesh.
+        SensorFileError: the count does not make a mesh.
     """
     if polygons == "exact":
         return None

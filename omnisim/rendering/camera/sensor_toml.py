@@ -1,4 +1,4 @@
-"""Sensor file of a camera, as text."""
+"""Sensor file of a camera, as TOML text."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
-    """Write the sensor file of a camera, mounting included, with every key."""
+    """Sensor file of a camera with every key, mounting included."""
     angles = np.degrees(roll_pitch_yaw_from_rotation(sensor.base_from_rig[:3, :3]))
-    # 1e-12°: what the way through radians leaves behind is not worth printing
+    # 1e-12°: hides the rounding of the conversion through radians
     roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
     polygons = "exact" if sensor.polygons is None else sensor.polygons
     image: dict[str, Any] = {}

@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 
-BLOCK_PIXELS = 1 << 20  # computed at a time, to bound the memory of intermediate arrays
+BLOCK_PIXELS = 1 << 20  # pixels per step, to bound the memory of intermediate arrays
 
 
 def valid_mask(camera: CentralCamera, polygons: int | None) -> NDArray[np.bool_]:
-    """Mask (height, width) of the pixels that are sure to show the scene.
+    """Mask (height, width) of the pixels that certainly show the scene.
 
     Args:
-        camera: the camera.
-        polygons: of the mirror's mesh, or None: captured exactly. A mesh's outline is a polygon
-            with its corners on the rim: what is inside the circle that fits into it counts.
+        camera: camera of the image.
+        polygons: polygons of the mirror mesh; None: exact. A mesh's outline is a polygon with its
+            corners on the rim; pixels inside its inscribed circle are valid.
 
     Raises:
-        OpticsError: a polygon count that makes no mesh.
+        OpticsError: the polygon count does not make a mesh.
     """
     if polygons is not None and isinstance(camera, NonCentralCamera):
-        from omnisim.cameras.optics.mesh_rays import MeshRays  # few cameras have one
+        from omnisim.cameras.optics.mesh_rays import MeshRays  # imported late: few cameras need it
 
         pixels = pixel_grid(camera.width_px, camera.height_px)
         return MeshRays(camera, polygons).ray_from_pixel(pixels).valid

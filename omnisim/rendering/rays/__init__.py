@@ -1,1 +1,1 @@
-"""Rays: images and hits by casting them, with Embree, without any GPU."""
+"""Ray casting: images and ray hits from Embree, without a GPU."""

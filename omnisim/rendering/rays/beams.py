@@ -1,4 +1,4 @@
-"""Ranges of a scanner's beams by casting rays."""
+"""Ranges of a scanner's beams, by ray casting."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 class Beams:
     """Casts the beams of a scanner into a scene.
 
-    Surfaces reflect on both sides. Through the holes of masked materials, and where blended ones
-    hide less than half of the background, a beam continues.
+    Surfaces reflect on both sides. A beam passes through the holes of masked materials and through
+    blended surfaces that hide less than half of what is behind them.
 
     Args:
-        scene: what to cast at now; nothing is kept of what it was.
+        scene: scene to cast at, in its current state; earlier states are not kept.
         angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
-        max_range_m: surfaces farther away are not found; may be infinite.
-        hidden: parts of dynamic objects that beams go through.
+        max_range_m: surfaces farther away are ignored; may be infinite.
+        hidden: parts of dynamic objects that beams pass through.
     """
 
     def __init__(
@@ -38,14 +38,14 @@ class Beams:
         self._directions = np.stack((np.cos(angles_rad), np.sin(angles_rad), flat), axis=1)
 
     def refresh(self) -> None:
-        """Do nothing: each cast takes what the scene has now."""
+        """Do nothing: each cast uses the current scene."""
 
     def cast(
         self,
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
+        """Ranges (n,) in meters from a pose (4, 4), with objects at their poses; +inf: no hit."""
         scene, count = self._scene(), len(self._directions)
         rays = Rays(
             np.tile(world_from_scanner[:3, 3], (count, 1)),

@@ -1,4 +1,4 @@
-"""Hits of rays as ground truth has them, and occlusion of their points from another viewpoint."""
+"""Ray hits in the form of ground truth, and occlusion of their points from another viewpoint."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.shading import View
 
-# A hit nearer than the point by more than this share occludes it, as in occlusion.frag.
+# A hit that is nearer than the point by more than this share occludes it, as in occlusion.frag.
 _NEARER = 1e-3
 
 
 class CastHits(NamedTuple):
-    """Hits (n,) of rays, as in `Hits`, and the triangles of the geometry."""
+    """Hits (n,) of rays, as in `Hits`, and the triangles they hit in the geometry."""
 
     hits: Hits
     triangles: NDArray[np.int32]
 
 
 class SeenPoints(NamedTuple):
-    """Points that rays hit.
+    """Points hit by rays.
 
     Attributes:
-        points_m: (n, 3) viewpoint frame; where nothing is hit, directions.
-        surfaces_plus_one: (n,) of the geometry; 0: nothing is hit.
-        triangles: (n,) of the geometry.
+        points_m: (n, 3) viewpoint frame; directions for rays without a hit.
+        surfaces_plus_one: (n,) 1 + index into the geometry's surfaces; 0: no hit.
+        triangles: (n,) indices into the geometry.
     """
 
     points_m: NDArray[np.float64]
@@ -49,15 +49,15 @@ def cast_hits(
     objects: ObjectState,
     details: HitDetails,
 ) -> CastHits:
-    """Cast rays (n,), world; points are counted from a viewpoint (3,).
+    """Cast rays (n,) and return hits with points relative to a viewpoint (3,).
 
     Args:
-        scene: to cast them at.
-        rays: (n,).
+        scene: scene to cast at.
+        rays: (n,) world.
         footprints: (n, 2, 3), see `RayScene.radiance`.
         viewpoint_m: (3,) world.
-        objects: the dynamic objects.
-        details: of the surfaces; others are empty.
+        objects: state of the dynamic objects.
+        details: surface details to compute; the others are empty.
     """
     poses, geometry, shading = objects.world_from_objects, scene.caster.geometry, scene.shading
     first = scene.first_hits(rays, objects, footprints=footprints)
@@ -87,7 +87,7 @@ def cast_hits(
 
 
 def moved_points(seen: SeenPoints, other_from_current: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 3) in another viewpoint frame, by matrices (surfaces, 3, 4); directions stay."""
+    """Points (n, 3) moved to another viewpoint frame by (surfaces, 3, 4); directions stay."""
     points_m, hit = seen.points_m.copy(), np.flatnonzero(seen.surfaces_plus_one)
     moves = other_from_current[seen.surfaces_plus_one[hit] - 1]
     points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
@@ -102,15 +102,15 @@ def cast_occlusion(
     world_from_rig: NDArray[np.float64],
     objects: ObjectState,
 ) -> NDArray[np.bool_]:
-    """Tell which points (n,) something hides from rays that start at (n, 3), viewpoint frame.
+    """Mask (n,) of points that are occluded along rays from starts (n, 3), viewpoint frame.
 
     Args:
-        scene: to cast rays at.
-        limits: of the rays.
-        moved: the points, at the time and in the frame of the viewpoint.
-        starts_m: (n, 3) of the rays.
-        world_from_rig: (4, 4) of the viewpoint.
-        objects: at that time.
+        scene: scene to cast at.
+        limits: depth limits of the rays.
+        moved: points at the time and in the frame of the viewpoint.
+        starts_m: (n, 3) ray origins.
+        world_from_rig: (4, 4) pose of the viewpoint.
+        objects: state of the dynamic objects at that time.
     """
     hit, ways_m = np.flatnonzero(moved.surfaces_plus_one), moved.points_m.copy()
     ways_m[hit] -= starts_m[hit]
@@ -130,7 +130,7 @@ def starts_of_rays(
     is_finite: NDArray[np.bool_],
     world_from_rig: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Origins (n, 3), viewpoint frame, of the rays that show a camera points (n, 3) of it."""
+    """Origins (n, 3), viewpoint frame, of the camera rays through its points (n, 3)."""
     if not isinstance(camera, NonCentralCamera):
         return np.zeros((1, 3)).repeat(len(points_m), axis=0)
     world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical

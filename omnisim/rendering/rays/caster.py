@@ -1,4 +1,4 @@
-"""Casting rays at a scene and its dynamic objects, each at its own pose."""
+"""Ray casting at a scene and its dynamic objects, each at its own pose."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh, p
 from omnisim.rendering.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
 
-# Share of a ray's length and of its origin's coordinates by which it starts behind a surface that
-# it continues from: some roundings of a float32.
+# Distance by which a ray restarts behind a surface, as a share of its length and of its origin's
+# coordinates: several roundings of a float32.
 _BEYOND = 1e-6
 _MIN_STEP_M = 1e-7
 _MESHES_KEPT = 8
 
 
 class Rays(NamedTuple):
-    """Rays in the world; each starts at an origin of its own."""
+    """Rays in the world, each with its own origin."""
 
     origins_m: NDArray[np.float64]  # (n, 3)
     directions: NDArray[np.float64]  # (n, 3), unit
-    near_m: NDArray[np.float64]  # (n,): nothing nearer is hit
-    far_m: NDArray[np.float64]  # (n,): nothing farther, may be infinite
+    near_m: NDArray[np.float64]  # (n,): nearer surfaces are ignored
+    far_m: NDArray[np.float64]  # (n,): farther surfaces are ignored; may be infinite
 
     def take(self, indices: NDArray[np.intp]) -> Rays:
         """Some of the rays."""
@@ -36,12 +36,12 @@ class Rays(NamedTuple):
 
 
 class RayHits(NamedTuple):
-    """Nearest triangles along rays, on the side that shows."""
+    """Nearest triangles along rays, on their visible side."""
 
     triangles: NDArray[np.int32]  # (n,) indices into the geometry; `NO_TRIANGLE`: none
     ranges_m: NDArray[np.float64]  # (n,); +inf: none
-    weights: NDArray[np.float32]  # (n, 3) of the corners
-    planes: NDArray[np.float32]  # (n, 3) normals of the side seen, world, not of unit length
+    weights: NDArray[np.float32]  # (n, 3) barycentric
+    planes: NDArray[np.float32]  # (n, 3) normals of the visible side, world, not of unit length
 
     def take(self, indices: NDArray[np.intp]) -> RayHits:
         """Some of the hits."""
@@ -53,23 +53,23 @@ class RayHits(NamedTuple):
 
 
 class _PartMesh(NamedTuple):
-    """Hierarchy of a part's triangles, about the middle of their bounds in its own frame."""
+    """BVH of a part's triangles, centered on the middle of their bounds, in the part's frame."""
 
     mesh: EmbreeMesh
-    triangles: NDArray[np.intp]  # of the geometry
+    triangles: NDArray[np.intp]  # indices into the geometry
     center_m: NDArray[np.float64]
     radius_m: float
 
 
 class RayCaster:
-    """Casts rays at all that there is; hierarchies are built once, and poses move whole objects.
+    """Casts rays at the static scene and its objects; BVHs are built once and instanced by pose.
 
-    Embree, in float32, tells the triangle; about the middle of each object, so that coordinates are
-    small. `exact` has the rest in float64.
+    Embree finds the triangle in float32, with coordinates relative to the middle of each object
+    so that they are small. `exact` computes the other values in float64.
 
     Args:
         scene: the static part of the world.
-        dynamic_objects: each in a frame of its own.
+        dynamic_objects: objects, each in its own frame.
 
     Attributes:
         geometry: tables of all triangles.
@@ -82,7 +82,7 @@ class RayCaster:
         self.geometry = build_geometry(scene, dynamic_objects)
         self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
         self._part_mesh(0, frozenset())
-        # those of the last times, which threads share
+        # deformed meshes of the last times, shared by the threads
         self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
         self._deforming_parts = {
             int(self.geometry.part_of_surface[one.number]) for one in self.geometry.deforming
@@ -96,14 +96,14 @@ class RayCaster:
         behind: NDArray[np.int32] | None = None,
         both_sides: bool = False,
     ) -> RayHits:
-        """Find the nearest triangles that show the rays their front, or are double-sided.
+        """Find the nearest triangles that face the rays or are double-sided.
 
         Args:
             rays: (n,).
             world_from_objects: (4, 4) each, poses of the dynamic objects.
-            hidden: instances that are not there.
-            behind: (n,) triangles that the rays have passed, which are not hit again.
-            both_sides: all triangles are double-sided.
+            hidden: instances to ignore.
+            behind: (n,) triangles that the rays have passed and that are not hit again.
+            both_sides: treat all triangles as double-sided.
         """
         rest = np.eye(4)
         hits = self._cast_part(self._part_mesh(0, frozenset()), rays, rest, behind, both_sides)
@@ -112,7 +112,7 @@ class RayCaster:
             for part, pose in enumerate(world_from_objects, start=1)
         ]
         for part in self._deforming_parts:
-            if part > len(world_from_objects):  # nothing moves where no poses are given
+            if part > len(world_from_objects):  # without poses there are no dynamic objects
                 continue
             gone = frozenset(one for one in hidden if one[0] == part - 1)
             mesh = self._deformed_mesh(part, gone, time_of(world_from_objects))
@@ -143,9 +143,9 @@ class RayCaster:
         """Nearest static triangles along rays (n, 3), either side, as Embree finds them.
 
         Args:
-            origins_m: (n, 3) from `static_center_m`, along the world's axes.
+            origins_m: (n, 3) relative to `static_center_m`, along the world's axes.
             directions: (n, 3) of any length.
-            far: (n,) where rays end, in lengths of the direction; None: nowhere.
+            far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
         part = self._part_mesh(0, frozenset())
         hits = part.mesh.hits(origins_m, directions, far)
@@ -154,16 +154,16 @@ class RayCaster:
         return hits._replace(triangles=np.where(is_hit, triangles, np.int32(NO_TRIANGLE)))
 
     def behind(self, rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
-        """Rays (n,) that go on just behind surfaces at ranges (n,).
+        """Rays (n,) continued just behind surfaces at ranges (n,).
 
-        Beyond what rounding moves a triangle by: a ray along an edge does not hit the next one of
-        the same surface.
+        The step exceeds the rounding of a triangle's position, so that a ray along an edge does not
+        hit the adjacent triangle of the same surface.
         """
         origins_m = rays.origins_m - self._part_mesh(0, frozenset()).center_m
         return rays._replace(near_m=_beyond_m(origins_m, ranges_m))
 
     def exact(self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
-        """The same hits (n,) with ranges, weights and planes from float64; all rays hit."""
+        """The same hits (n,) with ranges, weights and planes in float64; all rays must hit."""
         corners_m = self.geometry.corners_m(hits.triangles, world_from_objects)
         return self.exact_at(corners_m, rays, hits)
 
@@ -196,7 +196,7 @@ class RayCaster:
         behind: NDArray[np.int32] | None,
         both_sides: bool,
     ) -> RayHits:
-        """Cast rays (n,) at one part, and on through what they do not hit."""
+        """Cast rays (n,) at one part, and continue them behind triangles that are not hit."""
         rotation = world_from_part[:3, :3]
         origins_m = _rotated(rays.origins_m - world_from_part[:3, 3], rotation.T) - part.center_m
         directions = _rotated(rays.directions, rotation.T)
@@ -235,7 +235,7 @@ class RayCaster:
         return hits
 
     def _part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
-        """Hierarchy of a part without hidden instances, built on first use; sensors share it."""
+        """BVH of a part without hidden instances, built on first use and shared by sensors."""
         hidden = frozenset(one for one in hidden if one[0] == part - 1)
         if (part, hidden) not in self._part_meshes:
             self._part_meshes[part, hidden] = self._build_part_mesh(part, hidden)
@@ -250,10 +250,10 @@ class RayCaster:
     def _build_deformed_mesh(
         self, part: int, hidden: frozenset[ObjectPart], time_s: float
     ) -> _PartMesh:
-        """Hierarchy of a part's deforming surfaces at a time."""
+        """BVH of a part's deforming surfaces at a time."""
         geometry = self.geometry
         triangles = geometry.triangles_of_part(part, hidden, deforming=True)
-        # of the part in its own frame
+        # vertices of the part in its own frame
         corners_m = geometry.corners_m(triangles.astype(np.int32), ObjectPoses((), time_s))
         return _part_mesh_of(corners_m.reshape(-1, 3), np.arange(3 * len(triangles)), triangles)
 
@@ -261,7 +261,7 @@ class RayCaster:
 def _part_mesh_of(
     positions_m: NDArray[np.float64], corners: NDArray[np.intp], triangles: NDArray[np.intp]
 ) -> _PartMesh:
-    """Hierarchy of triangles, whose corners (3 n,) are vertices (k, 3)."""
+    """BVH of triangles with corners (3 n,) that index vertices (k, 3)."""
     bounds = bounds_of(positions_m) if len(positions_m) else np.zeros((2, 3))
     center_m = bounds.mean(axis=0)
     local_m = (positions_m - center_m).astype(np.float32)
@@ -303,6 +303,6 @@ def _dot(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.f
 
 
 def _rotated(vectors: NDArray[np.floating], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (n, 3) rotated by a matrix (3, 3); without BLAS, whose threads would outlive it."""
+    """Vectors (n, 3) rotated by a matrix (3, 3); without BLAS, whose threads would keep running."""
     rotated: NDArray[np.float64] = np.einsum("nj,ij->ni", vectors, rotation)
     return rotated

@@ -1,4 +1,4 @@
-"""Limits of the depths at which rays hit."""
+"""Depth limits of rays."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from omnisim.rendering.rays.caster import Rays
 
 @dataclass(frozen=True)
 class DepthLimits:
-    """Limits of what rays hit, as the virtual cameras' planes have it: faces of two cubes.
+    """Depth limits equal to the clipping planes of the virtual cameras: faces of two cubes.
 
     Attributes:
-        near_m, far_m: halves of their sides.
+        near_m, far_m: half the side lengths of the cubes.
     """
 
     near_m: float

@@ -1,4 +1,4 @@
-"""Embree, through embreex: the nearest triangles along rays, in float32."""
+"""Embree, through embreex: nearest triangles along rays, in float32."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omnisim.core.extras import require_extra
 
 NO_TRIANGLE = -1
-_FAR_M = np.float32(1e37)  # Embree's own
+_FAR_M = np.float32(1e37)  # Embree's own limit
 
 
 def put_rows(
@@ -28,7 +28,7 @@ class EmbreeHits(NamedTuple):
     ranges_m: NDArray[np.float32]  # (n,) in lengths of the direction
     u: NDArray[np.float32]  # (n,) weight of the second corner
     v: NDArray[np.float32]  # (n,) weight of the third corner
-    normals: NDArray[np.float32]  # (n, 3) of the planes, on the front side, not of unit length
+    normals: NDArray[np.float32]  # (n, 3) plane normals on the front side, not of unit length
 
     def take(self, indices: NDArray[np.intp]) -> EmbreeHits:
         """Some of the hits."""
@@ -57,7 +57,7 @@ class EmbreeMesh:
 
         self._scene = EmbreeScene()
         positions_m = np.ascontiguousarray(positions_m, dtype=np.float32)
-        # embreex asks for one triangle at least
+        # embreex needs at least one triangle
         self._is_empty = len(triangles) == 0
         if not self._is_empty:
             triangles = np.ascontiguousarray(triangles, dtype=np.int32)
@@ -65,7 +65,7 @@ class EmbreeMesh:
 
     @classmethod
     def of_corners(cls, corners_m: NDArray[np.floating]) -> EmbreeMesh:
-        """Mesh of triangles (m, 3, 3) that share no vertices."""
+        """Mesh of triangles (m, 3, 3) without shared vertices."""
         positions = corners_m.reshape(-1, 3).astype(np.float32)
         return cls(positions, np.arange(len(positions), dtype=np.int32).reshape(-1, 3))
 
@@ -83,12 +83,12 @@ class EmbreeMesh:
         directions: NDArray[np.float32],
         far: NDArray[np.float32] | None = None,
     ) -> EmbreeHits:
-        """Nearest triangles along rays (n, 3), either side.
+        """Nearest triangles along rays (n, 3), hit on either side.
 
         Args:
             origins_m: (n, 3).
             directions: (n, 3) of any length.
-            far: (n,) where rays end, in lengths of the direction; None: nowhere.
+            far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
         if self._is_empty:
             none = np.zeros(len(origins_m), dtype=np.float32)
@@ -100,9 +100,9 @@ class EmbreeMesh:
 
 
 def check_embree(feature: str = "casting rays") -> None:
-    """Refuse a feature where embreex, an optional package, is not installed.
+    """Check that embreex, an optional package, is installed for a feature.
 
     Raises:
-        OmnisimError: naming the command that installs it.
+        OmnisimError: embreex is missing; names the command that installs it.
     """
     require_extra("rays", feature)

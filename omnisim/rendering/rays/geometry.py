@@ -1,4 +1,4 @@
-"""Geometry of scenes as flat tables: triangles with their corners, and their instances."""
+"""Geometry of scenes as flat tables: triangles, their corners and their instances."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Poses = Sequence[NDArray[np.float64]]  # (4, 4) each, world_from_object
 
 
 class Surface(NamedTuple):
-    """Instance of a mesh in one of the scenes.
+    """Instance of a mesh in the scene or in a dynamic object.
 
     Attributes:
-        name: of the instance.
-        object_index: of the dynamic object that it belongs to; None: it is static.
-        material: of the mesh.
+        name: name of the instance.
+        object_index: index of the dynamic object; None: static.
+        material: material of the mesh.
         is_textured: the mesh has texture coordinates.
-        has_second_coordinates: it has second ones.
-        is_lightmapped: it has a rectangle of baked light.
+        has_second_coordinates: the mesh has a second set of texture coordinates.
+        is_lightmapped: the instance has a region in the lightmap.
     """
 
     name: str
@@ -36,15 +36,15 @@ class Surface(NamedTuple):
     is_lightmapped: bool = False
 
     def is_placed(self, texture: Texture) -> bool:
-        """True where the mesh has the coordinates that place a texture."""
+        """True if the mesh has the texture coordinates that a texture uses."""
         return self.has_second_coordinates if texture.uv_set else self.is_textured
 
 
-_TIMES_KEPT = 8  # of deformed vertices: of an image, its neighbors, and some slices of a scan
+_TIMES_KEPT = 8  # deformed vertices: an image, its neighbors, and several slices of a scan
 
 
 class _DeformedVertices(NamedTuple):
-    """Vertices of a surface at a time, in its part's frame."""
+    """Vertices of a surface at a time, in the frame of its part."""
 
     positions_m: NDArray[np.float64]
     normals: NDArray[np.float32] | None
@@ -52,12 +52,12 @@ class _DeformedVertices(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DeformingSurface:
-    """Surface whose mesh deforms.
+    """Surface with a deforming mesh.
 
     Attributes:
-        number: of the surface.
-        first_vertex: in the geometry.
-        instance, mesh: owner of the triangles.
+        number: index of the surface.
+        first_vertex: first vertex in the geometry.
+        instance, mesh: instance and mesh of the surface.
     """
 
     number: int
@@ -84,23 +84,22 @@ class DeformingSurface:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Triangles of a scene and its dynamic objects, each object's in its own frame, at 0 s.
+    """Triangles of a scene and its dynamic objects, each object in its own frame, at 0 s.
 
     Attributes:
-        surfaces: all instances, the scene's first, then each object's.
-        corners: (m, 3) int32 indices of vertices, counter-clockwise seen from the front.
-        surface_of_triangle: (m,) int32.
-        first_of_surface: (surfaces + 1,) first triangle of each.
-        positions_m: (n, 3) float64 of the vertices.
+        surfaces: all instances, first the scene's, then each object's.
+        corners: (m, 3) int32 vertex indices, counter-clockwise seen from the front.
+        surface_of_triangle: (m,) int32 surface index.
+        first_of_surface: (surfaces + 1,) first triangle of each surface.
+        positions_m: (n, 3) float64 vertices.
         normals: (n, 3) float32, not of unit length; zero: flat.
         texture_coordinates: (n, 2) float32.
-        second_coordinates: (n, 2) float32, or None: no mesh has any.
-        light_coordinates: (n, 4) float32 places in the scene's baked light, of front and back, or
-            None: there is none.
-        colors: (n, 4) float32 linear RGBA, or None: all are white.
-        part_of_surface: (surfaces,) 0: the scene; 1 + number of the object.
-        is_double_sided: (surfaces,).
-        deforming: surfaces whose vertices are others at other times.
+        second_coordinates: (n, 2) float32; None: no mesh has a second set.
+        light_coordinates: (n, 4) float32 lightmap coordinates of front and back; None: no lightmap.
+        colors: (n, 4) float32 linear RGBA; None: all are white.
+        part_of_surface: (surfaces,) 0: the scene; 1 + index of the dynamic object.
+        is_double_sided: (surfaces,) True for double-sided materials.
+        deforming: surfaces whose vertices change over time.
     """
 
     surfaces: tuple[Surface, ...]
@@ -125,7 +124,7 @@ class Geometry:
     def triangles_of_part(
         self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False
     ) -> NDArray[np.intp]:
-        """Indices of a part's triangles, rigid or deforming, without those of hidden instances."""
+        """Indices of a part's triangles, rigid or deforming, without hidden instances."""
         deform = {one.number for one in self.deforming}
         shown = np.array(
             [
@@ -160,7 +159,7 @@ class Geometry:
     def corner_normals(
         self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
     ) -> NDArray[np.float32]:
-        """Normals (n, 3, 3) at the corners of triangles (n,), each in its part's frame."""
+        """Normals (n, 3, 3) at the corners of triangles (n,), each in the frame of its part."""
         normals: NDArray[np.float32] = self.normals[self.corners[triangles]]
         for mine, one in self.deformed(triangles):
             found = one.at(time_of(world_from_objects)).normals
@@ -171,7 +170,7 @@ class Geometry:
     def deformed(
         self, triangles: NDArray[np.int32]
     ) -> Iterator[tuple[NDArray[np.intp], DeformingSurface]]:
-        """Indices of those of triangles (n,) that deform, and their surface."""
+        """Indices of the deforming ones among triangles (n,), with their surface."""
         if not self.deforming:
             return
         surfaces = self.surface_of_triangle[triangles]
@@ -183,7 +182,7 @@ class Geometry:
     def moved(
         self, triangles: NDArray[np.int32], world_from_objects: Poses
     ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64]]]:
-        """Indices of those of triangles (n,) that are of a dynamic object, and its pose (4, 4)."""
+        """Indices of the triangles (n,) of each dynamic object, with its pose (4, 4)."""
         if not world_from_objects:
             return
         parts = self.part_of_triangles(triangles)
@@ -194,7 +193,7 @@ class Geometry:
 
 
 def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geometry:
-    """Tables of a scene and its dynamic objects."""
+    """Build the tables of a scene and its dynamic objects."""
     placed = [
         (number, part, instance, part.meshes[instance.mesh])
         for number, part in enumerate((scene, *dynamic_objects))
@@ -259,7 +258,7 @@ def _is_lightmapped(scene: Scene, instance: Instance) -> bool:
 def _light_coordinates(
     scene: Scene, dynamic_objects: Sequence[Scene]
 ) -> NDArray[np.float32] | None:
-    """Places (n, 4) of all vertices in baked light; None: the scene has none."""
+    """Lightmap coordinates (n, 4) of all vertices; None: the scene has no lightmap."""
     if scene.lighting.baked is None:
         return None
     places = []
@@ -280,7 +279,7 @@ def _light_coordinates(
 
 
 class _Vertices(NamedTuple):
-    """Triangles of one instance, and its vertices in its scene's frame."""
+    """Triangles and vertices of one instance, in the frame of its scene."""
 
     corners: NDArray[np.int32]
     positions_m: NDArray[np.float64]
@@ -303,12 +302,12 @@ def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
     linear = matrix[:3, :3]
     is_mirrored = np.linalg.det(linear) < 0.0
     corners = mesh.triangles.astype(np.int32)
-    # einsum, as BLAS would leave threads behind that keep the cores from whatever comes next
+    # einsum instead of BLAS, whose threads would keep spinning and occupy cores afterwards
     positions_m = np.einsum("nj,ij->ni", mesh.positions.astype(np.float64), linear)
     normals = _floats(count, 3) if mesh.normals is None else _turned(mesh.normals, linear)
     coordinates, colors = mesh.texture_coordinates, mesh.colors
     return _Vertices(
-        corners[:, [0, 2, 1]] if is_mirrored else corners,  # wound the other way round
+        corners[:, [0, 2, 1]] if is_mirrored else corners,  # mirroring reverses the winding
         positions_m + matrix[:3, 3],
         normals,
         _floats(count, 2) if coordinates is None else coordinates,
@@ -317,7 +316,7 @@ def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
 
 
 def _turned(normals: NDArray[np.floating], linear: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Normals (n, 3) under a matrix (3, 3): its cofactors, under any scale, keep them outside."""
+    """Normals (n, 3) transformed by the cofactors of a matrix (3, 3), which keep them outward."""
     cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
     if np.linalg.det(linear) < 0.0:
         cofactors = -cofactors

@@ -1,4 +1,4 @@
-"""Images by casting rays: samples of a camera, averaged to its pixels."""
+"""Images by ray casting: a camera's samples, averaged over its pixels."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 
 class RayImage:
-    """Image of an ideal camera; everything constant is made once.
+    """Image of an ideal camera; constant data is computed once.
 
     Args:
-        scene: to cast rays at.
+        scene: scene to cast at.
         samples: camera whose pixels are the samples.
-        polygons: of its mirror's mesh; None: exact.
-        supersampling: samples to a side of a pixel of the image, averaged in linear light.
-        limits: of the rays.
-        unlit: show plain base colors.
+        polygons: number of polygons of the mirror mesh; None: exact mirror.
+        supersampling: samples per pixel side, averaged in linear light.
+        limits: depth limits of the rays.
+        unlit: render plain base colors.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class RayImage:
     ) -> NDArray[np.float32]:
         """Render the image (height, width, 4) from a pose (4, 4): linear RGB, and validity.
 
-        A pixel is valid where at least half of its samples are.
+        A pixel is valid if at least half of its samples are.
         """
 
         def rows_of(number: int) -> NDArray[np.float32]:
@@ -63,7 +63,7 @@ class RayImage:
         return samples
 
     def _average(self, samples: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Pixels (height, width, 4) of samples that cover them."""
+        """Pixels (height, width, 4): averages of the samples that cover them."""
         side = self._supersampling
         height, width = (size // side for size in samples.shape[:2])
         covering = samples[: height * side, : width * side].reshape(height, side, width, side, 4)

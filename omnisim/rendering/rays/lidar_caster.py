@@ -1,4 +1,4 @@
-"""Hits of a spinning lidar's beams by casting rays, each from where the lidar is at its time."""
+"""Hits of a spinning lidar's beams by ray casting, each from the lidar's pose at its time."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 _FIRINGS_AT_ONCE = 128
-_BESIDE = 0.01  # weight of a corner: of a triangle that deforms, a ray may pass beside it
+_BESIDE = 0.01  # barycentric tolerance: a ray may just miss a triangle that deforms
 
 
 class LidarCaster:
     """Casts the beams of a lidar into a scene.
 
-    Surfaces reflect on both sides. Which surface a beam hits is found with the dynamic objects
-    where they are in the middle of a slice; how far it is, with the object where it is at the
-    firing.
+    Surfaces reflect on both sides. The surface that a beam hits is found with the dynamic objects
+    at their poses in the middle of a slice; its range is computed with the object at its pose at
+    the time of firing.
 
     Args:
-        scene: what to cast at now; nothing is kept of what it was.
-        beams: of the lidar.
-        hidden: parts of dynamic objects that beams go through.
+        scene: scene to cast at, in its current state; earlier states are not kept.
+        beams: beams of the lidar.
+        hidden: parts of dynamic objects that beams pass through.
     """
 
     def __init__(
@@ -38,11 +38,11 @@ class LidarCaster:
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, as `BeamHits.draw_ids` counts them."""
+        """Dynamic object and name of each instance, as indexed by `BeamHits.draws_plus_one`."""
         return self._scene().caster.geometry.draws
 
     def refresh(self) -> None:
-        """Do nothing: each cast takes what the scene has now."""
+        """Do nothing: each cast uses the current scene."""
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""
@@ -111,7 +111,7 @@ class LidarCaster:
 
 
 def _moving(one: Slice, parts: NDArray[np.intp]) -> Sequence[tuple[NDArray[np.intp], int]]:
-    """Indices of the hits of parts (n,) that are of each object in motion, and its number."""
+    """Indices of the hits on each moving object, by their parts (n,), and the object's index."""
     return [
         (np.flatnonzero(parts == number + 1), number)
         for number, (start, end) in enumerate(
@@ -129,7 +129,7 @@ def _follow(
     middle: NDArray[np.float64],
     end: NDArray[np.float64],
 ) -> None:
-    """Move rays to where they meet an object, from its poses (4, 4), in its middle one."""
+    """Move rays as if the object, moving between poses (4, 4), stood still at its middle pose."""
     world_from_object = start + shares[:, None, None] * (end - start)
     moves = middle @ np.linalg.inv(world_from_object)
     origins_m, directions = rays.origins_m[indices], rays.directions[indices]

@@ -1,4 +1,4 @@
-"""Rays of a mirror's mesh: the pinhole camera's rays, cast at its flat polygons."""
+"""Rays of a mirror mesh: pinhole rays cast at its flat polygons."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _PINHOLE = np.array([0.0, 0.0, 1.0])  # mirror frame, in units of c
 
 
 class MirrorMeshRays:
-    """Rays through the points of the flat polygons that pixels see (the paper's section 2.3).
+    """Rays through the points on flat polygons that pixels see (section 2.3 of the paper).
 
     Args:
-        camera: with the mirror.
-        polygons: of its mesh.
+        camera: camera with the mirror.
+        polygons: number of polygons of the mirror mesh.
     """
 
     def __init__(self, camera: HyperbolicCamera, polygons: int):
@@ -28,7 +28,7 @@ class MirrorMeshRays:
         self._mesh = EmbreeMesh.of_corners(self._corners)
 
     def ray_from_pixel(self, pixels_px: NDArray[np.float64]) -> Rays:
-        """Rays of pixels (..., 2), optical frame; valid where a polygon is seen."""
+        """Rays of pixels (..., 2), optical frame; valid where a polygon is visible."""
         camera = self._camera
         offsets = (pixels_px - camera.principal_point_px) / camera.focal_length_px
         seen = np.concatenate((offsets, np.ones((*offsets.shape[:-1], 1))), axis=-1)

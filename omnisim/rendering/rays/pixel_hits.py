@@ -1,4 +1,4 @@
-"""Hits of a camera's pixels by casting rays, and occlusion seen from another viewpoint."""
+"""Hits of a camera's pixel rays by ray casting, and occlusion from another viewpoint."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ T = TypeVar("T", bound=np.generic)
 
 
 class PixelHits:
-    """Hits of the rays of all pixels; everything constant is made once.
+    """Hits of the rays of all pixels; constant data is computed once.
 
     Args:
-        scene: to cast rays at.
-        pixels: with the rays.
-        limits: of the rays.
+        scene: scene to cast at.
+        pixels: pixel rays of the camera.
+        limits: depth limits of the rays.
 
     Attributes:
-        has_ray: (height, width).
+        has_ray: (height, width) mask of pixels with a ray.
     """
 
     def __init__(self, scene: RayScene, pixels: PixelRays, limits: DepthLimits):
         self._scene, self._pixels, self._limits = scene, pixels, limits
         self._bands = range(len(pixels.bands))
         self.has_ray = np.concatenate([pixels.band(number).valid for number in self._bands])
-        # of the last hits, of the pixels that have a ray
-        self._points_m = np.empty((0, 3))  # viewpoint frame; where nothing is hit, directions
+        # last hits of the pixels that have a ray
+        self._points_m = np.empty((0, 3))  # viewpoint frame; directions where nothing is hit
         self._draws_plus_one = np.empty(0, dtype=np.uint32)
         self._triangles = np.empty(0, dtype=np.int32)
 
@@ -78,7 +78,7 @@ class PixelHits:
         )
 
     def put_points(self, hits: Hits) -> None:
-        """Replace the points of the last hits, which occlusion starts from."""
+        """Replace the points of the last hits, from which occlusion is computed."""
         self._points_m = hits.points_m[self.has_ray].astype(np.float64)
 
     def occluded(
@@ -87,13 +87,13 @@ class PixelHits:
         objects: ObjectState,
         other_from_current: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        """Mask (height, width) of the last hits' points that something hides from another pose.
+        """Mask (height, width) of the last hits' points that are occluded from another pose.
 
         Args:
-            world_from_rig: (4, 4) other pose.
-            objects: at the other time.
-            other_from_current: (surfaces, 3, 4), from the viewpoint frame of the last hits to the
-                other one's, of points on each surface.
+            world_from_rig: (4, 4) the other pose.
+            objects: state of the dynamic objects at the other time.
+            other_from_current: (surfaces, 3, 4), moves points on each surface from the viewpoint
+                frame of the last hits to the other one.
         """
 
         def of_batch(first: int) -> NDArray[np.bool_]:
@@ -139,7 +139,7 @@ class PixelHits:
         return cast_occlusion(self._scene, self._limits, moved, starts_m, world_from_rig, objects)
 
     def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
-        """Image (height, width, …) of values (n, …) of the pixels that have a ray."""
+        """Image (height, width, …) from values (n, …) of the pixels that have a ray."""
         values = np.concatenate(parts)
         image = np.empty((*self.has_ray.shape, *values.shape[1:]), dtype=values.dtype)
         image[:] = otherwise

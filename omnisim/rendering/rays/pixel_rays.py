@@ -1,4 +1,4 @@
-"""Rays of a camera's samples, band of rows by band."""
+"""Rays of a camera's samples, in bands of rows."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from omnisim.rendering.rays.caster import Rays
 from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.mirror_mesh_rays import MirrorMeshRays
 
-# Samples at a time, more or less: intermediate arrays stay in the cache, and threads have enough
-# to do between Python's own steps.
+# Approximate number of samples per band: intermediate arrays stay in the cache, and threads have
+# enough work between Python's own steps.
 _SAMPLES_PER_BAND = 1 << 14
-_MAX_KEPT_SAMPLES = 1 << 22  # 200 MB; of larger images rays are computed anew for each
+_MAX_KEPT_SAMPLES = 1 << 22  # 200 MB; rays of larger images are recomputed for each image
 
 
 class Band(NamedTuple):
-    """Rays of some rows of samples; those that are valid, row by row."""
+    """Rays of some rows of samples: the valid ones, row by row."""
 
     rows: slice
     valid: NDArray[np.bool_]  # (rows, width)
     directions: NDArray[np.float64]  # (n, 3), unit, optical frame
     origins_m: NDArray[np.float64] | None  # (n, 3), optical frame; None: at the viewpoint
-    footprints: NDArray[np.float32]  # (n, 2, 3): to the next sample's right, and below
+    footprints: NDArray[np.float32]  # (n, 2, 3): steps to the next sample to the right and below
 
     def aim(
         self, limits: DepthLimits, rig_from_optical: NDArray[np.float64], world_from_rig: Pose
     ) -> Rays:
-        """Rays (n,) in the world, by a camera's orientation (3, 3) in its rig and a pose (4, 4)."""
+        """Rays (n,) in the world, from a camera orientation (3, 3) in the rig and a pose (4, 4)."""
         rig = np.einsum("nj,ij->ni", self.directions, rig_from_optical)
         rays = limits.aim(rig, world_from_rig)
         if self.origins_m is None:
@@ -53,13 +53,12 @@ class PixelRays:
     """Rays of an image of samples.
 
     Args:
-        camera: whose pixels are the samples.
-        polygons: of its mirror's mesh; None: exact, by the camera model.
-        rows_per_pixel: samples to a side of a pixel: bands end where pixels do.
+        camera: camera with samples as its pixels.
+        polygons: number of polygons of the mirror mesh; None: exact, by the camera model.
+        rows_per_pixel: samples per pixel side; bands end at pixel boundaries.
 
     Attributes:
-        camera: camera model.
-        bands: their rows.
+        bands: rows of each band.
     """
 
     def __init__(self, camera: CentralCamera, polygons: int | None, rows_per_pixel: int = 1):
@@ -68,7 +67,9 @@ class PixelRays:
         if polygons is not None and isinstance(camera, HyperbolicCamera):
             self._ray_from_pixel = MirrorMeshRays(camera, polygons).ray_from_pixel
         elif polygons is not None and isinstance(camera, NonCentralCamera):
-            from omnisim.cameras.optics.mesh_rays import MeshRays  # few cameras have one
+            from omnisim.cameras.optics.mesh_rays import (
+                MeshRays,
+            )  # imported late: few cameras need it
 
             self._ray_from_pixel = MeshRays(camera, polygons).ray_from_pixel
         pixels_per_band = max(1, _SAMPLES_PER_BAND // (camera.width_px * rows_per_pixel))
@@ -81,7 +82,7 @@ class PixelRays:
         self._kept: dict[int, Band] = {}
 
     def band(self, number: int) -> Band:
-        """One of `bands`: computed on first use, and kept where all fit."""
+        """One of `bands`: computed on first use, and kept if all of them fit in memory."""
         band = self._kept.get(number) or self._compute(number)
         if self._keeps:
             self._kept[number] = band
@@ -89,7 +90,7 @@ class PixelRays:
 
     def _compute(self, number: int) -> Band:
         rows, camera = self.bands[number], self.camera
-        # one more row and column at either end, for the footprints
+        # one extra row and column at either end, for the footprints
         height = rows.stop - rows.start
         pixels = pixel_grid(camera.width_px + 2, height + 2) + (-1.0, rows.start - 1.0)
         rays = self._ray_from_pixel(pixels)

@@ -1,4 +1,4 @@
-"""Scene to cast rays at: radiance along them, and what they hit first."""
+"""Ray-cast scene: radiance along rays, and their first hits."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from omnisim.rendering.rays.shading.shadows import CastShadow
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Scene
 
-# Maximum number of surfaces that a ray passes; it ends at the next one.
+# Maximum number of surfaces that a ray passes through; it ends at the last one.
 MAX_LAYERS = 256
-_MIN_SHARE = 1e-4  # of light that still comes through: less than a step of 8 bits, in the dark too
+_MIN_SHARE = 1e-4  # of light still transmitted: less than an 8-bit step, also in the dark
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -33,7 +33,7 @@ class ObjectState(NamedTuple):
 
     Attributes:
         world_from_objects: (4, 4) each.
-        hidden: instances that are not there.
+        hidden: instances to ignore.
     """
 
     world_from_objects: Poses = ()
@@ -44,19 +44,18 @@ _NO_OBJECTS = ObjectState()
 
 
 class RayScene:
-    """Casts rays at a scene and its dynamic objects; everything is built once.
+    """Casts rays at a scene and its dynamic objects; constant data is built once.
 
-    Surfaces are those of the virtual cameras: single-sided ones are not there from behind, masked
-    ones not in their holes, and light comes through blended ones in the order in which they stand.
+    Surfaces count as for the virtual cameras: single-sided ones only from the front, masked ones
+    except in their holes. Blended ones transmit light in order of distance.
 
     Args:
-        scene: with its lights and background.
-        dynamic_objects: each in a frame of its own.
-        threads: to cast rays in; None: one for each core.
+        scene: scene with its lights and background.
+        dynamic_objects: objects, each in its own frame.
+        threads: number of threads for casting; None: one per core.
 
     Attributes:
-        scene: static scene.
-        caster, shading: its triangles, and their appearance.
+        caster, shading: triangles of the scene, and their appearance.
 
     Raises:
         OmnisimError: embreex is not installed.
@@ -83,10 +82,10 @@ class RayScene:
 
         Args:
             rays: (n,).
-            footprints: (n, 2, 3) changes of the direction to the next samples, world, which
-                textures are filtered over; None: a ray has no width.
-            objects: the dynamic objects.
-            unlit: show plain base colors.
+            footprints: (n, 2, 3) changes of direction to the next samples, world, over which
+                textures are filtered; None: rays without width.
+            objects: state of the dynamic objects.
+            unlit: return plain base colors.
         """
         poses, shading = objects.world_from_objects, self.shading
         fog = None if unlit else self._fog
@@ -137,15 +136,15 @@ class RayScene:
         both_sides: bool = False,
         of_shadows: bool = False,
     ) -> RayHits:
-        """Nearest surfaces along rays (n,) that are no holes, and not clearer than half.
+        """Nearest surfaces along rays (n,), ignoring holes and blended surfaces below half opacity.
 
         Args:
             rays: (n,).
-            objects: the dynamic objects.
-            behind: (n,) triangles that are not hit.
-            footprints: (n, 2, 3), see `radiance`, of the textures' holes.
-            both_sides: all surfaces are double-sided.
-            of_shadows: surfaces that cast none are not hit.
+            objects: state of the dynamic objects.
+            behind: (n,) triangles to ignore.
+            footprints: (n, 2, 3) for filtering the textures' holes, see `radiance`.
+            both_sides: treat all surfaces as double-sided.
+            of_shadows: ignore surfaces that cast no shadow.
         """
         geometry, shading = self.caster.geometry, self.shading
         limits = shading.shadow_cutoff if of_shadows else shading.hit_cutoff
@@ -175,7 +174,7 @@ class RayScene:
         return found
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
-        """Caster of shadow rays, whose hits are on either side, and hidden instances too."""
+        """Caster of shadow rays, which hit either side, and hidden instances too."""
         everything = ObjectState(poses)
 
         def cast(rays: Rays, triangles: NDArray[np.int32]) -> RayHits:
@@ -184,14 +183,14 @@ class RayScene:
         return cast
 
     def in_threads(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-        """Results of a function of each item, in order; Embree and NumPy free the GIL."""
+        """Results of a function for each item, in order; Embree and NumPy release the GIL."""
         with ThreadPoolExecutor(self._threads) as pool:
             return list(pool.map(function, items))
 
     def _opacity(
         self, hits: RayHits, alphas: NDArray[np.float32], layer: int
     ) -> NDArray[np.float32]:
-        """Share (n,) of light that surfaces hide: 0 in holes, alpha where blended, else all."""
+        """Share (n,) of light that surfaces block: 0 in holes, alpha if blended, otherwise 1."""
         shading = self.shading
         surfaces = shading.surfaces(hits)
         is_blended = shading.is_blended[surfaces]
@@ -209,7 +208,7 @@ def _sky(
     footprints: NDArray[np.float32] | None,
     missed: NDArray[np.intp],
 ) -> NDArray[np.float32]:
-    """Radiance (n, 3) of the sky along directions (n, 3) of some of the rays."""
+    """Radiance (n, 3) of the sky along the directions (n, 3) of the rays that missed."""
     if footprints is None:
         return environment.seen(directions)
     return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))

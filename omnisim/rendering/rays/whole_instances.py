@@ -1,4 +1,4 @@
-"""Pixels that instances would cover if nothing stood before them."""
+"""Pixel counts of instances as if nothing occluded them."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def whole_areas_px(
 ) -> NDArray[np.int64]:
     """Number of pixels (n,) whose rays pass through each instance, by ID; 0 is no instance.
 
-    Rays go on through all surfaces, as far as the scene reaches. Surfaces are those of
-    `RayScene.first_hits`. A pixel that shows an instance counts as its own.
+    Rays continue through all surfaces, up to the extent of the scene. Surfaces count as in
+    `RayScene.first_hits`. A pixel that shows an instance always counts for it.
 
     Args:
-        scene: to cast rays at.
-        pixels: with the rays.
-        limits: of the rays.
+        scene: scene to cast at.
+        pixels: pixel rays of the camera.
+        limits: depth limits of the rays.
         world_from_rig: (4, 4) pose of the camera's rig.
-        objects: the dynamic objects.
+        objects: state of the dynamic objects.
         instance_of_surface: (surfaces,) ID of each surface of the geometry.
-        instances: (height, width) ID that each pixel shows, the channel `instance`.
+        instances: (height, width) ID shown in each pixel, the channel `instance`.
     """
     count = 1 + int(max(instance_of_surface.max(initial=0), instances.max(initial=0)))
     camera = pixels.camera
@@ -43,7 +43,7 @@ def whole_areas_px(
         band = pixels.band(number)
         rays = band.aim(limits, camera.rig_from_optical, world_from_rig)
         layers = _surfaces_along(scene, rays, band.world_footprints(world_from_optical), objects)
-        # numbers that stand for both pixel and instance
+        # one number per pair of pixel and instance
         pairs = [row * count + instance_of_surface[surface] for row, surface in layers]
         shown = instances[band.rows][band.valid]
         pairs.append(np.arange(len(shown)) * count + shown)
@@ -58,7 +58,7 @@ def whole_areas_px(
 def _surfaces_along(
     scene: RayScene, rays: Rays, footprints: NDArray[np.float32], objects: ObjectState
 ) -> list[tuple[NDArray[np.intp], NDArray[np.integer]]]:
-    """Rays and surfaces that they meet, layer by layer: the nearest ones first."""
+    """Rays and the surfaces they meet, layer by layer, nearest first."""
     layers: list[tuple[NDArray[np.intp], NDArray[np.integer]]] = []
     active, behind = np.arange(len(rays.near_m)), None
     for _ in range(MAX_LAYERS):

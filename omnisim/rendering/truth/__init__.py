@@ -1,1 +1,1 @@
-"""Ground truth of what a camera sees."""
+"""Ground truth of a camera's image."""

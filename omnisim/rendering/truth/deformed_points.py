@@ -1,4 +1,4 @@
-"""Points of surfaces that deform, at another time: by their place in the triangle that is hit."""
+"""Points of deforming surfaces at another time, by their position in the triangle hit."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.readback import ScenePoses
 
-_MIN_AREA = 1e-300  # squared area of a triangle that is but a line
+_MIN_AREA = 1e-300  # squared area below which a triangle is degenerate
 
 
 def deformed_hits(
     source: HitSource, hits: Hits, current: ScenePoses, other: ScenePoses
 ) -> Hits | None:
-    """Hits whose points are deformed as at another time, with objects and camera as at this one.
+    """Hits with points deformed as at another time, with objects and camera at the current poses.
 
-    Rigid motion comes on top of it. Ranges stay those of now.
+    Rigid motion is applied separately. Ranges keep their current values.
 
     Args:
-        source: of the hits.
-        hits: at the current poses.
-        current, other: poses, with their times.
+        source: source of the hits.
+        hits: hits at the current poses.
+        current, other: poses and times of the two images.
 
     Returns:
-        None: nothing deforms.
+        Deformed hits; None: nothing deforms.
     """
     times_s = time_of(current.world_from_objects), time_of(other.world_from_objects)
     if not source.deforming or times_s[0] == times_s[1]:
@@ -59,7 +59,7 @@ def _deformed(
     viewpoint_from_mesh: NDArray[np.float64],
     times_s: tuple[float, float],
 ) -> NDArray[np.float64]:
-    """Points (n, 3) on triangles (n,) of a mesh, from its shape at one time to that at another."""
+    """Points (n, 3) on triangles (n,) of a mesh, moved from its shape at one time to another."""
     deformation = one.mesh.deformation
     assert deformation is not None
     hit = one.mesh.triangles[triangles].astype(np.intp)

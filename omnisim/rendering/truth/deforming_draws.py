@@ -1,4 +1,4 @@
-"""Draw items of the OpenGL back end whose meshes deform."""
+"""Draw items of the OpenGL back end with deforming meshes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 
 
 def deforming_draws(buffers: SceneBuffers) -> dict[int, DeformingDraw]:
-    """Draw items whose meshes deform, by their index."""
+    """Draw items with deforming meshes, by index."""
     items = {index: buffers.draw_items[index] for index in buffers.deforming.tolist()}
     return {
         index: DeformingDraw(one.mesh, one.object_index, one.object_from_mesh)

@@ -21,15 +21,12 @@ from omnisim.rendering.truth.scene_flow import in_optical, in_world, scene_flow
 
 
 class GroundTruth:
-    """Channels of one camera; everything constant is made once.
+    """Channels of one camera; constant data is computed once.
 
     Args:
-        source: of the hits.
-        labels: names of classes and instances, by number.
-        object_names: of the dynamic objects.
-
-    Attributes:
-        labels: labels of the instances.
+        source: source of the hits.
+        labels: names of classes and instances, by ID.
+        object_names: names of the dynamic objects.
     """
 
     def __init__(self, source: HitSource, labels: Labels, object_names: Sequence[str]):
@@ -37,7 +34,7 @@ class GroundTruth:
         self._number_draws(labels)
 
     def refresh(self, labels: Labels) -> None:
-        """Take over what the source's draws are now."""
+        """Update labels and draw items from the source."""
         self._number_draws(labels)
         if "_flow" in self.__dict__:
             self._flow.refresh()
@@ -54,12 +51,12 @@ class GroundTruth:
         current: ScenePoses,
         others: Mapping[str, ScenePoses] | None = None,
     ) -> dict[str, NDArray[Any]]:
-        """Render the channels of these names, in their order.
+        """Render the given channels, in their order.
 
         Args:
-            names: as `check_channels` gives them; only those whose details the source has.
+            names: channel names from `check_channels`, whose details the source provides.
             current: poses of the camera and the dynamic objects.
-            others: those of the "next" and the "previous" image, where `Channel.other` of a name
+            others: poses of the "next" and the "previous" image, for names whose `Channel.other`
                 needs them.
         """
         hits = self._source.hits(current, HitDetails.of_channels(names))
@@ -71,8 +68,8 @@ class GroundTruth:
         current: Sequence[ScenePoses],
         others: Mapping[str, Sequence[ScenePoses]],
     ) -> Iterator[dict[str, NDArray[Any]]]:
-        """Render the channels of many images, in order; see `channels`."""
-        flows = any(name in FLOWS for name in names)  # occlusion is that of the last hits
+        """Render the channels of several images, in order; see `channels`."""
+        flows = any(name in FLOWS for name in names)  # occlusion refers to the latest hits
         details = HitDetails.of_channels(names)
         hits = (
             (self._source.hits(one, details) for one in current)
@@ -90,7 +87,7 @@ class GroundTruth:
         current: ScenePoses,
         poses: Mapping[str, ScenePoses],
     ) -> dict[str, NDArray[Any]]:
-        """Channels of an image whose hits are found."""
+        """Channels of an image from its hits."""
         rig_from_optical = self._source.camera.rig_from_optical
         world_from_optical = current.world_from_rig[:3, :3] @ rig_from_optical
         make: dict[str, Callable[[], NDArray[Any]]] = {
@@ -121,7 +118,7 @@ class GroundTruth:
             (pair, poses[CHANNELS[pair[0]].other]) for pair in FLOWS.items() if pair[0] in names
         ]
         motion = self._flow.begin(hits, current, flows[0][1]) if flows else None
-        # a GPU draws the occlusion meanwhile
+        # the GPU renders the occlusion meanwhile
         found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
         for pair, other in flows:
             if motion is None:
@@ -138,7 +135,7 @@ class GroundTruth:
         transforms: NDArray[np.float64],
         axes_from_viewpoint: NDArray[np.float64],
     ) -> NDArray[np.float32]:
-        """Scene flow by transforms (objects, 3, 4) from points to their motions, along axes."""
+        """Scene flow along axes, by transforms (objects, 3, 4) from points to their motions."""
         deformed = deformed_hits(self._source, hits, current, other)
         if deformed is None:
             return scene_flow(hits, self._objects_of_draws, transforms)
@@ -147,7 +144,7 @@ class GroundTruth:
 
     @property
     def has_ray(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) whose center has a ray."""
+        """Mask (height, width) of pixels whose center has a ray."""
         return self._source.has_ray
 
     @cached_property
@@ -158,10 +155,10 @@ class GroundTruth:
 def instances_of_draws(
     labels: Labels, draws: Sequence[ObjectPart], object_names: Sequence[str]
 ) -> NDArray[np.uint32]:
-    """IDs (n + 1,) of the instances of draws (n,), from −1 on, which is nothing: 0."""
+    """Instance IDs (n + 1,) of draws (n,), starting with draw −1, no draw: 0."""
     ids = {(label.object_name, label.name): label.id for label in labels.instances}
     instances = [
-        # one that is not drawn any more has none
+        # a draw item that is no longer drawn has no ID
         ids.get((None if index is None else object_names[index], name), 0)
         for index, name in draws
     ]
@@ -169,15 +166,15 @@ def instances_of_draws(
 
 
 def _depths_m(hits: Hits, axis: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: none."""
+    """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: no hit."""
     depths_m = hits.points_m @ axis.astype(np.float32)
     return np.where(hits.draw_ids == 0, np.float32(np.inf), depths_m)
 
 
 def _positions_m(hits: Hits, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (height, width, 3) in the world; NaN: none."""
+    """Points (height, width, 3) in the world; NaN: no hit."""
     points_m = np.empty(hits.points_m.shape)
-    for axis in range(3):  # one after the other, which does not copy the points first
+    for axis in range(3):  # axis by axis, which avoids a copy of the points
         np.add(hits.points_m[..., axis], viewpoint_m[axis], out=points_m[..., axis])
     points_m.reshape(-1, 3)[np.flatnonzero(hits.draw_ids == 0)] = np.nan
     return points_m

@@ -1,4 +1,4 @@
-"""Boxes around all that moves: dynamic objects, and what follows each joint of a mesh."""
+"""Bounding boxes of moving parts: dynamic objects, and the vertices bound to each joint."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from omnisim.scene import Scene
 from omnisim.scene.model import Instance
 from omnisim.scene.motion.deformation import Deformation
 
-_MIN_VOLUME = 1e-12  # of a joint's transform: flatter ones are not followed
+_MIN_VOLUME = 1e-12  # of a joint's transform: flatter ones are ignored
 
 
 class _JointBox(NamedTuple):
-    """Joint of a mesh that deforms.
+    """Joint of a deforming mesh.
 
     Attributes:
-        object_index: index of its dynamic object; None: static.
-        instance: of the mesh.
-        deformation: of the mesh.
-        joint: index.
-        bind_from_object: (4, 4) at 0 s.
+        object_index: index of the dynamic object with the mesh; None: static.
+        instance: instance of the mesh.
+        deformation: deformation of the mesh.
+        joint: index of the joint.
+        bind_from_object: (4, 4) transform at 0 s.
     """
 
     object_index: int | None
@@ -36,14 +36,14 @@ class _JointBox(NamedTuple):
 
 
 class MovingBoxes:
-    """Boxes in frames that move.
+    """Bounding boxes in moving frames.
 
     Args:
         scene: static scene.
         objects: dynamic objects.
 
     Attributes:
-        corners_m: (8, 3) of each, in its own frame; (0, 3) of an empty one.
+        corners_m: (8, 3) corners of each box, in its own frame; (0, 3) for an empty box.
     """
 
     def __init__(self, scene: Scene, objects: Iterable[Scene]):
@@ -69,13 +69,13 @@ class MovingBoxes:
                 self.corners_m.append(of_joint @ matrix[:3, :3].T + matrix[:3, 3])
 
     def poses(self, world_from_objects: Sequence[Pose]) -> list[Pose]:
-        """Transforms (4, 4) of the boxes at poses of the objects, at their time; nearly rigid."""
+        """Transforms (4, 4) of the boxes at the objects' poses and time; nearly rigid."""
         found, time_s = list(world_from_objects), time_of(world_from_objects)
         for index, instance, deformation, joint, bind_from_object in self._joints:
             matrix = deformation.matrices_at(time_s)[joint] @ bind_from_object
             shift = np.eye(4)
             if deformation.targets is not None:
-                # morph targets move vertices so far at most
+                # maximum displacement of vertices by morph targets
                 change = deformation.weights_at(time_s) - deformation.weights_at(0.0)
                 shift[0, 3] = np.abs(change) @ deformation.targets.longest
             matrix = instance.world_from_mesh @ shift @ matrix

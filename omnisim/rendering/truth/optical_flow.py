@@ -1,6 +1,6 @@
-"""Optical flow of a camera from its image to another one, by exact reprojection, and occlusion.
+"""Optical flow from a camera's image to another one, by exact reprojection, and occlusion.
 
-The other image is the next one, or for the backward flow the previous one.
+The other image is the next one; for backward flow, the previous one.
 """
 
 from __future__ import annotations
@@ -30,31 +30,31 @@ VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
 
 
 class OpticalFlow:
-    """Flow of one camera; everything constant is made once.
+    """Optical flow of one camera; constant data is computed once.
 
-    The point that a pixel sees moves with its surface, also on dynamic objects and meshes that
-    deform, and is projected from the other viewpoint in float64. Where nothing is hit, the point is
-    infinitely far: only the camera's rotation moves it.
+    The point seen by a pixel moves with its surface, also on dynamic objects and deforming meshes.
+    It is projected from the other viewpoint in float64. Without a hit the point is infinitely far:
+    only the camera's rotation moves it.
 
-    The point is occluded where the ray from the other viewpoint to it hits something nearer. An
-    optical system projects it by its exact inverse; that ray starts where the system has it.
+    The point is occluded if the ray from the other viewpoint to it hits something nearer. An
+    optical system projects it by its exact inverse; that ray starts at the system's ray origin.
 
-    Flow through a mirror's mesh is that of the exact model, from where the exact camera would see
-    the pixel's point to where it would see it then: the mesh's own error, the same in both but for
-    a fraction, is not motion.
+    Flow through a mirror mesh follows the exact model, from the pixel where the exact camera sees
+    the point to the pixel where it sees it at the other time. The error of the mesh is nearly the
+    same in both images, and is not motion.
 
-    Where an image goes all around, flow across its seam takes the short way and leads outside of
-    the image by as much.
+    In an image that covers all directions, flow across the seam takes the short way and leaves the
+    image by that distance.
 
     Args:
-        source: of the hits.
+        source: source of the hits.
     """
 
     def __init__(self, source: HitSource):
         self._camera, self._source = source.camera, source
         self._shape = source.has_ray.shape
         self._valid = np.flatnonzero(source.has_ray)
-        # where the exact camera sees what each pixel sees: at the pixel itself, but for a mesh
+        # pixels where the exact camera sees the points: the pixels themselves, except with a mesh
         self._by_points = source.polygons is not None and isinstance(self._camera, NonCentralCamera)
         self._positions_px = (
             pixel_grid(*self._shape[::-1])[source.has_ray]
@@ -65,15 +65,15 @@ class OpticalFlow:
         self._period_px = period_px(self._camera)
 
     def refresh(self) -> None:
-        """Take over what the source's draws are now."""
+        """Update the draw items from the source."""
         self._object_of_draw = self._source.objects_of_draws()
 
     def begin(self, hits: Hits, current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
-        """Start to draw the occlusion of the last hits; return what `end` needs.
+        """Start to render the occlusion of the latest hits; return the argument of `end`.
 
         Returns:
-            (1 + objects, 3, 4), from the current viewpoint frame to the other optical frame: of
-            static points, and of those on each dynamic object.
+            (1 + objects, 3, 4), from the current viewpoint frame to the other optical frame: for
+            static points, and for points on each dynamic object.
         """
         transforms = other_from_current(current, other)
         self._deformed = deformed_hits(self._source, hits, current, other)
@@ -88,12 +88,13 @@ class OpticalFlow:
         """Compute the flow.
 
         Args:
-            hits: from the current viewpoint.
-            other_optical_from_current: from `begin`.
+            hits: hits from the current viewpoint.
+            other_optical_from_current: result of `begin`.
 
         Returns:
-            Flow (height, width, 2) in pixels, NaN where the lens cannot see the point then; and
-            (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has no ray.
+            Flow (height, width, 2) in pixels, NaN where the lens cannot see the point at the other
+            time; and (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has
+            no ray.
         """
         projected = self._pixels_of(self._deformed or hits, other_optical_from_current)
         positions_px = self._positions_px
@@ -106,7 +107,7 @@ class OpticalFlow:
             motion_px[:, 0] -= self._period_px * np.round(motion_px[:, 0] / self._period_px)
         motion_px[np.flatnonzero(~projected.valid)] = np.nan
         flow = np.full((self._shape[0] * self._shape[1], 2), np.nan, dtype=np.float32)
-        # both numbers of a pixel at once
+        # both components of a pixel at once
         flow.view(np.uint64)[self._valid] = motion_px.astype(np.float32).view(np.uint64)
         status = np.full(len(flow), INVALID, dtype=np.uint8)
         occluded = self._source.occluded().ravel()[self._valid]
@@ -121,7 +122,7 @@ class OpticalFlow:
             np.float64
         )
         draw_ids = hits.draw_ids.ravel()[self._valid]
-        points_m[:, 3] = draw_ids > 0  # 0: a direction, which no translation moves
+        points_m[:, 3] = draw_ids > 0  # 0: a direction, unaffected by translation
         has_objects = len(optical_from_current) > 1
         objects = self._object_of_draw[draw_ids] if has_objects else None
         positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
@@ -138,7 +139,7 @@ class OpticalFlow:
         return Pixels(positions_px, valid)
 
     def _is_inside(self, pixels: Pixels) -> NDArray[np.bool_]:
-        """Tell which positions (n,) are in the image."""
+        """Mask (n,) of positions in the image."""
         u, v = pixels.positions_px.T
         camera = self._camera
         inside: NDArray[np.bool_] = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)

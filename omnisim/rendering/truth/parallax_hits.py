@@ -1,4 +1,4 @@
-"""Hits of an optical system's rays by the triangles that one viewpoint sees."""
+"""Ray hits of non-central optics, from the triangles visible from a single viewpoint."""
 
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ from omnisim.rendering.readback import ScenePoses
 if TYPE_CHECKING:
     from omnisim.rendering.rays.ray_scene import RayScene
 
-# As for cameras of one viewpoint: of the triangles there, few are missed by all texels around.
+# As for central cameras: few visible triangles are missed by all texels around.
 _TEXELS_PER_PIXEL, _MAX_TEXELS_PER_PIXEL = 1.5, 6.0
-# Of the paper's mirror at 360 px. Where fewer see something they are wider, but triangles are not,
-# nor are texels.
+# Valid pixels of the paper's mirror at 360 px. Fewer pixels are wider, but triangles and texels are
+# not.
 _USUAL_PIXELS = 90_000
 
 
 class ParallaxHits(DrawnHits):
-    """Hits of rays with origins of their own; everything on the GPU is made once.
+    """Hits of rays with individual origins; GPU resources are created once.
 
-    What the viewpoint does not see is cast as rays, where those are installed; else it is as if
-    what hides it were thin.
+    Surfaces hidden from the viewpoint are found by ray casting, if it is installed. Otherwise
+    occluders are treated as thin.
 
     Args:
         buffers, cameras, details: see `DrawnHits`.
-        sensor: the camera, whose model is an optical system.
-        viewpoint_m: (3,) rig frame, of the virtual cameras.
-        ray_scene: gives the scene to cast rays at; None: there is none.
+        sensor: camera with an optical system as its model.
+        viewpoint_m: (3,) viewpoint of the virtual cameras, rig frame.
+        ray_scene: returns the scene to cast rays at; None: no ray casting.
 
     Attributes:
-        undecided: (height, width) pixels of the last hits that the viewpoint does not tell.
+        undecided: (height, width) pixels of the latest hits that the viewpoint cannot decide.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class ParallaxHits(DrawnHits):
         self._origins_m = self._placed(self._rays.origins_m - optical_from_rig @ viewpoint_m)
 
     def _center_rays(self) -> ParallaxRays:
-        """Rays of the pixels' centers from the viewpoint, rig frame."""
+        """Rays of the pixel centers relative to the viewpoint, rig frame."""
         rig_from_optical, rays = self.camera.rig_from_optical, self._rays
         assert rays.origins_m is not None
         around = ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0))
@@ -102,7 +102,7 @@ class ParallaxHits(DrawnHits):
         return ParallaxRays.interpolated(1, directions, origins_m, rays.valid)
 
     def refresh(self) -> None:
-        """Hit what the buffers have now."""
+        """Update to the current buffers."""
         super().refresh()
         self._passes.refresh()
         self.__dict__.pop("_draw_of_surface", None)
@@ -112,7 +112,7 @@ class ParallaxHits(DrawnHits):
         return self._placed(self._rays.directions)
 
     def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
-        """Intersect all rays with what is seen where they end, and cast those undecided."""
+        """Intersect all rays with the surfaces visible near their ends, and cast undecided rays."""
         pose = self._viewpoint_pose(poses)
         self._passes.put_origins(self._origins_m)
         hits = self._passes.render(pose, poses.world_from_objects, details)
@@ -134,7 +134,7 @@ class ParallaxHits(DrawnHits):
         viewpoint_m: NDArray[np.float64],
         details: HitDetails,
     ) -> None:
-        """Cast the rays of undecided pixels (height, width), and put their hits in place."""
+        """Cast the rays of undecided pixels (height, width), and store their hits."""
         scene, rays = self._scene(), self._rays
         some = undecided[rays.valid]
         assert rays.origins_m is not None
@@ -161,7 +161,7 @@ class ParallaxHits(DrawnHits):
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
     ) -> None:
-        """Start to draw the occlusion of the last hits' points."""
+        """Start to render the occlusion of the latest hits' points."""
         hits, pose = deformed or self._hits, self._viewpoint_pose(other)
         if deformed is not None:
             points = deformed.points_and_ranges_m.copy()
@@ -176,13 +176,13 @@ class ParallaxHits(DrawnHits):
         self._moved = other, points_m, starts_m
         offset_m = pose[:3, 3] - other.world_from_rig[:3, 3]
         self._passes.put_origins(self._placed(starts_m - offset_m))
-        # from the points as the pass has them, about the viewpoints of both
+        # from the points in the pass, relative to both viewpoints
         transforms = other_from_current.copy()
         transforms[..., 3] += other_from_current[..., :3] @ self._from_rig_m - offset_m
         self._occlusion_pass.render(pose, other.world_from_objects, transforms)
 
     def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that something nearer hides there."""
+        """Mask (height, width) of points that are occluded from the other pose."""
         found = self._occlusion_pass.read()
         occluded = found & ~UNKNOWN_OCCLUSION > 0
         undecided = self.has_ray & (found & UNKNOWN_OCCLUSION > 0)
@@ -222,7 +222,7 @@ class ParallaxHits(DrawnHits):
 
     @cached_property
     def _draw_of_surface(self) -> NDArray[np.uint32]:
-        """1 + draw item of each surface (1 + n,) of the ray scene, from none on, which is 0."""
+        """1 + draw item of each surface (1 + n,) of the ray scene; 0: no surface."""
         shown = self._buffers.shown()
         numbers = {part: 1 + k for k, part in enumerate(self.draws) if shown[k]}
         surfaces = self._scene().caster.geometry.surfaces
@@ -236,14 +236,14 @@ class ParallaxHits(DrawnHits):
         return pose
 
     def _placed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Image (height, width, 3) of values (n, 3) of the pixels that have a ray."""
+        """Image (height, width, 3) from values (n, 3) of the pixels that have a ray."""
         image = np.zeros((*self.has_ray.shape, 3))
         image[self.has_ray] = values
         return image
 
 
 def _joined(rays: PixelRays) -> Band:
-    """Rays of all pixels as one band."""
+    """Rays of all pixels as a single band."""
     bands = [rays.band(number) for number in range(len(rays.bands))]
     origins_m = [band.origins_m for band in bands if band.origins_m is not None]
     return Band(

@@ -1,4 +1,4 @@
-"""Rays of a supersampled image, interpolated between its pixels where they are smooth."""
+"""Rays of a supersampled image, interpolated between pixels where they vary smoothly."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, NonCentralCamera, Rays, pixel_grid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 
-# Pixels around one that must have a ray for its samples' to be interpolated untested: near a rim
-# rays bend fast. No more than the margin.
+# Distance within which all pixels must have a ray for a pixel's samples to be interpolated without
+# a test: rays bend strongly near a rim. At most the margin.
 _SMOOTH_PX = 2
-_MISS_PX = 0.02  # by which interpolated rays may miss
+_MISS_PX = 0.02  # maximum error of interpolated rays
 
 
 def sample_rays(
@@ -22,13 +22,13 @@ def sample_rays(
 ) -> ParallaxRays:
     """Rays of the samples of a camera's pixels, in the rig frame.
 
-    Those of the pixels' centers are traced; near the edges of what is seen those of all samples,
-    and of a mesh everywhere, which are kept where they bend.
+    Rays of the pixel centers are traced. The rays of all samples are traced near the edges of the
+    visible region, and everywhere for a mesh; they are kept where they bend.
 
     Args:
-        camera: with pixels.
-        supersampling: samples to a side of a pixel.
-        polygons: of the mesh of its mirror; None: exact.
+        camera: camera with pixels.
+        supersampling: samples per pixel side.
+        polygons: number of polygons of the mirror mesh; None: exact.
     """
     width, height = camera.width_px, camera.height_px
     trace = _tracer(camera, polygons)
@@ -36,7 +36,7 @@ def sample_rays(
     directions, origins_m, valid = trace(around)
     inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
     smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
-    beside = _all_around(valid, 1)[inner]  # of pixels that may be interpolated there at all
+    beside = _all_around(valid, 1)[inner]  # pixels with all neighbors valid: interpolation possible
     found = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
     rim = np.argwhere(near if polygons is not None else near & ~smooth)
     offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
@@ -54,8 +54,8 @@ def sample_rays(
 def _bent(
     rays: ParallaxRays, pixels: NDArray[np.intp], own: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """Mask of pixels (n, 2), row and column, whose samples' directions (n, samples, 3) are not
-    those between the pixels around."""  # fmt: skip
+    """Mask of pixels (n, 2), row and column, whose samples' directions (n, samples, 3) differ from
+    those interpolated between neighboring pixels."""  # fmt: skip
     count = rays.supersampling**2
     rows, columns = np.repeat(pixels, count, axis=0).T
     between = rays.of(rows, columns, np.tile(np.arange(count), len(pixels)))
@@ -72,7 +72,7 @@ def _tracer(
 ) -> Callable[[NDArray[np.float64]], _Traced]:
     """Function from pixels (..., 2) to directions and origins (..., 3), rig frame, and validity.
 
-    Directions are 0 where they are not valid.
+    Directions are 0 where invalid.
     """
     ray_from_pixel: Callable[[NDArray[np.float64]], Rays] = camera.ray_from_pixel
     if polygons is not None and isinstance(camera, NonCentralCamera):
@@ -94,7 +94,7 @@ def _tracer(
 
 
 def _all_around(valid: NDArray[np.bool_], distance_px: int) -> NDArray[np.bool_]:
-    """Pixels around which, within a distance, all are valid; past the edges all are."""
+    """Mask of pixels with only valid ones within a distance; those outside of the image count."""
     for axis in (0, 1):
         padded = np.pad(
             valid,

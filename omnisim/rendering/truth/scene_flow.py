@@ -1,7 +1,7 @@
-"""Scene flow: motion of the points that an image's pixels see, each with its surface.
+"""Scene flow: motion of the points seen by an image's pixels, each with its surface.
 
-The points are those of the hits, in the viewpoint frame: the world's axes, and the origin in the
-effective viewpoint. An object is 0 for the static scene, 1 for the first dynamic object, and so on.
+Points are those of the hits, in the viewpoint frame: world axes, with the origin in the
+effective viewpoint. Object 0 is the static scene, 1 the first dynamic object, and so on.
 Source: Vedula et al., "Three-dimensional scene flow", 1999.
 """
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.readback import ScenePoses
 
-# Points transformed at a time: intermediate arrays stay in the cache, and BLAS, which puts larger
-# products on threads that then keep the cores from whatever comes next, on one.
+# Points per step: intermediate arrays stay in the cache, and BLAS stays on one thread. It runs
+# larger products on threads that keep spinning and occupy cores afterwards.
 POINTS_PER_BATCH = 1 << 14
 
 
@@ -27,14 +27,14 @@ def moved_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.flo
     ):
         moved = then @ np.linalg.inv(before)
         transforms[index, :3, :3] = moved[:3, :3]
-        # a point at the current viewpoint, less that viewpoint
+        # a point at the current viewpoint, minus that viewpoint
         transforms[index, :3, 3] = moved[:3, :3] @ viewpoint_m + (moved[:3, 3] - viewpoint_m)
     return transforms
 
 
 def other_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
-    """Transforms (objects, 4, 4) from the current viewpoint frame to another time's, of points that
-    are on each object."""  # fmt: skip
+    """Transforms (objects, 3, 4) of points on each object, from the current viewpoint frame to
+    that of another time."""  # fmt: skip
     transforms = moved_from_current(current, other)
     transforms[:, :3, 3] += current.world_from_rig[:3, 3] - other.world_from_rig[:3, 3]
     return transforms
@@ -48,12 +48,12 @@ def transform_points(
     """Transform each point by its object's matrix.
 
     Args:
-        points: (n, 4), the last number 1, or 0 for a direction.
-        objects: (n,), or None: all are on the static scene.
-        transforms: (objects, 3, 4).
+        points: (n, 4), last component 1, or 0 for a direction.
+        objects: (n,) object of each point; None: all on the static scene.
+        transforms: (objects, 3, 4) matrices.
 
     Returns:
-        (n, 3).
+        Transformed points (n, 3).
     """
     moved: NDArray[np.float64] = points @ transforms[0].T
     if objects is not None:
@@ -66,15 +66,15 @@ def transform_points(
 def scene_flow(
     hits: Hits, objects_of_draws: NDArray[np.intp], transforms: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Scene flow (height, width, 3) in meters; NaN where nothing is hit.
+    """Scene flow (height, width, 3) in meters; NaN: no hit.
 
     Args:
-        hits: at the current pose.
+        hits: hits at the current pose.
         objects_of_draws: (n + 1,), see `HitSource.objects_of_draws`.
         transforms: (objects, 3, 4) from a point to its motion, see `in_world` and `in_optical`.
     """
     points = hits.points_and_ranges_m.reshape(-1, 4)
-    # float32 as the points are; a range, infinite where nothing is hit, makes the motion NaN
+    # float32 like the points; without a hit the range is infinite and makes the motion NaN
     matrices = np.zeros((len(transforms), 4, 3), dtype=np.float32)
     matrices[:, :3] = np.swapaxes(transforms[:, :, :3], 1, 2)
     offsets = transforms[:, :, 3].astype(np.float32)
@@ -96,7 +96,7 @@ def scene_flow(
 def in_world(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
     """Transforms (objects, 3, 4) from points to their motions along the world's axes.
 
-    Those of the static scene are exactly 0.
+    The static scene's transforms are exactly 0.
     """
     return moved_from_current(current, other)[:, :3] - np.eye(4)[:3]
 
@@ -106,7 +106,7 @@ def in_optical(
 ) -> NDArray[np.float64]:
     """Transforms (objects, 3, 4) from points to their motions relative to the camera.
 
-    A motion is the point in the other time's optical frame, less the point in the current one.
+    A motion is the point in the other time's optical frame minus the point in the current one.
     """
     transforms = other_from_current(current, other)[:, :3]
     transforms = (other.world_from_rig[:3, :3] @ rig_from_optical).T @ transforms

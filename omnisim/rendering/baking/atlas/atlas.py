@@ -1,4 +1,4 @@
-"""Atlas of a scene: a rectangle of texels for each static instance."""
+"""Lightmap atlas of a scene: a rectangle of texels for each static instance."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from omnisim.rendering.baking.atlas.unwrapping import Unwrapping, unwrap
 from omnisim.scene.model import Scene
 
 MAX_SIDE_PX = 8192
-_MIN_TEXELS = 1.0  # of an instance's area; a smaller one has one light all over
+_MIN_TEXELS = 1.0  # of an instance's area; smaller instances have uniform light
 
 
 class Atlas(NamedTuple):
-    """Places of instances in an atlas.
+    """Layout of instances in an atlas.
 
     Attributes:
-        unwrappings: by the index of the mesh.
-        rects_px: (n, 4) int of the instances: left, top, width, height; zeros: it has none.
-        back_rects_px: (n, 4) of the backs of those instances whose back is seen.
-        texels_m: (n,) sizes of the instances' texels.
+        unwrappings: unwrapping by index of the mesh.
+        rects_px: (n, 4) int rectangles of the instances: left, top, width, height; zeros: none.
+        back_rects_px: (n, 4) rectangles of the backs, for instances with a visible back.
+        texels_m: (n,) texel width of each instance.
         size_px: width and height.
     """
 
@@ -42,7 +42,7 @@ class Atlas(NamedTuple):
     size_px: tuple[int, int]
 
     def shares(self, rects_px: NDArray[np.intp]) -> dict[int, list[float]]:
-        """Rectangles by the index of the instance, in shares of the atlas."""
+        """Rectangles by index of the instance, as shares of the atlas."""
         whole = np.array((*self.size_px, *self.size_px), dtype=np.float64)
         return {
             int(index): (rects_px[index] / whole).tolist()
@@ -50,10 +50,10 @@ class Atlas(NamedTuple):
         }
 
     def charts(self, mesh_of: Sequence[int]) -> NDArray[np.int32]:
-        """Chart (height, width) that each texel is of; -1: none.
+        """Chart (height, width) of each texel; -1: none.
 
         Args:
-            mesh_of: (n,) meshes of the instances.
+            mesh_of: (n,) mesh of each instance.
         """
         found = np.full(self.size_px[::-1], -1, dtype=np.int32)
         number = 0
@@ -67,7 +67,7 @@ class Atlas(NamedTuple):
 
 
 def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> tuple[float, Atlas]:
-    """Finest width of texels, of two digits, whose atlas has at most so many; the atlas."""
+    """Finest texel width, of two digits, with at most `texels` texels; and its atlas."""
     texel_m = first_texel_m(scene, has_back, texels)
     while True:
         texel_m = float(f"{texel_m:.2g}")
@@ -87,13 +87,13 @@ def build_atlas(
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
 
     Args:
-        scene: to bake.
+        scene: scene to bake.
         texel_m: width of the finest texels.
-        has_back: (n,) instances of which both sides are seen: they have two rectangles.
-        limit: texels of one instance, about; texels of a larger one are wider.
+        has_back: (n,) instances with two visible sides, which get two rectangles.
+        limit: approximate maximum number of texels per instance; larger ones get wider texels.
 
     Raises:
-        SceneError: texels so small that the atlas has more than `MAX_SIDE_PX`.
+        SceneError: texels are so small that the atlas exceeds `MAX_SIDE_PX`.
     """
     texels_m, areas = texel_sizes_m(scene, texel_m, has_back, limit), areas_m2(scene)
     scales = np.array(
@@ -126,7 +126,7 @@ def build_atlas(
 
 
 def _scale(matrix: NDArray[np.float64]) -> float:
-    """Mean factor of lengths."""
+    """Mean scale factor of lengths."""
     return float(np.abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
 
 
@@ -139,12 +139,12 @@ def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
 
 
 def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> NDArray[np.float32]:
-    """Corners (m, 3, 2) of all triangles in the atlas, in texels; zeros where there are none.
+    """Corners (m, 3, 2) of all triangles in the atlas, in texels; zeros outside of the atlas.
 
     Args:
-        scene: its instances, one after the other.
-        atlas: of the scene.
-        swapped: (n,) instances whose second and third corners are swapped.
+        scene: scene whose instances are taken in order.
+        atlas: atlas of the scene.
+        swapped: (n,) instances with swapped second and third corners.
     """
     corners = [np.empty((0, 3, 2), np.float32)]
     for index, instance in enumerate(scene.instances):

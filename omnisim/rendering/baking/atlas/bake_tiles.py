@@ -1,4 +1,4 @@
-"""Tiles of unfinished bakes, as files: an interrupted bake resumes with them."""
+"""Tiles of unfinished bakes, as files: an interrupted bake resumes from them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 
 
 def no_progress(description: str, total: int) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Progress that nobody is shown."""
+    """Progress without display."""
     return lambda steps: steps
 
 
@@ -41,14 +41,14 @@ def write_arrays(file: IO[bytes], arrays: Arrays, is_compressed: bool = False) -
 
 
 class TileFolder:
-    """Folder of the tiles that are done, beside the bake.
+    """Folder of the finished tiles, beside the bake.
 
     Args:
         output: folder of the bake.
-        plan: what the tiles depend on; those of another plan are removed.
+        plan: everything that determines the tiles; tiles of another plan are removed.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the folder cannot be written.
     """
 
     def __init__(self, output: Path, plan: Mapping[str, object]):
@@ -68,17 +68,17 @@ class TileFolder:
         shutil.rmtree(self.path, ignore_errors=True)
 
     def load(self, name: str) -> Arrays | None:
-        """Arrays of a tile; None: it is not done."""
+        """Arrays of a tile; None: not computed yet."""
         path = self.path / f"{name}.npz"
         if not path.is_file():
             return None
         return read_arrays(path, OutputError, "tile of a bake", f"remove {self.path}")
 
     def store(self, name: str, arrays: Arrays) -> None:
-        """Keep the arrays of a tile.
+        """Store the arrays of a tile.
 
         Raises:
-            OutputError: it cannot be written.
+            OutputError: the file cannot be written.
         """
         with atomic_write(self.path / f"{name}.npz") as partial, partial.open("wb") as file:
             write_arrays(file, arrays)
@@ -92,7 +92,7 @@ def in_tiles(
     jobs: int | None,
     progress: Progress,
 ) -> Iterator[Arrays]:
-    """Arrays of tiles, in order: computed in threads, or loaded where they are done."""
+    """Arrays of tiles, in order: loaded if finished, otherwise computed in threads."""
 
     def one(number: int) -> Arrays:
         name = f"{stage}-{number:05d}"

@@ -1,4 +1,4 @@
-"""Lightmap of patches: their light as pixels of an atlas, all over the rectangles of charts."""
+"""Lightmap: light of the patches as atlas pixels, filling the rectangles of the charts."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from omnisim.rendering.baking.atlas.patches import NEIGHBORS, Patches
 from omnisim.rendering.baking.sampling import Floats
 
-_MAX_STEPS = 24  # in texels; what lies deeper inside of something is not seen
+_MAX_STEPS = 24  # in texels; deeper texels are inside of something and invisible
 
 
 def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Floats:
     """Pixels (height, width, 3): light (p, 3) of the patches in the atlas.
 
-    Texels without a light have that of their neighbors, and so have those around a chart in its
-    rectangle: pixels between texels are then right.
+    Texels without light, and those around a chart in its rectangle, take the light of their
+    neighbors, so that interpolation between texels is right.
     """
     width, height = patches.size_px
     used = np.flatnonzero(is_valid & (patches.places < width * height))
@@ -34,7 +34,7 @@ def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Fl
 
 
 def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32]) -> Floats:
-    """Pixels with those that are not known as means of their chart's, step by step."""
+    """Pixels with unknown ones filled, step by step, by means of their chart's known neighbors."""
     for _ in range(_MAX_STEPS):
         sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
         for to, of in NEIGHBORS:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]:
     """Rectangles (n, 4) of sizes (n, 2), side by side, and the size of the page around them.
 
-    The highest come first, each as near to the top as there is room below the others.
+    The highest rectangles come first, each as near to the top as the others leave room.
     """
     rects = np.zeros((len(sizes_px), 4), dtype=np.intp)
     used = np.flatnonzero(sizes_px.min(axis=1, initial=1))
@@ -17,7 +17,7 @@ def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]
         return rects, (1, 1)
     sizes = sizes_px[used]
     width = max(int(sizes[:, 0].max()), int(np.ceil(np.sqrt(sizes.prod(axis=1).sum()))))
-    ends = np.zeros(width, dtype=np.intp)  # of what each column holds
+    ends = np.zeros(width, dtype=np.intp)  # bottom of the occupied part of each column
     for at in np.lexsort((used, -sizes[:, 0], -sizes[:, 1])):
         wide, high = sizes[at]
         tops = np.lib.stride_tricks.sliding_window_view(ends, wide).max(axis=1)

@@ -1,4 +1,4 @@
-"""Patches: surfaces of one texel each, that light is gathered on and reflected by."""
+"""Patches: surface elements of one texel each, which gather and reflect light."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from omnisim.rendering.rays.ray_scene import RayScene
 FRONT, BACK = 0, 1
 NO_PATCH = -1
 _SAMPLES_WITHOUT_TEXELS = 32
-_MAX_STEPS = 8  # from a texel without a patch to one
+_MAX_STEPS = 8  # from a texel without a patch to one with a patch
 _FIRST, _LAST, _ALL = slice(None, -1), slice(1, None), slice(None)
 _ALONG = {-1: (_LAST, _FIRST), 0: (_ALL, _ALL), 1: (_FIRST, _LAST)}
 # Parts of an atlas and those beside them, each way: (to, of).
@@ -27,24 +27,24 @@ NEIGHBORS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Patches of a scene: the sides of texels, and of instances without any.
+    """Patches of a scene: sides of texels, and of instances without texels.
 
     Attributes:
-        samples: points of them.
+        samples: sample points of the patches.
         of_sample: (k,) indices of the samples, patch after patch.
-        first: (p + 1,) first of each patch in `of_sample`.
+        first: (p + 1,) first entry of each patch in `of_sample`.
         sides: (p,) `FRONT` or `BACK`.
-        surfaces: (p,) instance.
-        places: (p,) texel; beyond the atlas: its size + instance.
-        areas_m2: (p,).
+        surfaces: (p,) instance of each patch.
+        places: (p,) texel; outside of the atlas: atlas size + instance.
+        areas_m2: (p,) areas.
         albedo: (p, 3) linear RGB.
-        emission: (p, 3) light that it sends out, as it is seen.
-        spacing_m: (p,) width of a texel.
+        emission: (p, 3) emitted light, as seen.
+        spacing_m: (p,) texel width.
         of_place: (2, places) int32 patch on each side of each place; `NO_PATCH`: none.
-        corners_px: (m, 3, 2) of the triangles in the atlas.
-        is_hollow: (m,) what sees the back of a triangle is outside, not in a solid.
-        has_rect: (surfaces,).
-        back_shift: (surfaces,) texels from a front's place to its back's; 0: it has none.
+        corners_px: (m, 3, 2) triangle corners in the atlas.
+        is_hollow: (m,) the back of the triangle faces open space, not the inside of a solid.
+        has_rect: (surfaces,) instances with a rectangle in the atlas.
+        back_shift: (surfaces,) texels from the place of a front to that of its back; 0: no back.
         charts: (height, width) chart of each texel of the atlas; -1: none.
     """
 
@@ -78,7 +78,7 @@ class Patches:
 
     @property
     def atlas_places(self) -> NDArray[np.intp]:
-        """Texels (p,) in the atlas: those of backs are in a rectangle of their own."""
+        """Texels (p,) in the atlas; backs have a rectangle of their own."""
         shifts = np.where(self.sides == BACK, self.back_shift[self.surfaces], 0)
         return self.places + shifts
 
@@ -89,12 +89,12 @@ class Patches:
 
 
 def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) -> Patches:
-    """Patches of all static instances, in the order of their places, fronts first.
+    """Patches of all static instances, ordered by place, fronts first.
 
     Args:
-        rays: of the scene.
-        atlas: of its instances.
-        is_hollow: (m,) see `Patches`.
+        rays: ray scene.
+        atlas: atlas of the scene's instances.
+        is_hollow: (m,) mask of triangles, see `Patches`.
     """
     geometry, scene = rays.caster.geometry, rays.scene
     width, height = atlas.size_px
@@ -168,7 +168,7 @@ def _spread_samples(
     is_taken: NDArray[np.bool_],
     first_place: int,
 ) -> Samples:
-    """Samples all over surfaces without texels, evenly by area."""
+    """Samples of surfaces without texels, spread evenly by area."""
     count = _SAMPLES_WITHOUT_TEXELS
     surfaces = np.flatnonzero(is_taken)
     ends = np.cumsum(triangle_m2)
@@ -195,7 +195,7 @@ def _sample_areas_m2(
     has_rect: NDArray[np.bool_],
     surfaces: NDArray[np.int32],
 ) -> NDArray[np.float64]:
-    """Areas (n,) that samples in the atlas stand for: those of triangles, shared evenly."""
+    """Areas (n,) of samples in the atlas: the triangle's area divided evenly among them."""
     counts = np.bincount(samples.triangles, minlength=len(triangle_m2))
     shared: NDArray[np.float64] = triangle_m2[samples.triangles] / counts[samples.triangles]
     return shared
@@ -219,9 +219,9 @@ def _appearance(
 
 
 def _spread_to_empty(of_texel: NDArray[np.int32], charts: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Patches (2, texels), with those of covered texels beside them where there are none.
+    """Patches (2, texels), with empty texels filled from covered neighbors.
 
-    Texels take those of their own chart, if there are any near.
+    Texels take patches of their own chart if any are near.
     """
     from scipy.ndimage import distance_transform_edt
 

@@ -1,4 +1,4 @@
-"""Rasterization of triangles in an atlas: where on which triangle each part of a texel is."""
+"""Rasterization of triangles in an atlas: position of each texel part on a triangle."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-GRID = 2  # parts of a texel each way
+GRID = 2  # parts per texel side
 _BATCH = 1 << 21  # candidates at once
 
 
@@ -15,9 +15,9 @@ class Samples(NamedTuple):
     """Points of surfaces, each in a texel.
 
     Attributes:
-        texels: (n,) row · width + column.
-        triangles: (n,) int32.
-        weights: (n, 3) float32 of the triangles' corners.
+        texels: (n,) row · width + column in the atlas.
+        triangles: (n,) int32 triangle indices.
+        weights: (n, 3) float32 barycentric weights.
     """
 
     texels: NDArray[np.intp]
@@ -34,12 +34,12 @@ def rasterize(
 ) -> Samples:
     """Samples of triangles on a grid of `GRID` × `GRID` in each texel.
 
-    A slim triangle has them along its middle line, too, so that it has some all over its length.
+    A slim triangle also has samples along its middle line, so that its whole length is covered.
 
     Args:
-        corners_px: (m, 3, 2) of all triangles.
-        triangles: (k,) indices of those that are in the atlas.
-        width_px: of the atlas.
+        corners_px: (m, 3, 2) corners of all triangles.
+        triangles: (k,) indices of the triangles in the atlas.
+        width_px: width of the atlas.
     """
     found = [Samples(np.empty(0, np.intp), np.empty(0, np.int32), np.empty((0, 3), np.float32))]
     corners = corners_px[triangles].astype(np.float64) * GRID - 0.5
@@ -76,7 +76,7 @@ def _slim_samples(
     has_sample: NDArray[np.bool_],
     width_px: int,
 ) -> Samples:
-    """Samples from a corner to the middle of the shortest edge, of triangles that are slim."""
+    """Samples of slim triangles, from a corner to the middle of the shortest edge."""
     corners = corners_px[triangles].astype(np.float64)
     edges = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)  # opposite to each corner
     lengths = np.linalg.norm(edges, axis=2)
@@ -101,7 +101,7 @@ def _slim_samples(
 def _candidates(
     low: NDArray[np.intp], spans: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Triangles (n,) and grid points (n, 2) of the triangles' bounds."""
+    """Triangles (n,) and grid points (n, 2) within the triangles' bounds."""
     counts = spans.prod(axis=1)
     mine = np.repeat(np.arange(len(low)), counts)
     within = np.arange(len(mine)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -112,7 +112,7 @@ def _candidates(
 def _weights(
     corners: NDArray[np.float64], points: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Indices of the points (n, 2) inside their triangles (n, 3, 2), and weights of the corners."""
+    """Indices of the points (n, 2) inside their triangles (n, 3, 2), and barycentric weights."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     area = _cross(b - a, c - a)
     second, third = _cross(points - a, c - a), _cross(b - a, points - a)

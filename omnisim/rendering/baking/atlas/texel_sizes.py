@@ -1,4 +1,4 @@
-"""Sizes of texels: fine near the places of cameras, coarser with the distance from them."""
+"""Texel sizes: fine near cameras, coarser with the distance from them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from omnisim.scene.model import Scene
 
-_NEAR_M = 4.0  # up to here texels are as fine as they are anywhere
-MAX_GIVEN_TEXELS = 1 << 21  # of one instance, where their size is given
+_NEAR_M = 4.0  # up to this distance texels have the finest size
+MAX_GIVEN_TEXELS = 1 << 21  # per instance, if the texel size is given
 _FINEST_M = 0.01
 
 
@@ -24,7 +24,7 @@ def areas_m2(scene: Scene) -> NDArray[np.float64]:
 
 
 def coarseness(scene: Scene) -> NDArray[np.float64]:
-    """Factors (n,) of the texels' size, by the distance of the triangles from cameras."""
+    """Factors (n,) of the texel size, by the distance of the instance's triangles from cameras."""
     places = camera_places_m(scene)
     nearest_m = []
     for instance in scene.instances:
@@ -39,15 +39,15 @@ def coarseness(scene: Scene) -> NDArray[np.float64]:
 
 
 def most_texels(texels: int) -> int:
-    """Texels of one instance at most in an atlas, where their size is not given."""
+    """Maximum number of texels per instance in an atlas, if the texel size is not given."""
     return texels // 16
 
 
 def first_texel_m(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> float:
-    """Size with which charts cover an atlas of so many texels, none lost between them."""
+    """Texel size whose charts fill an atlas of `texels` texels without gaps."""
     areas, factors = areas_m2(scene) * (1 + has_back), coarseness(scene)
     texel_m = _FINEST_M
-    for _ in range(20):  # the share of the largest depends on the size
+    for _ in range(20):  # the share of the largest instance depends on the size
         needed = float((areas / _limited(areas, factors, texel_m, most_texels(texels)) ** 2).sum())
         if needed <= texels:
             break
@@ -58,7 +58,7 @@ def first_texel_m(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> flo
 def texel_sizes_m(
     scene: Scene, texel_m: float, has_back: NDArray[np.bool_], limit: int
 ) -> NDArray[np.float64]:
-    """Sizes (n,) of the instances' texels; those with a back have twice as many."""
+    """Texel sizes (n,) of the instances; instances with a back have twice as many texels."""
     return _limited(areas_m2(scene) * (1 + has_back), coarseness(scene), texel_m, limit)
 
 
@@ -70,7 +70,7 @@ def _limited(
 
 
 def camera_places_m(scene: Scene) -> NDArray[np.float64]:
-    """Places (n, 3) of cameras and vehicles."""
+    """Positions (n, 3) of cameras and vehicles."""
     height_m = scene.start.position_m[2]
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
     places += [(x, y, height_m) for path in scene.paths for x, y in path.waypoints_m]

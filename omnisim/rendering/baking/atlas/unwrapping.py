@@ -1,7 +1,7 @@
 """Unwrapping of meshes by xatlas into charts, each in a rectangle of texels on a page.
 
-The edges of a rectangle's chart are at the centers of its outermost texels: what is looked up
-between texels stays within the rectangle, so that there is nothing between the rectangles.
+The edges of a chart lie at the centers of the outermost texels of its rectangle. A lookup between
+texels therefore stays within the rectangle, and rectangles need no gap between them.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from omnisim.scene.model import Mesh
 
 
 class Unwrapping(NamedTuple):
-    """Mesh with one texture coordinate at each vertex: vertices on seams are split.
+    """Mesh with one texture coordinate per vertex; vertices on seams are split.
 
     Attributes:
-        vertex_of: (v,) int32, vertex of the mesh that each one is.
-        triangles: (t, 3) int32 of these vertices, in the mesh's order.
+        vertex_of: (v,) int32 original vertex of each split vertex.
+        triangles: (t, 3) int32 split vertices, in the mesh's order.
         uv: (v, 2) float32 on the page, from 0 to 1.
-        charts_px: (c, 4) of the charts: left, top, width, height.
+        charts_px: (c, 4) chart rectangles: left, top, width, height.
         size_px: width and height of the page, in texels.
     """
 
@@ -37,11 +37,11 @@ def unwrap(mesh: Mesh, texels_from_mesh: NDArray[np.float64]) -> Unwrapping | No
     """Unwrap a mesh into charts that do not overlap.
 
     Args:
-        mesh: of a scene.
-        texels_from_mesh: (3, 3) linear map to lengths in texels.
+        mesh: mesh to unwrap.
+        texels_from_mesh: (3, 3) linear map from mesh coordinates to lengths in texels.
 
     Returns:
-        None: it has no surface.
+        Unwrapping; None: the mesh has no surface area.
     """
     import xatlas
 
@@ -69,12 +69,12 @@ def unwrap(mesh: Mesh, texels_from_mesh: NDArray[np.float64]) -> Unwrapping | No
 def _pack_charts(
     places_px: NDArray[np.float64], chart_of: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], tuple[int, int]]:
-    """Rectangles (c, 4) of charts, to which the vertices' places are moved, and the page's size."""
+    """Rectangles (c, 4) of charts and the page size; moves the vertices into the rectangles."""
     count = int(chart_of.max(initial=-1)) + 1
     low, high = (np.full((count, 2), sign * np.inf) for sign in (1, -1))
     np.minimum.at(low, chart_of, places_px)
     np.maximum.at(high, chart_of, places_px)
-    steps = np.rint(high - low).astype(np.intp)  # between the centers of the outermost texels
+    steps = np.rint(high - low).astype(np.intp)  # between centers of the outermost texels
     rects_px, size_px = pack(steps + 1)
     scales = steps / np.maximum(high - low, 1e-9)
     offsets = rects_px[:, :2] + 0.5

@@ -1,4 +1,4 @@
-"""Degradations of real cameras: parameters, presets, passes on the GPU and their reference."""
+"""Degradations of real cameras: parameters, presets, GPU passes and a NumPy reference."""
 
 from omnisim.core.package_files import preset_names
 from omnisim.rendering.camera.degradations import degradation as effects

@@ -1,4 +1,4 @@
-"""Bayer mosaic, one color for each pixel, and demosaicking, which interpolates the others.
+"""Bayer mosaic, one color per pixel, and demosaicing, which interpolates the others.
 
 Source: Bayer, US patent 3 971 065; Malvar, He and Cutler, "High-quality linear interpolation for
 demosaicing of Bayer-patterned color images", ICASSP 2004.
@@ -17,8 +17,8 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, 
 from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 
 RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
-# Malvar's filters, in eighths: for green at red or blue; for red in red's row at green; for red
-# in red's column at green (that one turned); for red at blue.
+# Malvar's filters, in eighths: for green at red or blue; for red at green in red's row; for red
+# at green in red's column (the filter before, transposed); for red at blue.
 _CROSS = ((0, 0, -1, 0, 0), (0, 0, 2, 0, 0), (-1, 2, 4, 2, -1), (0, 0, 2, 0, 0), (0, 0, -1, 0, 0))
 _ROW = (
     (0, 0, 0.5, 0, 0),
@@ -40,17 +40,17 @@ _CORNERS = (
 class Bayer(SensorEffect, name="degradation.bayer"):
     """Mosaic of single colors, and their interpolation.
 
-    Neighbors outside of the image or of its mask count for nothing: there, and where one of
-    Malvar's 5 × 5 pixels is missing, the valid ones of the nearest of that color are averaged.
+    Neighbors outside of the image or its mask are ignored. At the border, and where one of
+    Malvar's 5 × 5 pixels is missing, the valid nearest pixels of the color are averaged.
     """
 
     pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = "RGGB"
     """Colors of the top left 2 × 2 pixels, row by row."""
     demosaic: Literal["malvar", "bilinear", "none"] = "malvar"
-    """Interpolation of the other colors; "none": a gray mosaic."""
+    """Interpolation of the other two colors; "none": a gray mosaic."""
 
     def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
-        """Two passes on the GPU: the mosaic, in all three channels, and demosaicking."""
+        """Two GPU passes: the mosaic, in all three channels, and demosaicing."""
         mosaic = Step("bayer_mosaic", {"u_red_xy": RED_XY[self.pattern]})
         if self.demosaic == "none":
             return [mosaic]
@@ -61,7 +61,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
     ) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         colors = self.colors(geometry)
         raw = np.take_along_axis(image[..., :3], colors[..., None], axis=-1)[..., 0]
         result = image.copy()
@@ -91,7 +91,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         known = colors == color
         near = valid & known
         total, count = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
-        # the nearest of a color: beside the pixel, or if there are none, at its corners
+        # nearest pixels of a color: beside the pixel or, if none is, at its corners
         for offsets in (((0, -1), (-1, 0), (1, 0), (0, 1)), ((-1, -1), (1, -1), (-1, 1), (1, 1))):
             layer_total, layer = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
             for right, down in offsets:
@@ -125,7 +125,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
 
 
 def _support() -> list[tuple[int, int]]:
-    """Offsets of the 13 pixels that Malvar's filters read."""
+    """Offsets of the 13 pixels in Malvar's filters."""
     near = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]
     return [*near, (-2, 0), (2, 0), (0, -2), (0, 2)]
 
@@ -141,7 +141,7 @@ def _filtered(raw: NDArray[np.float32], eighths: NDArray[np.float64]) -> NDArray
 
 
 def _neighbor(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
-    """Values at an offset of each pixel; 0 outside."""
+    """Values at an offset from each pixel; 0 outside of the image."""
     padded = np.pad(values, 2)
     height, width = values.shape
     return padded[2 + down : 2 + down + height, 2 + right : 2 + right + width]

@@ -1,6 +1,6 @@
-"""Lateral chromatic aberration: a scale of its own for each color.
+"""Lateral chromatic aberration: an individual scale per color.
 
-0.002 are 0.4 px at a radius of 180 px: an assumption.
+A value of 0.002 shifts by 0.4 px at a radius of 180 px: an assumption.
 
 Source: Kang, "Automatic removal of chromatic aberration from a single image", CVPR 2007.
 """
@@ -27,23 +27,23 @@ Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
 class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"):
     """Red and blue images, scaled about the optical axis by bilinear interpolation.
 
-    Where no neighbor of a sampled position is valid, at the border of the image, the pixel
-    keeps its own color; where only some are, those count.
+    Only valid neighbors of a sampled position count. Without any, at the border of the image,
+    the pixel keeps its own color.
     """
 
     red_scale: Scale = 1.0
-    """Size of the red image, the green one's being 1; typically 1 ± 0.0005 to 0.002."""
+    """Scale of the red image relative to green; typically 1 ± 0.0005 to 0.002."""
     blue_scale: Scale = 1.0
-    """The same of the blue image."""
+    """Scale of the blue image relative to green; typically 1 ± 0.0005 to 0.002."""
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
-        """One pass on the GPU."""
+        """One GPU pass."""
         inverse = (1.0 / self.red_scale, 1.0, 1.0 / self.blue_scale)
         uniforms = {"u_center_px": geometry.center_px, "u_inverse_scales": inverse}
         return [Step("chromatic_aberration", uniforms)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         result = image.copy()
         for channel, scale in ((0, self.red_scale), (2, self.blue_scale)):
             positions = geometry.offsets_px() * np.float32(1.0 / scale)
@@ -58,8 +58,8 @@ class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"
 def _sample_valid(
     values: NDArray[np.float32], valid: NDArray[np.float32], positions_px: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Values (height, width) between valid neighbors of positions; NaN where there is none."""
-    weight = np.pad((valid > 0.5).astype(np.float32), 1)  # nothing is valid beyond the border
+    """Values (height, width) interpolated between valid neighbors of positions; NaN: none."""
+    weight = np.pad((valid > 0.5).astype(np.float32), 1)  # pixels beyond the border are invalid
     corner, weights, _ = corner_and_weights(positions_px + np.float32(1.0), weight.shape)
     total = interpolate(weight * np.pad(values, 1), corner, weights)
     share = interpolate(weight, corner, weights)

@@ -1,8 +1,8 @@
-"""Defocus: discs in place of points, wider towards the rim of a curved mirror.
+"""Defocus: discs in place of points, wider toward the rim of a curved mirror.
 
-In between the radius grows with the square of the image radius, as the depth of a mirror's virtual
-image does near its axis: an assumption for a mirror that is seen up to its rim. Below 0.5 px
-the disc lies within one pixel.
+The radius grows with the square of the image radius, as the depth of a mirror's virtual image
+does near its axis. Up to the rim of the mirror this is an assumption. A disc of less than 0.5 px
+radius lies within one pixel.
 
 Source: Swaminathan, "Focus in catadioptric imaging systems", ICCV 2007: virtual images behind a
 curved mirror lie at different depths, so that not all of them can be in focus.
@@ -22,9 +22,9 @@ from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
-MAX_PX = 32.0  # 4225 samples a pixel
-MIN_PX = 0.5  # such a disc lies within one pixel
-STRIPS = 8  # that a pixel on the edge of a disc is cut into: right to a few thousandths of it
+MAX_PX = 32.0  # 4225 samples per pixel
+MIN_PX = 0.5  # a disc of this radius lies within one pixel
+STRIPS = 8  # strips per pixel on the edge of a disc: accurate to a few thousandths of the pixel
 Radius = Annotated[Number, Field(ge=0.0, le=MAX_PX)]
 
 
@@ -32,23 +32,23 @@ Radius = Annotated[Number, Field(ge=0.0, le=MAX_PX)]
 class Defocus(OpticalEffect, name="degradation.defocus"):
     """Mean of the valid pixels in the disc around each pixel.
 
-    A pixel on the disc's edge counts by the part of it that is inside; pixels outside of the
-    image or of its mask do not count, so that no black bleeds in.
+    A pixel on the disc's edge is weighted by its share inside. Pixels outside of the image or its
+    mask are ignored, so no black bleeds in.
     """
 
     center_defocus_px: Radius = 0.0
-    """Radius in pixels of the disc on the optical axis; typically 0 (focused there) to 2."""
+    """Radius in pixels of the disc on the optical axis; typically 0 (in focus there) to 2."""
     rim_defocus_px: Radius = 1.0
     """Radius in pixels of the disc at half of the image's shorter side; typically 0.5 to 3."""
 
     def radii_px(self, geometry: ImageGeometry) -> NDArray[np.float32]:
-        """Radius (height, width) of each pixel's disc."""
+        """Radius (height, width) of the disc at each pixel."""
         first, last = np.float32(self.center_defocus_px), np.float32(self.rim_defocus_px)
         radii = first + (last - first) * geometry.squared_radii()
         return radii.clip(np.float32(MIN_PX), np.float32(MAX_PX))
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
-        """One pass on the GPU."""
+        """One GPU pass."""
         uniforms = {
             "u_center_defocus_px": self.center_defocus_px,
             "u_rim_defocus_px": self.rim_defocus_px,
@@ -59,7 +59,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         return [Step("defocus", uniforms)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         radii = self.radii_px(geometry)
         reach = int(np.ceil(radii.max() + 0.5))
         height, width = radii.shape
@@ -83,11 +83,11 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
 def covered_share(right_px: int, down_px: int, radius_px: NDArray[np.float32]) -> NDArray[Any]:
     """Fraction (...) of a pixel that lies in a disc around another pixel.
 
-    The pixel is cut into strips along its shorter offset; across them the disc's chord is exact.
+    The pixel is cut into strips along its shorter offset; the chord across them is exact.
 
     Args:
-        right_px, down_px: from the disc's middle to the pixel's.
-        radius_px: (...) of the disc.
+        right_px, down_px: offset from the center of the disc to the pixel.
+        radius_px: (...) radius of the disc.
     """
     far, near = max(abs(right_px), abs(down_px)), min(abs(right_px), abs(down_px))
     share = np.zeros_like(radius_px)

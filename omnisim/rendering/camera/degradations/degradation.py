@@ -1,4 +1,4 @@
-"""The degradation of a camera: its effects on light, in the order of the light."""
+"""Degradation of a camera: its effects, in the order of the light path."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ __all__ = [  # of the package
 
 @dataclass(frozen=True, kw_only=True)
 class Degradation:
-    """Effects of a camera; None: not there. By default the camera is ideal.
+    """Effects of a camera; None: disabled. By default the camera is ideal.
 
-    The order of the fields is the order of the light, and stated nowhere else.
+    The order of the fields is the order of the effects along the light path.
 
     Raises:
         OpticsError: dark current without an exposure time.
@@ -76,31 +76,31 @@ class Degradation:
 
     @property
     def parts(self) -> dict[str, Effect]:
-        """Effects that are there, by the names of their tables."""
+        """Enabled effects, by table name."""
         parts = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return {name: part for name, part in parts.items() if part is not None}
 
     @property
     def is_ideal(self) -> bool:
-        """True where there is no effect."""
+        """True without any effect."""
         return not self.parts
 
     @property
     def exposure_s(self) -> float:
-        """Time in which a row collects light; 0: an instant."""
+        """Exposure time of a row; 0: instantaneous."""
         return 0.0 if self.shutter is None else self.shutter.exposure_s or 0.0
 
     @property
     def is_metered(self) -> bool:
-        """True where the exposure depends on the image."""
+        """True if the exposure depends on the image."""
         return self.exposure is not None and self.exposure.auto
 
     def tables(self) -> dict[str, dict[str, Any]]:
-        """Tables of a sensor file with the same effects."""
+        """Sensor file tables of the same effects."""
         return {name: part.values() for name, part in self.parts.items()}
 
     def scaled(self, scale: float) -> Degradation:
-        """The degradation of an image `scale` times as large."""
+        """Degradation of an image `scale` times as large."""
         parts: dict[str, Any] = {name: part.scaled(scale) for name, part in self.parts.items()}
         return Degradation(**parts)
 
@@ -113,7 +113,7 @@ class Degradation:
     def electronics(self) -> list[SensorEffect]:
         """Effects after the shutter, up to the linear image.
 
-        The sensor's response to colors is a factor of its exposure, even where that has no table.
+        The sensor's color response is a factor of its exposure, even without an exposure table.
         """
         whole = self
         if self.white_balance and not self.exposure:
@@ -121,25 +121,25 @@ class Degradation:
         return [part for part in whole.parts.values() if isinstance(part, SensorEffect)]
 
     def optics_steps(self, geometry: ImageGeometry) -> list[Step]:
-        """Passes on the GPU before the shutter."""
+        """GPU passes before the shutter."""
         return [step for effect in self.optics for step in effect.steps(geometry)]
 
     def sensor_steps(self, geometry: ImageGeometry, noise_key: int) -> list[Step]:
-        """Passes on the GPU after the shutter, up to the linear image.
+        """GPU passes after the shutter, up to the linear image.
 
         Args:
-            geometry: of the image.
-            noise_key: of the camera's random numbers.
+            geometry: geometry of the image.
+            noise_key: key of the camera's random numbers.
         """
         shot = Shot(exposure_s=self.exposure_s, noise_key=noise_key)
         return [step for effect in self.electronics for step in effect.steps(geometry, shot)]
 
     def encoding_step(self) -> Step | None:
-        """The pass on the GPU into 8 bits, where it is not the ideal camera's."""
+        """GPU pass into 8 bits, if it differs from the ideal camera's."""
         return self.encoding.step() if self.encoding else None
 
     def exposure_factors(self, ev: float) -> tuple[float, float, float]:
-        """Factors of red, green and blue light at an exposure in stops."""
+        """Factors of red, green and blue light for an exposure in stops."""
         response = self.white_balance.response if self.white_balance else (1.0, 1.0, 1.0)
         red, green, blue = (2.0**ev * part for part in response)
         return red, green, blue

@@ -33,12 +33,12 @@ def _effects() -> dict[str, type[Effect]]:
     return {field.name: get_args(hints[field.name])[0] for field in dataclasses.fields(Degradation)}
 
 
-EFFECTS = _effects()  # by the names of their tables
+EFFECTS = _effects()  # by table name
 
 
 @cache
 def _preset_table() -> type[Table]:
-    """The table of a preset's file: a table for each effect, with the key `enabled`."""
+    """Table of a preset file: one table per effect, with the key `enabled`."""
     fields: dict[str, Any] = {}
     for name, kind in EFFECTS.items():
         table = create_model(f"{kind.__name__}Table", __base__=table_of(kind), enabled=(bool, True))
@@ -48,35 +48,35 @@ def _preset_table() -> type[Table]:
 
 @cache
 def _degradation_table() -> type[Table]:
-    """The table `[degradation]` of a sensor file."""
+    """Table `[degradation]` of a sensor file."""
     return create_model("DegradationTable", __base__=_preset_table(), preset=(str | None, None))
 
 
 def preset(name: str, folder: Path = Path()) -> Degradation:
-    """The degradation of a preset.
+    """Degradation of a preset.
 
     Args:
-        name: of one that ships with omnisim, or a file that ends in .toml.
-        folder: of such a file, where its path is relative.
+        name: name of a preset of omnisim, or a file that ends in .toml.
+        folder: base folder of a relative file path.
 
     Raises:
-        SensorFileError: there is none, or it has a fault: naming file, key, value and what was
-            expected.
+        SensorFileError: the preset does not exist or is faulty; names file, key, value and the
+            expected value.
     """
     path = _preset_path(name, folder, f"preset {name!r}: ")
     return _build(_read_preset(path), str(path), "")
 
 
 def parse_degradation(table: Mapping[str, Any], source: str, folder: Path) -> Degradation:
-    """The degradation of a `[degradation]` table: its effects on top of its preset's, key by key.
+    """Degradation of a `[degradation]` table: its effects override its preset's, key by key.
 
     Args:
-        table: as read from TOML.
-        source: names the file in messages.
-        folder: of a preset's file, where its path is relative.
+        table: table as read from TOML.
+        source: name of the file in messages.
+        folder: base folder of a relative preset file path.
 
     Raises:
-        SensorFileError: naming file, key, value and what was expected.
+        SensorFileError: names file, key, value and the expected value.
     """
     checked = parse_table(table, _degradation_table(), SensorFileError, source, "degradation")
     given = checked.model_dump(exclude_unset=True)
@@ -105,7 +105,7 @@ def _read_preset(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _build(tables: Mapping[str, dict[str, Any]], source: str, prefix: str) -> Degradation:
-    """The degradation of checked tables, whose names have the prefix in their file."""
+    """Degradation of checked tables, whose names have the prefix in their file."""
     parts: dict[str, Any] = {}
     try:
         for name, values in tables.items():

@@ -1,4 +1,4 @@
-"""Degradation of a camera in NumPy: the reference of the GPU's passes, and their stand-in."""
+"""Degradation of a camera in NumPy: the reference of the GPU passes, and their fallback."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def exposed(
     degradation: Degradation,
     geometry: ImageGeometry,
 ) -> LinearImage:
-    """Light (height, width, 4) that the sensor collects.
+    """Light (height, width, 4) collected by the sensor.
 
     Args:
-        sub_frames: ideal images, at least one, each with the share (height,) of its rows'
-            exposure; None: it is the whole frame.
-        degradation: of the camera.
-        geometry: of the image.
+        sub_frames: at least one ideal image, each with its share (height,) of the rows'
+            exposure; None: the whole frame.
+        degradation: degradation of the camera.
+        geometry: geometry of the image.
 
     Raises:
-        ValueError: no sub-frame.
+        ValueError: there is no sub-frame.
     """
     total: LinearImage | None = None
     for image, row_weights in sub_frames:
@@ -61,15 +61,15 @@ def developed(
     noise_key: int,
     frame_number: int,
 ) -> LinearImage:
-    """Linear image (height, width, 4) that the sensor makes of the light it has collected.
+    """Linear image (height, width, 4) that the sensor makes from the collected light.
 
     Args:
-        image: the light.
-        degradation: of the camera.
-        geometry: of the image.
-        factors: of the exposure of red, green and blue light.
-        noise_key: of the camera's random numbers.
-        frame_number: of the image.
+        image: collected light.
+        degradation: degradation of the camera.
+        geometry: geometry of the image.
+        factors: exposure factors of red, green and blue light.
+        noise_key: key of the camera's random numbers.
+        frame_number: frame number of the image.
     """
     shot = Shot(factors, degradation.exposure_s, noise_key, frame_number)
     for effect in degradation.electronics:
@@ -78,7 +78,7 @@ def developed(
 
 
 def eight_bits(image: LinearImage, encoding: Encoding | None) -> NDArray[np.uint8]:
-    """Values (height, width, 4) of the file, from a linear image; None: an ideal camera's."""
+    """File values (height, width, 4) of a linear image; encoding None: an ideal camera's."""
     encoded = (encoding or Encoding()).apply(image)
     rgba: NDArray[np.uint8] = np.rint(255.0 * encoded).astype(np.uint8)
     rgba[image[..., 3] < 0.5] = 0

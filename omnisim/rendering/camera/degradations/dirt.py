@@ -1,10 +1,10 @@
 """Dust and scratches on the mirror or lens, fixed in the image.
 
-No source has numbers for the dirt on a robot's mirror: these are assumptions, chosen by looking.
+No source gives numbers for the dirt on a robot's mirror: these are assumptions, chosen by eye.
 
-It is nearly in focus: a speck's edge is soft over some tenths of its radius. Radii are log-normal,
-as those of dust are; positions are evenly distributed. The map is made once, in NumPy, and the GPU
-multiplies and adds: light · (1 − absorbed) + glow · absorbed.
+The dirt is nearly in focus: a speck's edge is soft over some tenths of its radius. Radii are
+log-normal, as for dust; positions are uniformly distributed. The map is computed once, in NumPy,
+and the GPU multiplies and adds: light · (1 − absorbed) + glow · absorbed.
 """
 
 from __future__ import annotations
@@ -24,37 +24,37 @@ from omnisim.rendering.opengl.degradation.step import Step
 
 Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]
 RADIUS_SPREAD = 0.5  # standard deviation of the logarithm of the specks' radii
-SOFT = 0.35  # of a speck's radius: half of the width of its edge
-SPACING_PX = 0.25  # of the dots that a scratch is drawn with
+SOFT = 0.35  # share of a speck's radius: half the width of its edge
+SPACING_PX = 0.25  # between the dots that draw a scratch
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dirt(OpticalEffect, name="degradation.dirt"):
-    """Specks and scratches, drawn by their seed."""
+    """Specks and scratches, placed by a seed."""
 
     dust_count: Count = 60
-    """Specks in the image's square; typically 0 to 300."""
+    """Number of specks in the image's square; typically 0 to 300."""
     dust_radius_px: Pixels = 2.0
     """Median radius of the specks in pixels; typically 1 to 4."""
     dust_opacity: Fraction = 0.5
-    """Fraction of the light that the middle of a speck absorbs, at most; typically 0.2 to 0.8."""
+    """Maximum share of light absorbed at the center of a speck; typically 0.2 to 0.8."""
     scratch_count: Count = 0
-    """Scratches; typically 0 to 30."""
+    """Number of scratches; typically 0 to 30."""
     scratch_width_px: Pixels = 0.7
-    """Pixels to where half of a scratch's effect is gone; typically 0.5 to 1."""
+    """Distance in pixels at which a scratch has half its effect; typically 0.5 to 1."""
     scratch_length_px: Pixels = 80.0
-    """Length of the longest in pixels; typically 20 to 200."""
+    """Length in pixels of the longest scratch; typically 20 to 200."""
     scratch_opacity: Fraction = 0.3
-    """Fraction of the light that a scratch absorbs, at most; typically 0.1 to 0.5."""
+    """Maximum share of light that a scratch absorbs; typically 0.1 to 0.5."""
     dust_glow: NotNegative = 0.05
-    """Linear light that dust scatters to the camera in place of it; typically 0.02 to 0.2."""
+    """Linear light that dust scatters to the camera instead; typically 0.02 to 0.2."""
     scratch_glow: NotNegative = 0.6
-    """The same of scratches, which catch the lamps; typically 0.2 to 1."""
+    """Linear light that scratches scatter: they catch the lamps; typically 0.2 to 1."""
     seed: LongSeed = 0
     """Seed of the specks and scratches."""
 
     def map(self, geometry: ImageGeometry) -> NDArray[np.float32]:
-        """Dirt (height, width, 2): fraction of the light absorbed, and light added."""
+        """Dirt map (height, width, 2): share of light absorbed, and light added."""
         dust, scratches = np.ones((2, geometry.height_px, geometry.width_px))
         self._dust(dust, geometry)
         self._scratches(scratches, geometry)
@@ -62,18 +62,18 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         return np.stack((1.0 - dust * scratches, glow), axis=-1).astype(np.float32)
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
-        """One pass on the GPU."""
+        """One GPU pass."""
         return [Step("dirt", textures={"u_dirt": self.map(geometry)})]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         dirt = np.where(image[..., 3:] > 0.5, self.map(geometry), np.float32(0.0))
         result = image.copy()
         result[..., :3] = image[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]
         return result
 
     def _random(self, stream: str, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Uniform random numbers (count, 12) and normal ones (count, 4), a row for each item."""
+        """Uniform random numbers (count, 12) and normal ones (count, 4), one row per item."""
         key = key_of("dirt", stream, self.seed)
         items = np.arange(count)[:, None]
         hashes = np.moveaxis(pcg4d(items, np.arange(5)[None, :], 0, key), 0, -1)
@@ -100,7 +100,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             if not window.size:
                 continue
             angle = np.arctan2(down, right)
-            # no speck is round: an oval, three lumps and five small ones
+            # specks are not round: an oval, three lumps and five small ones
             lumps = zip((0.22, 0.12, 0.07), (2, 3, 5), phases, strict=True)
             edge = radius * (
                 1.0 + sum(size * np.sin(n * angle + 2 * np.pi * phase) for size, n, phase in lumps)
@@ -119,7 +119,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             angle = 2.0 * np.pi * numbers[1] + 0.6 * bends[0] * along
             steps = np.stack((np.cos(angle), np.sin(angle)), axis=-1) * (length / len(along))
             points = position + np.cumsum(steps, axis=0) - 0.5 * steps.sum(axis=0)
-            # deep where it begins or in the middle, never all along
+            # deep at its start or in the middle, never over its whole length
             depth = np.cos(np.pi * along) * (
                 0.7 + 0.3 * np.sin(2 * np.pi * (5 * along + numbers[2]))
             )
@@ -146,7 +146,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
 def _window(
     values: NDArray[np.float64], center_px: NDArray[np.float64], reach_px: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """View of values (height, width) around a position, and offsets right and down from it."""
+    """View of values (height, width) around a position; offsets right and down from it."""
     height, width = values.shape
     first = np.floor(center_px - reach_px).astype(int)
     last = np.ceil(center_px + reach_px).astype(int) + 1

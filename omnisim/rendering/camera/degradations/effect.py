@@ -1,4 +1,4 @@
-"""Effects of a camera on light: parameters, passes on the GPU, and the same in NumPy."""
+"""Effects of a camera on light: parameters, GPU passes and a NumPy reference."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Rgb = tuple[NotNegative, NotNegative, NotNegative]
 
 
 class Effect(Parameters):
-    """Base of the tables below `[degradation]`: frozen dataclasses, named as their modules."""
+    """Base of the tables in `[degradation]`: frozen dataclasses, named like their modules."""
 
     def values(self) -> dict[str, Any]:
         """Keys of the table with their values, without those that are None."""
@@ -28,7 +28,7 @@ class Effect(Parameters):
         return {key: value for key, value in values.items() if value is not None}
 
     def scaled(self, scale: float) -> Self:
-        """The effect on an image `scale` times as large: lengths in pixels grow."""
+        """Effect on an image `scale` times as large: lengths in pixels grow."""
         lengths: dict[str, Any] = {
             field.name: scale * getattr(self, field.name)
             for field in dataclasses.fields(self)
@@ -42,10 +42,10 @@ class Shot:
     """Conditions of one image.
 
     Attributes:
-        exposure_factors: of red, green and blue light.
-        exposure_s: time in which a row collects light; 0: an instant.
-        noise_key: of the camera's random numbers.
-        frame_number: of the image, for its noise.
+        exposure_factors: factors of red, green and blue light.
+        exposure_s: exposure time of a row; 0: instantaneous.
+        noise_key: key of the camera's random numbers.
+        frame_number: number of the image, for its noise.
     """
 
     exposure_factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -58,26 +58,26 @@ DEFAULT_SHOT = Shot()
 
 
 class OpticalEffect(Effect, ABC):
-    """An effect of mirror or lens on linear light, before the shutter."""
+    """Effect of mirror or lens on linear light, before the shutter."""
 
     @abstractmethod
     def steps(self, geometry: ImageGeometry) -> list[Step]:
-        """Passes on the GPU."""
+        """GPU passes."""
 
     @abstractmethod
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
 
 
 class SensorEffect(Effect, ABC):
-    """An effect of sensor and processor on a linear image, after the shutter."""
+    """Effect of sensor and processor on a linear image, after the shutter."""
 
     @abstractmethod
     def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
-        """Passes on the GPU; exposure factors and frame number are uniforms of each frame."""
+        """GPU passes; exposure factors and frame number are set as uniforms for each frame."""
 
     @abstractmethod
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
     ) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""

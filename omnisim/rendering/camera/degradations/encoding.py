@@ -1,4 +1,4 @@
-"""Tone curve, gamma and quantization: linear light to the values of the file.
+"""Tone curve, gamma and quantization: from linear light to file values.
 
 Source: IEC 61966-2-1, for sRGB; Khronos Group, "PBR Neutral Tone Mapper Specification", 2024.
 """
@@ -24,12 +24,12 @@ Gamma = Annotated[
 ]
 
 
-# Of the neutral curve: luminance that compression starts at, and how fast highlights pale.
+# Neutral curve: luminance where compression starts, and desaturation rate of highlights.
 _START, _DESATURATION, _TOE, _F90 = 0.76, 0.15, 0.08, 0.04
 
 
 def neutral(linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Colors (..., 3) by Khronos's PBR Neutral curve; the twin of shaders/common/neutral.glsl."""
+    """Colors (..., 3) on Khronos's PBR Neutral curve; the twin of shaders/common/neutral.glsl."""
     least = np.maximum(linear.min(axis=-1, keepdims=True), 0.0)
     offset = np.where(least < _TOE, least - 6.25 * least * least, _F90)
     colors = linear - offset
@@ -47,15 +47,15 @@ class Encoding(Effect, name="degradation.encoding"):
     """Tone curve, clipping to [0, 1], the transfer function, and rounding to whole steps."""
 
     gamma: Gamma = "srgb"
-    """Transfer function: "srgb", or values to the power of 1/gamma, 1 for machine vision."""
+    """Transfer function: "srgb", or values to the power of 1/gamma; 1 for machine vision."""
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=8)] = 8
-    """Bits a channel."""
+    """Bits per channel."""
     tone_curve: Literal["clip", "neutral"] = "clip"
     """Tone curve, before the transfer function. "clip": none, light above 1 is white; "neutral":
-    Khronos's PBR Neutral, which keeps base colors and rolls highlights off."""
+    Khronos's PBR Neutral, which keeps base colors and compresses highlights."""
 
     def step(self) -> Step:
-        """The pass on the GPU, into 8 bits."""
+        """GPU pass into 8 bits."""
         exponent = 0.0 if self.gamma == "srgb" else 1.0 / self.gamma
         uniforms = {
             "u_exponent": exponent,
@@ -65,7 +65,7 @@ class Encoding(Effect, name="degradation.encoding"):
         return Step("encoding", uniforms)
 
     def apply(self, image: LinearImage) -> LinearImage:
-        """The reference in NumPy, as numbers in [0, 1]."""
+        """Reference in NumPy, with values in [0, 1]."""
         light = image[..., :3].astype(np.float64)
         values = np.clip(neutral(light) if self.tone_curve == "neutral" else light, 0.0, 1.0)
         encoded = srgb_from_linear(values) if self.gamma == "srgb" else values ** (1 / self.gamma)

@@ -1,8 +1,8 @@
 """Exposure, and auto-exposure with a lag.
 
-The light is multiplied by 2 to the power of the exposure, before the sensor counts its photons.
-Auto-exposure works as an iris does: motion blur keeps the shutter's time. It follows what the
-image before asked for, as a filter of first order: the typical values are assumptions.
+Light is multiplied by 2 to the power of the exposure, before the sensor counts its photons.
+Auto-exposure works like an iris, so motion blur keeps the shutter time. It follows the metered
+exposure of the previous image, as a first-order filter; the typical values are assumptions.
 
 Source: ISO 12232 and APEX, for stops; the 18 % of a gray card is photography's convention.
 """
@@ -24,34 +24,34 @@ class Exposure(SensorEffect, name="degradation.exposure"):
     """A fixed exposure, or one that follows the mean luminance of the image with a lag."""
 
     ev: Ev = 0.0
-    """EV: powers of two of the light."""
+    """Exposure value (EV): power of two that multiplies the light."""
     auto: bool = False
-    """Auto-exposure."""
+    """Enables auto-exposure."""
     target: Positive = 0.18
-    """Mean linear luminance that auto-exposure aims at; 0.18 is a gray card's."""
+    """Mean linear luminance that auto-exposure aims at; a gray card has 0.18."""
     time_constant_s: NotNegative = 0.2
-    """Seconds until 63 % of a change of light are made up for; typically 0.1 to 0.5."""
+    """Time in seconds to adapt to 63 % of a change of light; typically 0.1 to 0.5."""
     min_ev: Ev = -4.0
-    """Smallest EV of auto-exposure."""
+    """Minimum EV of auto-exposure."""
     max_ev: Ev = 6.0
-    """Largest EV of auto-exposure."""
+    """Maximum EV of auto-exposure."""
 
     def _check(self) -> None:
         if self.min_ev > self.max_ev:
             raise self._error("min_ev", f"at most max_ev = {self.max_ev:g}")
 
     def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
-        """One pass on the GPU, whose factors are set for each frame."""
+        """One GPU pass, with factors set for each frame."""
         return [Step("exposure")]
 
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
     ) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         return multiplied(image, shot.exposure_factors)
 
     def metered_ev(self, mean_luminance: float) -> float:
-        """Exposure that suits an image, from its Rec. 709 luminance before exposure."""
+        """Metered exposure of an image, from its Rec. 709 luminance before exposure."""
         if not self.auto:
             return self.ev
         if mean_luminance <= 0.0:
@@ -63,9 +63,9 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         """Exposure of the next image.
 
         Args:
-            ev: of this image.
-            metered_ev: that suits this image.
-            later_s: from this image to the next.
+            ev: exposure of this image.
+            metered_ev: metered exposure of this image.
+            later_s: time from this image to the next.
         """
         if not self.auto:
             return self.ev

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 
-LinearImage = NDArray[np.float32]  # (height, width, 4): linear RGB, and 1 where it is valid, else 0
+LinearImage = NDArray[np.float32]  # (height, width, 4): linear RGB, and 1 if valid, else 0
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class ImageGeometry:
 
     Attributes:
         width_px, height_px: size.
-        center_px: (u, v) of the principal point.
+        center_px: (u, v) principal point.
     """
 
     width_px: int

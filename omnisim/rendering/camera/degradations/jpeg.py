@@ -1,4 +1,4 @@
-"""JPEG: the camera's compression, by a real encoder and decoder.
+"""JPEG compression of the camera, by a real encoder and decoder.
 
 Source: ITU-T T.81.
 """
@@ -17,12 +17,12 @@ from omnisim.rendering.camera.degradations.effect import Effect
 
 @dataclass(frozen=True)
 class Jpeg(Effect, name="degradation.jpeg"):
-    """Encoding and decoding; outside of its mask the image stays black."""
+    """JPEG encoding and decoding; the image stays black outside of its mask."""
 
     quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90
-    """As libjpeg counts; typically 75 to 95, 30 for a cheap stream."""
+    """Quality on libjpeg's scale; typically 75 to 95, 30 for a cheap stream."""
     subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
-    """Subsampling of the color."""
+    """Chroma subsampling."""
 
     def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Image (height, width, 4) after JPEG; alpha is kept."""

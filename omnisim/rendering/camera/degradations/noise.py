@@ -1,14 +1,14 @@
-"""Shot noise, dark current, read noise and the converter of a sensor that counts electrons.
+"""Shot noise, dark current, read noise and A/D conversion of a sensor that counts electrons.
 
-Without `gain_e_per_dn` a full well is the converter's largest number.
+Without `gain_e_per_dn`, a full well gives the converter's largest number.
 
-A linear value of 1 fills the well, or reaches the converter's largest number, whichever is first:
-`white_e` electrons. Photons that are caught are Poisson distributed. Below a mean of 32 electrons
-their number is found by inversion of the distribution function, exactly but for float32. From
-there on it is λ + z√λ + (z² − 1)/6, rounded, z normal: Cornish and Fisher's expansion, which has
-the Poisson distribution's skewness to its first order. The largest difference of the distribution
-functions there is 4e-4 (a plain normal number: 12e-3), and gets smaller with the mean; an 8-bit
-camera's step is many electrons by then.
+A linear value of 1 fills the well or gives the converter's largest number, whichever comes first:
+`white_e` electrons. Caught photons are Poisson distributed. Below a mean of 32 electrons their
+number is found by inversion of the distribution function, exact except for float32. From 32 on
+it is λ + z√λ + (z² − 1)/6, rounded, z normal: the Cornish-Fisher expansion, which has
+the first-order skewness of the Poisson distribution. The largest difference of the distribution
+functions is 4e-4 there (12e-3 for a plain normal number), and shrinks with the mean; one step of
+an 8-bit camera is many electrons by then.
 
 Source: EMVA Standard 1288, release 4.0 (model and names); Cornish and Fisher, 1938.
 """
@@ -28,30 +28,30 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, 
 from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.step import Step
 
-NORMAL_FROM_E = 32.0  # mean number of electrons from which on normal numbers are good enough
-MAX_COUNTED = 128  # more do not come from a mean below NORMAL_FROM_E
-# The terms of the sum are smaller than float32's steps near 1 from here on: it has come to its end.
+NORMAL_FROM_E = 32.0  # mean number of electrons from which the normal approximation suffices
+MAX_COUNTED = 128  # a mean below NORMAL_FROM_E gives no larger count
+# From this term on, the sum's terms are below float32's steps near 1, and the sum has converged.
 MIN_TERM = 2.0**-27
 
 
 @dataclass(frozen=True, kw_only=True)
 class Noise(SensorEffect, name="degradation.noise"):
-    """Poisson distributed electrons and normal read noise, rounded and clipped.
+    """Poisson-distributed electrons and normal read noise, rounded and clipped.
 
-    The result is brought back to linear values in which white is 1. It may be below 0 where there
-    is a black level: clipping there would brighten the dark. Outside of the mask there is no noise.
+    The result is scaled back to linear values in which white is 1. With a black level it may be
+    below 0: clipping would brighten dark regions. Outside of the mask there is no noise.
     """
 
     full_well_e: Annotated[Positive, Field(ge=10.0, le=1e7)] = 20_000.0
-    """Electrons a pixel holds; typically 5 000 (small CMOS) to 30 000 (large CCD)."""
+    """Full-well capacity in electrons; typically 5 000 (small CMOS) to 30 000 (large CCD)."""
     gain_e_per_dn: Positive | None = None
-    """Electrons a step of the converter; left out: a full well is its largest number."""
+    """Electrons per step of the converter; left out: a full well gives the largest number."""
     read_noise_e: NotNegative = 5.0
     """Standard deviation in electrons; typically 2 (good CMOS) to 20 (interline CCD)."""
     dark_current_e_per_s: NotNegative = 0.0
-    """Electrons a second, typically 1 to 100; needs shutter.exposure_s."""
+    """Dark current in electrons per second; typically 1 to 100; needs shutter.exposure_s."""
     black_level_dn: NotNegative = 0.0
-    """Steps added before the converter and taken off again; typically 0.1 to 2 % of its range."""
+    """Steps added before the converter and subtracted after; typically 0.1 to 2 % of its range."""
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=16)] = 12
     """Bits of the converter; typically 8 to 14."""
 
@@ -69,18 +69,18 @@ class Noise(SensorEffect, name="degradation.noise"):
 
     @property
     def gain(self) -> float:
-        """Electrons a step of the converter."""
+        """Electrons per step of the converter."""
         if self.gain_e_per_dn is not None:
             return self.gain_e_per_dn
         return self.full_well_e / (self.largest_dn - self.black_level_dn)
 
     @property
     def white_e(self) -> float:
-        """Electrons of a linear value of 1."""
+        """Electrons at a linear value of 1."""
         return min(self.full_well_e, self.gain * (self.largest_dn - self.black_level_dn))
 
     def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
-        """One pass on the GPU."""
+        """One GPU pass."""
         uniforms = {
             "u_key": shot.noise_key,
             "u_white_e": self.white_e,
@@ -99,7 +99,7 @@ class Noise(SensorEffect, name="degradation.noise"):
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
     ) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         column, row, channel = np.meshgrid(
             np.arange(geometry.width_px), np.arange(geometry.height_px), np.arange(3)
         )
@@ -121,7 +121,7 @@ class Noise(SensorEffect, name="degradation.noise"):
 def poisson(
     mean: NDArray[np.float32], first: NDArray[np.uint32], second: NDArray[np.uint32]
 ) -> NDArray[np.float32]:
-    """Poisson distributed whole numbers (...) with means (...) ≥ 0, from two hashes each."""
+    """Poisson-distributed integers (...) with means (...) ≥ 0, from two hashes each."""
     z = normal(first, second)
     large = np.maximum(mean, np.float32(NORMAL_FROM_E))
     many = large + np.sqrt(large) * z + (z * z - np.float32(1.0)) * np.float32(1.0 / 6.0)

@@ -1,10 +1,10 @@
-"""Random numbers as hashes of position and time, without a state.
+"""Random numbers as stateless hashes of position and time.
 
-The same bits come out of `shaders/common/random.glsl`, on every machine and in any order, so that
-an image can be rendered again, and a drive resumed. 32-bit integers only.
+`shaders/common/random.glsl` produces the same bits, on every machine and in any order, so that an
+image can be rendered again and a drive resumed. Only 32-bit integers are used.
 
 Source: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020: pcg4d, which
-passes TestU01's batteries as they report it. Box and Muller, 1958, for normal numbers.
+passes TestU01's batteries according to the authors. Box and Muller, 1958, for normal numbers.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def key_of(*parts: int | str) -> int:
-    """Key of 32 bits for one stream of numbers; any difference of the parts makes another key."""
+    """32-bit key of one stream of numbers; different parts give different keys."""
     text = "\0".join(f"{type(part).__name__} {part}" for part in parts)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "little")
 
@@ -39,12 +39,12 @@ def pcg4d(x: ArrayLike, y: ArrayLike, z: ArrayLike, w: ArrayLike) -> NDArray[np.
 
 
 def uniform(hashes: NDArray[np.uint32]) -> NDArray[np.float32]:
-    """Numbers (...) in (0, 1), never the ends: 2²³ of them, each exact in float32."""
+    """Numbers (...) in (0, 1), without the ends: 2²³ values, each exact in float32."""
     return ((hashes >> np.uint32(9)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-23)
 
 
 def normal(first: NDArray[np.uint32], second: NDArray[np.uint32]) -> NDArray[np.float32]:
-    """Normal numbers (...), mean 0 and variance 1, from two hashes each; at most 5.77 in size."""
+    """Normal numbers (...), mean 0 and variance 1, from two hashes each; magnitude ≤ 5.77."""
     radius = np.sqrt(np.float32(-2.0) * np.log(uniform(first)))
     numbers: NDArray[np.float32] = radius * np.cos(np.float32(2.0 * np.pi) * uniform(second))
     return numbers

@@ -1,6 +1,6 @@
 """Reflectance and tint of a mirror.
 
-Source: makers' data of coated mirrors for the ranges; for any one mirror an assumption.
+Source: manufacturers' data of coated mirrors for the ranges; an assumption for any single mirror.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from omnisim.rendering.opengl.degradation.step import Step
 
 @dataclass(frozen=True)
 class Reflectance(OpticalEffect, name="degradation.reflectance"):
-    """Mirror reflectance: the light is multiplied by `reflectance` and by the color's `tint`."""
+    """Mirror reflectance: light is multiplied by `reflectance` and by the `tint` of each color."""
 
     reflectance: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.9
-    """Fraction of the light reflected; typically 0.9 bare aluminium, 0.95 or more silver."""
+    """Share of light reflected; typically 0.9 for bare aluminum, 0.95 or more for silver."""
     tint: Rgb = (1.0, 1.0, 1.0)
-    """Factors of R, G, B; a shade warmer for nickel and chrome."""
+    """Factors of R, G, B; slightly warm for nickel and chrome."""
 
     @property
     def factors(self) -> tuple[float, float, float]:
@@ -33,11 +33,11 @@ class Reflectance(OpticalEffect, name="degradation.reflectance"):
         return red, green, blue
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
-        """One pass on the GPU."""
+        """One GPU pass."""
         return [Step("color_factors", {"u_factors": self.factors})]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         return multiplied(image, self.factors)
 
 

@@ -1,12 +1,12 @@
 """Motion blur and rolling shutter: exposure windows of the image's rows.
 
-"auto" keeps a moving edge in every row within 0.05 px of where it belongs, and takes a step of at
-most 0.5 px from sub-frame to sub-frame; but no more than 64 of them.
+"auto" keeps a moving edge within 0.05 px of its true position in every row, and moves at most
+0.5 px between sub-frames, with at most 64 sub-frames.
 
-The pose of an image, and so its ground truth, is that of the middle of its frame: of the middle
-row's exposure. The frame lasts readout_s + exposure_s, first row first. The time is cut into equal
-sub-frames, each rendered at the pose in its middle; a row takes their mean, weighted by how long
-each overlaps its own window. Without exposure it takes the one in which its instant lies.
+The pose of an image, and of its ground truth, is that of the middle of its frame: the middle row's
+exposure. The frame lasts readout_s + exposure_s, first row first. This time is divided into equal
+sub-frames, each rendered at the pose in its middle. A row averages the sub-frames, weighted by
+their overlap with its exposure window. Without exposure it takes the one at its instant.
 
 Source: Meingast, Geyer and Sastry, "Geometric models of rolling-shutter cameras", 2005.
 """
@@ -24,8 +24,8 @@ from pydantic import Field
 from omnisim.core.files.parameters import NotNegative, Positive, described
 from omnisim.rendering.camera.degradations.effect import Effect
 
-MAX_ERROR_PX = 0.05  # of a moving edge's position in a row
-MAX_STEP_PX = 0.5  # of motion from one sub-frame to the next: no ghosts
+MAX_ERROR_PX = 0.05  # position error of a moving edge in a row
+MAX_STEP_PX = 0.5  # motion between sub-frames: avoids ghosts
 MAX_SUB_FRAMES = 64
 MAX_S = 3600.0
 
@@ -38,16 +38,17 @@ SubFrames = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class Shutter(Effect, name="degradation.shutter"):
-    """Exposure of the rows, one after the other or all at once."""
+    """Exposure of the rows, one by one or all at once."""
 
     exposure_s: Annotated[Positive, Field(le=MAX_S)] | None = None
-    """Seconds a row collects light, typically 0.001 to 0.03; left out: an instant."""
+    """Exposure time of a row in seconds, typically 0.001 to 0.03; left out: instantaneous."""
     readout_s: Annotated[NotNegative, Field(le=MAX_S)] = 0.0
-    """Seconds from the first row's start to the last's; typically 0 (CCD) or 0.01 to 0.03."""
+    """Seconds from the start of the first row to that of the last; typically 0 (CCD) or 0.01 to
+    0.03."""
     frame_rate_hz: Positive | None = None
-    """Images a second, such as 15 or 30: no exposure is longer than 1/rate; left out: unknown."""
+    """Images per second, such as 15 or 30; limits the exposure to 1/rate; left out: unknown."""
     sub_frames: SubFrames = "auto"
-    """Renders that make up an image; "auto": as its motion needs."""
+    """Number of sub-frames per image; "auto": as its motion needs."""
 
     def _check(self) -> None:
         if self.frame_rate_hz is None:
@@ -68,7 +69,7 @@ class Shutter(Effect, name="degradation.shutter"):
         return self.readout_s + (self.exposure_s or 0.0)
 
     def sub_frame_count(self, motion_px: float) -> int:
-        """Number of renders that make up an image in which edges move by `motion_px`."""
+        """Number of sub-frames of an image in which edges move by `motion_px`."""
         if self.duration_s == 0.0 or motion_px == 0.0:
             return 1
         if self.sub_frames != "auto":
@@ -81,11 +82,11 @@ class Shutter(Effect, name="degradation.shutter"):
         return min(max(1, math.ceil(motion_px / step_px - 1e-9)), MAX_SUB_FRAMES)
 
     def times_s(self, count: int) -> NDArray[np.float64]:
-        """Times (count,) of the middles of sub-frames, from the middle of the frame."""
+        """Midpoints (count,) of the sub-frames, relative to the middle of the frame."""
         return ((np.arange(count) + 0.5) / count - 0.5) * self.duration_s
 
     def row_weights(self, count: int, height_px: int) -> NDArray[np.float32]:
-        """Fractions (count, height) of each row's exposure in the sub-frames."""
+        """Shares (count, height) of each row's exposure in the sub-frames."""
         starts = (np.arange(height_px) + 0.5) / height_px * self.readout_s
         step_s = self.duration_s / count
         if self.exposure_s is None:

@@ -1,6 +1,6 @@
 """White balance: the sensor's response to white, and the camera's gains.
 
-Source: von Kries' diagonal model of adaptation, 1902, which cameras' channel gains are.
+Source: von Kries' diagonal model of adaptation, 1902, which matches a camera's channel gains.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ Gains = Annotated[
 
 @dataclass(frozen=True)
 class WhiteBalance(SensorEffect, name="degradation.white_balance"):
-    """Factors of the light: `response` before the noise, `gains` after demosaicking."""
+    """White-balance factors: `response` before the noise, `gains` after demosaicing."""
 
     response: tuple[Factor, Factor, Factor] = (1.0, 1.0, 1.0)
     """Relative signals of R, G, B pixels in the scene's light; typically 0.6, 1, 0.7 (assumed)."""
     gains: Gains = "gray"
-    """Factors of R, G, B after demosaicking; "gray": undo response."""
+    """Factors of R, G, B after demosaicing; "gray": the inverse of response."""
 
     @property
     def factors(self) -> tuple[float, float, float]:
@@ -43,11 +43,11 @@ class WhiteBalance(SensorEffect, name="degradation.white_balance"):
         return self.gains
 
     def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
-        """One pass on the GPU, for the gains; the response is a part of the exposure."""
+        """One GPU pass, for the gains; the response is part of the exposure."""
         return [Step("color_factors", {"u_factors": self.factors})]
 
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
     ) -> LinearImage:
-        """The reference in NumPy."""
+        """Reference in NumPy."""
         return multiplied(image, self.factors)

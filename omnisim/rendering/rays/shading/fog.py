@@ -11,7 +11,7 @@ from omnisim.scene.model import Fog
 def fogged(
     fog: Fog, colors: NDArray[np.float32], ranges_m: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Linear colors (n, 3), seen through fog from distances (n,)."""
+    """Linear colors (n, 3) seen through fog from distances (n,)."""
     left = np.exp(-np.array(fog.attenuation_per_m) * ranges_m[:, None])
     colored = np.array(fog.color)
     seen: NDArray[np.float32] = (colored + (colors - colored) * left).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Light of a scene on its surfaces, in NumPy: the twin of shaders/scene/lighting.glsl."""
+"""Lighting of a scene's surfaces, in NumPy: the twin of shaders/scene/lighting.glsl."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class LampLight(NamedTuple):
 
     Attributes:
         color: (3,) linear RGB on a surface that faces the lamp, at level 1.
-        levels: (n,).
-        directions: (n, 3) unit, towards the lamp; or (1, 3), the same for all points.
+        levels: (n,) factors of the color.
+        directions: (n, 3) unit, toward the lamp; or (1, 3), the same for all points.
     """
 
     color: NDArray[np.float32]
@@ -58,7 +58,7 @@ def lamps_at(
 
 
 def ambient_light(lighting: Lighting, normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light of the environment (n, 3) on white surfaces with unit normals (n, 3)."""
+    """Environment light (n, 3) on white surfaces with unit normals (n, 3)."""
     total = np.tile(np.array(lighting.ambient, dtype=np.float32), (len(normals), 1))
     if lighting.environment is not None:
         total += lighting.environment.ambient(normals).astype(np.float32)
@@ -68,7 +68,7 @@ def ambient_light(lighting: Lighting, normals: NDArray[np.float32]) -> NDArray[n
 def light_on_surfaces(
     lighting: Lighting, lamps: Sequence[LampLight], normals: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Light on white surfaces, linear RGB (n, 3), by all lamps, with unit normals (n, 3)."""
+    """Light of lamps and environment (n, 3), linear RGB, on white surfaces, normals (n, 3)."""
     return _with_lamps(ambient_light(lighting, normals), lamps, normals)
 
 
@@ -89,7 +89,7 @@ def _with_lamps(
 def _punctual(
     light: Light, points_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Levels (n,) over the squared distance, within range and cone, and directions (n, 3)."""
+    """Levels (n,) divided by squared distance, within range and cone; directions (n, 3)."""
     away = (points_m - light.position_m).astype(np.float32)
     distance_m = np.maximum(np.sqrt(np.einsum("nc,nc->n", away, away)), np.float32(1e-3))
     away /= distance_m[:, None]

@@ -1,4 +1,4 @@
-"""Normals of normal maps, with the tangents of the triangles.
+"""Normal mapping with the tangents of the triangles.
 
 The twin of shaders/scene/reflective_material.glsl.
 """
@@ -19,15 +19,15 @@ def mapped_normals(
     texels: NDArray[np.float32],
     scales: NDArray[np.float32],
 ) -> Floats:
-    """Unit normals (n, 3).
+    """Apply normal maps: unit normals (n, 3).
 
     Args:
-        normals: (n, 3) unit, without the maps, of the side seen.
-        corners_m: (n, 3, 3) of the triangles, counter-clockwise seen from the front.
-        coordinates: (n, 3, 2) of the texture, at the corners.
-        planes: (n, 3) normals of the side seen.
-        texels: (n, 4) of the maps.
-        scales: (n,) of the maps.
+        normals: (n, 3) unit, before mapping, on the visible side.
+        corners_m: (n, 3, 3) triangle corners, counter-clockwise seen from the front.
+        coordinates: (n, 3, 2) texture coordinates at the corners.
+        planes: (n, 3) plane normals on the visible side.
+        texels: (n, 4) texels of the normal maps.
+        scales: (n,) scales of the normal maps.
     """
     edges_m, edges = corners_m[:, 1:] - corners_m[:, :1], coordinates[:, 1:] - coordinates[:, :1]
     (u1, v1), (u2, v2) = edges[:, 0].T, edges[:, 1].T
@@ -38,7 +38,7 @@ def mapped_normals(
     lengths = np.linalg.norm(along_u, axis=1, keepdims=True)
     tangents = along_u / np.where(lengths > 0.0, lengths, 1.0)
     bitangents = np.cross(normals, tangents)
-    # v runs down a texture
+    # v points down in a texture
     bitangents *= np.where(_dot(bitangents, along_v) > 0.0, -1.0, 1.0)
     is_front = _dot(np.cross(edges_m[:, 0], edges_m[:, 1]), planes) > 0.0
     bumps = 2.0 * texels[:, :3] - 1.0

@@ -1,4 +1,4 @@
-"""Light that surfaces reflect and emit, in NumPy: the twin of shaders/scene/reflectance.glsl.
+"""Reflection and emission of surfaces, in NumPy: the twin of shaders/scene/reflectance.glsl.
 
 Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat.
 """
@@ -36,11 +36,11 @@ class Reflectance(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Places and directions of surfaces that are seen.
+    """Normals and view directions of visible surfaces.
 
     Attributes:
-        normals, coat_normals: (n, 3) unit, of the surface and of its clear coat, by their maps.
-        views: (n, 3) unit, towards the origins of the rays.
+        normals, coat_normals: (n, 3) unit, of the surface and its clear coat, normal-mapped.
+        views: (n, 3) unit, toward the origins of the rays.
     """
 
     normals: Floats
@@ -55,14 +55,14 @@ def reflected_light(
     lamps: Sequence[LampLight],
     surroundings: Floats | None = None,
 ) -> Floats:
-    """Light (n, 3), linear RGB, that surfaces send along the views.
+    """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
     Args:
-        surface, placed: (n,).
-        lighting: of the scene.
-        lamps: on the surfaces.
-        surroundings: (n, 3) baked light on white surfaces beyond that of lamps; None: it is not
-            baked.
+        surface, placed: (n,) surfaces and their directions.
+        lighting: lighting of the scene.
+        lamps: light of each lamp on the surfaces.
+        surroundings: (n, 3) baked light on white surfaces without that of lamps; None: no baked
+            light.
     """
     grazing = (1.0 - _cosines(placed.coat_normals, placed.views)) ** 5
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
@@ -119,9 +119,10 @@ def _environment(
 def _radiance(
     lighting: Lighting, normals: Floats, views: Floats, roughness: Floats, baked: Floats | None
 ) -> Floats:
-    """Radiance (n, 3) of the environment around the direction that most light comes from.
+    """Radiance (n, 3) of the environment around the dominant direction of reflection.
 
-    With baked light a map is reflected as far as its light reaches the surface.
+    With baked light, the environment map is scaled by the share of its light that reaches the
+    surface.
     Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22; Lazarov, "Getting
     more physical in Call of Duty: Black Ops II", 2013.
     """
@@ -151,7 +152,7 @@ def _shares(cosines: Floats, roughness: Floats) -> Floats:
 def _microfacets(
     roughness: Floats, normals: Floats, halfway: Floats, light: Floats, view: Floats
 ) -> Floats:
-    """Distribution of GGX times visibility, times pi (n,)."""
+    """GGX distribution times visibility, times pi (n,)."""
     squared = roughness**4
     across, height = np.cross(normals, halfway), _dot(normals, halfway)
     spread = _dot(across, across) + height * height * squared
@@ -160,7 +161,7 @@ def _microfacets(
 
 
 def _between(f0: Floats, f90: Floats, grazing: Floats) -> Floats:
-    """Reflectance (n, 3) by Schlick."""
+    """Schlick's reflectance (n, 3)."""
     values: Floats = f0 + (f90[:, None] - f0) * grazing[:, None]
     return values
 

@@ -1,4 +1,4 @@
-"""Textures of materials in NumPy, filtered between texels and mip levels as a GPU does."""
+"""Textures of materials in NumPy, filtered between texels and mip levels as on a GPU."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def _base(material: Material) -> Texture | None:
 
 
 class TextureTable:
-    """Texels of all levels of all textures in one array, so that one lookup serves every hit.
+    """Texels of all mip levels of all textures in one array, so that one lookup serves every hit.
 
     Args:
-        surfaces: whose materials have the textures.
-        texture_of: that of a material; by default of its base color. All are linear, or none is.
+        surfaces: surfaces with textured materials.
+        texture_of: selects a material's texture, by default the base color; all linear or all sRGB.
 
     Attributes:
-        texture_of_surface: (n,) index of each surface's texture; −1: it has none.
+        texture_of_surface: (n,) index of each surface's texture; −1: no texture.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class TextureTable:
         self._uv_set = np.array([texture.uv_set for texture, _ in textures], dtype=np.intp)
         transforms = [texture.uv_transform for texture, _ in textures]
         self._transforms = np.array(transforms, dtype=np.float32).reshape(-1, 2, 3)
-        # four bytes at once, which are looked up quicker
+        # one lookup of four bytes is faster
         self._texels = np.ascontiguousarray(np.concatenate(texels)).view(np.uint32).ravel()
 
     def sizes_px(self, textures: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -92,7 +92,7 @@ class TextureTable:
         first: NDArray[np.float32],
         second: NDArray[np.float32] | None,
     ) -> NDArray[np.float32]:
-        """Coordinates (n, k, 2) of textures (n,), from both sets of those of meshes (n, k, 2)."""
+        """Coordinates (n, k, 2) of textures (n,), from both coordinate sets (n, k, 2)."""
         if second is not None:
             first = np.where((self._uv_set[textures] == 1)[:, None, None], second, first)
         matrices = self._transforms[textures]
@@ -105,12 +105,12 @@ class TextureTable:
         coordinates: NDArray[np.float32],
         levels: NDArray[np.float32],
     ) -> NDArray[np.float32]:
-        """Linear RGBA (n, 4), between the four nearest texels of the two nearest levels.
+        """Linear RGBA (n, 4), interpolated trilinearly: four nearest texels of two nearest levels.
 
         Args:
-            textures: (n,).
+            textures: (n,) texture indices.
             coordinates: (n, 2), (0, 0) at the texture's top left.
-            levels: (n,) 0: the finest; any number.
+            levels: (n,) mip levels; 0: the finest; any number.
         """
         levels = np.clip(levels, np.float32(0.0), self._last_level[textures])
         finer = np.floor(levels).astype(np.intp)
@@ -150,6 +150,6 @@ class TextureTable:
 def _wrapped(
     texels: NDArray[np.intp], sizes: NDArray[np.intp], clamps: NDArray[np.bool_]
 ) -> NDArray[np.intp]:
-    if (texels >= 0).all() and (texels < sizes).all():  # most often, and quicker
+    if (texels >= 0).all() and (texels < sizes).all():  # the common case, and faster
         return texels
     return np.where(clamps, np.clip(texels, 0, sizes - 1), texels % sizes)

@@ -1,7 +1,7 @@
-"""Appearance of surfaces at the hits of rays: base color, normal, light.
+"""Appearance of surfaces at ray hits: base color, normal, light.
 
 The twin of shaders/scene/surface.frag. Textures are filtered over the footprint of a sample: the
-part of the surface between a ray and its neighbors.
+region of the surface between a ray and its neighbors.
 Source of the footprints: Igehy, "Tracing ray differentials", 1999.
 """
 
@@ -29,13 +29,13 @@ from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler,
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
 
-# Of mip levels, as in `sensor_tiles`: what is a little sharp is averaged in the pixel.
+# Mip level bias, as in `sensor_tiles`: averaging within the pixel removes slight oversharpness.
 LEVEL_BIAS = -0.5
 _DARKEST = 1e-20
 
 
 class View(NamedTuple):
-    """Rays (n,) that hit, with their footprints, see `Shading.base_colors`."""
+    """Rays (n,) with hits, and their footprints, see `Shading.base_colors`."""
 
     rays: Rays
     hits: RayHits
@@ -49,16 +49,16 @@ class View(NamedTuple):
 
 
 class Shading:
-    """Appearance of a scene's surfaces; tables are made once.
+    """Appearance of a scene's surfaces; tables are built once.
 
     Args:
-        geometry: of the scene.
-        lighting: of the scene.
+        geometry: geometry of the scene.
+        lighting: lighting of the scene.
 
     Attributes:
-        is_blended, is_unlit: (surfaces,).
+        is_blended, is_unlit: (surfaces,) masks.
         table: reflectance of the surfaces.
-        hit_cutoff, shadow_cutoff: (surfaces,) see `omnisim.scene.model.Material`.
+        hit_cutoff, shadow_cutoff: (surfaces,) alpha cutoffs, see `omnisim.scene.model.Material`.
     """
 
     def __init__(self, geometry: Geometry, lighting: Lighting):
@@ -77,7 +77,7 @@ class Shading:
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
     def surfaces(self, hits: RayHits) -> NDArray[np.int32]:
-        """Surfaces (n,) that are hit."""
+        """Surfaces (n,) of the hits."""
         return self._geometry.surface_of_triangle[hits.triangles]
 
     def base_colors(
@@ -87,13 +87,13 @@ class Shading:
         world_from_objects: Poses = (),
         footprints: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """Linear RGBA (n, 4) without any light.
+        """Linear RGBA (n, 4) base colors, before lighting.
 
         Args:
-            rays, hits: (n,), all of which hit.
+            rays, hits: (n,); all rays must hit.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
-            footprints: (n, 2, 3) changes of the direction to the next samples, world; None: a
-                ray has no width.
+            footprints: (n, 2, 3) changes of direction to the next samples, world; None: rays
+                without width.
         """
         surfaces = self.surfaces(hits)
         colors = self._base_color[surfaces]
@@ -107,7 +107,7 @@ class Shading:
         return colors
 
     def emitted(self, hits: RayHits) -> NDArray[np.float32]:
-        """Light (n, 3), linear RGB, that surfaces show without any on them; all rays hit."""
+        """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
         nowhere = np.zeros((len(hits.triangles), 3))
         rays = Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m)
         light = self.materials(View(rays, hits, (), None))[:, 2:]
@@ -150,7 +150,7 @@ class Shading:
         )
 
     def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.float32]:
-        """Unit normals (n, 3) of the side seen, world: interpolated, or the plane's."""
+        """Unit normals (n, 3) of the visible side, world: interpolated, or the plane's."""
         of_corners = self._geometry.corner_normals(hits.triangles, world_from_objects)
         normals: NDArray[np.float32] = np.einsum("nk,nkc->nc", hits.weights, of_corners)
         for mine, pose in self._geometry.moved(hits.triangles, world_from_objects):
@@ -184,7 +184,7 @@ class Shading:
         world_from_objects: Poses = (),
         footprints: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """Light (n, 3), linear RGB, of surfaces of base colors (n, 3 or more) towards the rays."""
+        """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays."""
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
         normals = self.normals(hits, world_from_objects)
@@ -229,7 +229,7 @@ class Shading:
         return light
 
     def _is_front(self, hits: RayHits) -> NDArray[np.bool_]:
-        """Mask (n,) of hits on static triangles that are seen from the front."""
+        """Mask (n,) of hits on the front of static triangles."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles), 1, 0)
         front: NDArray[np.bool_] = np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
         return front
@@ -240,7 +240,7 @@ class Shading:
         normals: NDArray[np.float32],
         lamps: Sequence[LampLight],
     ) -> NDArray[np.float32] | None:
-        """Light (n, 3) beyond that of lamps, of baked light (n, 3); None: it is not baked."""
+        """Baked light (n, 3) minus the light of lamps, at least 0; None: no baked light."""
         if self._lighting.baked is None:
             return None
         beyond: NDArray[np.float32] = baked - light_of_lamps(lamps, normals)
@@ -254,7 +254,7 @@ class Shading:
         normals: NDArray[np.float32],
         surroundings: NDArray[np.float32] | None,
     ) -> NDArray[np.float32]:
-        """Light (n, 3) of surfaces that are not matte."""
+        """Light (n, 3) from surfaces that are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         placed = Placed(mapped, coat, -view.rays.directions)
@@ -263,7 +263,7 @@ class Shading:
         return light.astype(np.float32)
 
     def _sampler(self, view: View) -> Sampler:
-        """Look-up of maps at some of the hits."""
+        """Lookup of maps at some of the hits."""
         surfaces = self.surfaces(view.hits)
 
         def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -275,7 +275,7 @@ class Shading:
     def _mapped(
         self, slot: int, normals: NDArray[np.float32], view: View, sampled: Sampler
     ) -> NDArray[np.float32]:
-        """Normals (n, 3) of a kind of normal maps, for those that have one."""
+        """Normals (n, 3) after one kind of normal map, for the surfaces that have it."""
         surfaces = self.surfaces(view.hits)
         some, textures = self.table.textured(slot, surfaces)
         if len(some) == 0:
@@ -291,7 +291,7 @@ class Shading:
         return normals
 
     def _interpolated(self, of_vertices: NDArray[np.float32], hits: RayHits) -> NDArray[np.float32]:
-        """Values (n, k) between those of the corners."""
+        """Values (n, k) interpolated between the corners."""
         values: NDArray[np.float32] = np.einsum(
             "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
         )
@@ -307,19 +307,19 @@ def _mip_levels(
     """Mip levels (n,) at which a texel is as wide as a footprint.
 
     Args:
-        corners_m: (n, 3, 3) of the triangles, world.
-        corners_px: (n, 3, 2) of them, in texels of the finest level.
-        directions: (n, 3) of the rays.
-        steps_m: (n, 2, 3) from the hit to where the next samples' rays are, as far away.
+        corners_m: (n, 3, 3) triangle corners, world.
+        corners_px: (n, 3, 2) the same, in texels of the finest level.
+        directions: (n, 3) ray directions.
+        steps_m: (n, 2, 3) from the hit to points at the same range along the next samples' rays.
     """
     edges_m, edges_px = corners_m[:, 1:] - corners_m[:, :1], corners_px[:, 1:] - corners_px[:, :1]
     planes = np.cross(edges_m[:, 0], edges_m[:, 1])
     along = np.einsum("nc,nc->n", planes, directions)
     along = np.where(np.abs(along) > _DARKEST, along, _DARKEST)
-    # onto the plane, along the ray
+    # project onto the plane along the ray
     slides = np.einsum("nsc,nc->ns", steps_m, planes) / along[:, None]
     steps_m = steps_m - slides[..., None] * directions[:, None]
-    # weights of the second and third corner: solved in the plane
+    # weights of the second and third corner, solved in the plane
     squared = np.maximum(np.einsum("nc,nc->n", planes, planes), _DARKEST)
     second = np.einsum("nsc,nc->ns", steps_m, np.cross(edges_m[:, 1], planes))
     third = np.einsum("nsc,nc->ns", steps_m, np.cross(planes, edges_m[:, 0]))

@@ -1,4 +1,4 @@
-"""Shadows by rays: which lamps a point of a surface sees. The reference of the shadow maps."""
+"""Ray-cast shadows: lamps visible from a surface point. The reference for the shadow maps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.scene.model import LAMP_NEAR_M, Light, LightKind
 
-# Shadow rays begin beside their surface: by this, and by this share of its distance.
+# Offset of shadow rays from their surface: a constant, and a share of its distance.
 _START_M, _START_SHARE = 1e-4, 1e-5
 
 CastShadow = Callable[[Rays, NDArray[np.int32]], RayHits]
@@ -22,8 +22,8 @@ class Shadows(NamedTuple):
     """Shadows on surfaces.
 
     Attributes:
-        hits: (n,) where they are.
-        cast: nearest hits of rays from triangles (n,), either side of all surfaces.
+        hits: (n,) hits to shade.
+        cast: nearest hits of rays from triangles (n,), on either side of all surfaces.
     """
 
     hits: RayHits
@@ -32,12 +32,12 @@ class Shadows(NamedTuple):
     def share(
         self, light: Light, points_m: NDArray[np.float64], lit: NDArray[np.bool_]
     ) -> NDArray[np.float32]:
-        """Share (n,) of a light that reaches points (n, 3): 0 where a surface hides it.
+        """Share (n,) of a light that reaches points (n, 3): 0 where a surface blocks it.
 
         Args:
-            light: that casts shadows.
-            points_m: (n, 3) of the hits, world.
-            lit: (n,) it shines on them, if nothing hides it; others need no ray.
+            light: light that casts shadows.
+            points_m: (n, 3) points of the hits, world.
+            lit: (n,) mask of points that the light can reach if unblocked; others need no ray.
         """
         share = lit.astype(np.float32)
         some = np.flatnonzero(lit)

@@ -1,4 +1,4 @@
-"""Reflectance of the surfaces that rays hit: numbers of materials, times their maps.
+"""Reflectance of hit surfaces: material factors times maps.
 
 The twin of shaders/scene/reflective_material.glsl.
 Source: glTF 2.0, section 3.9.
@@ -29,7 +29,7 @@ def _map_of(slot: int) -> Callable[[Material], Texture | None]:
 
 
 class SurfaceValues(NamedTuple):
-    """Values of a material's numbers times its maps at hits (n,)."""
+    """Material factors times maps at hits (n,)."""
 
     metallic: Floats
     roughness: Floats
@@ -38,16 +38,16 @@ class SurfaceValues(NamedTuple):
 
 
 class SurfaceTable:
-    """Numbers of all surfaces' materials, and the tables of their maps.
+    """Material factors of all surfaces, and the tables of their maps.
 
     Args:
-        surfaces: of the geometry.
-        is_matte: all are.
+        surfaces: surfaces of the geometry.
+        is_matte: treat all surfaces as matte.
 
     Attributes:
-        is_matte: (surfaces,).
+        is_matte: (surfaces,) mask.
         maps: tables of textures, in the order of `Material.maps`.
-        normal_scales: (surfaces,) of each of `NORMAL_SCALES`.
+        normal_scales: (surfaces,) scales, for each of `NORMAL_SCALES`.
     """
 
     def __init__(self, surfaces: Sequence[Surface], is_matte: bool):
@@ -80,7 +80,7 @@ class SurfaceTable:
     def textured(
         self, slot: int, surfaces: NDArray[np.int32]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Indices of those of surfaces (n,) that have a map, and its textures."""
+        """Indices of the surfaces (n,) with a given map, and their textures in it."""
         of_surface = self.maps[slot].texture_of_surface
         textures = of_surface[surfaces] if len(of_surface) else np.full(len(surfaces), -1)
         some = np.flatnonzero(textures >= 0)
@@ -108,7 +108,7 @@ class SurfaceTable:
     def reflectance(
         self, surfaces: NDArray[np.int32], colors: Floats, sampled: Sampler
     ) -> Reflectance:
-        """Reflectance at hits of surfaces (n,) of base colors (n, 3)."""
+        """Reflectance at hits of surfaces (n,) with base colors (n, 3)."""
         values = self.values(surfaces, sampled)
         metallic, (f0, f90) = values.metallic, self._gloss(surfaces, sampled)
         coat, coat_roughness = self._clear_coat(surfaces, sampled)
@@ -127,7 +127,7 @@ class SurfaceTable:
         )
 
     def _gloss(self, surfaces: NDArray[np.int32], sampled: Sampler) -> tuple[Floats, Floats]:
-        """Reflectances (n, 3) of dielectrics at normal incidence, and (n,) at grazing ones."""
+        """Reflectance of dielectrics at normal (n, 3) and at grazing incidence (n,)."""
         f0, f90 = self._f0[surfaces], self._f90[surfaces]
         some, _ = self.textured(SPECULAR, surfaces)
         if len(some):
