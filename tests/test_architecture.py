@@ -245,7 +245,11 @@ def test_a_public_name_means_one_thing():
 def _source(module, name):
     """Module that defines what a package exports by a name."""
     if module in MODULES and MODULES[module].stem == "__init__":
-        imports = [node for node in _import_nodes(module) if isinstance(node, ast.ImportFrom)]
+        imports = [
+            node
+            for node in _import_nodes(module)
+            if isinstance(node, ast.ImportFrom) and node.module != module
+        ]
         for exported in (name, "*"):
             for node in imports:
                 if exported in {alias.name for alias in node.names}:

@@ -15,7 +15,7 @@ from omnisim.scene import Scene
 from omnisim.scene.space.triangles import TriangleBvh, bounds_of, triangles_within
 
 NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
-POSES_AT_ONCE = 64  # bounds the memory
+POSES_AT_ONCE = 64  # batch size, which bounds the memory
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,11 @@ class Contact:
     """Contact of the body with an object.
 
     Attributes:
-        object: name of its node.
-        step: at or before the first contact.
-        time_s: of the first contact.
-        position_m: x, y of the base at it.
-        steps: how many steps have contact, at their pose or on the way to the next.
+        object: name of the object's node.
+        step: step at or before the first contact.
+        time_s: time of the first contact.
+        position_m: x, y of the base at the first contact.
+        steps: number of steps with contact, at their pose or on the way to the next.
     """
 
     object: str
@@ -47,10 +47,10 @@ class Contact:
 def find_contacts(scene: Scene, sweep: Sweep, boxes: BodyBoxes) -> tuple[Contact, ...]:
     """Contacts of a body's parts with the scene's triangles, in the order in which they begin.
 
-    Each part is the box around it, from the clearance up: the floor is no contact.
+    Each part is its bounding box, cut off at the clearance: the floor is no contact.
     """
     poses, parts = sweep.world_from_base, boxes.parts_m
-    if not len(parts):  # all of it is below the clearance
+    if not len(parts):  # the whole body is below the clearance
         return ()
     whole = np.array((parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)))
     centers = poses[:, :3, :3] @ whole.mean(axis=0) + poses[:, :3, 3]
@@ -71,7 +71,7 @@ def find_contacts(scene: Scene, sweep: Sweep, boxes: BodyBoxes) -> tuple[Contact
 
 
 def _touching(corners_m: NDArray[np.float64], parts_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Triangles (n, 3, 3) that meet any of the boxes (k, 2, 3): a mask (n,)."""
+    """Mask (n,) of the triangles (n, 3, 3) that meet any of the boxes (k, 2, 3)."""
     touching = np.zeros(len(corners_m), dtype=bool)
     for low, high in parts_m:
         rest = np.flatnonzero(~touching)
@@ -80,10 +80,10 @@ def _touching(corners_m: NDArray[np.float64], parts_m: NDArray[np.float64]) -> N
 
 
 def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
-    """Refuse contacts, and robots of unknown size.
+    """Reject contacts, and robots of unknown size.
 
     Raises:
-        TrajectoryError: naming the first.
+        TrajectoryError: names the first contact.
     """
     if contacts is None:
         raise TrajectoryError(f"{where}: {NO_SIZE}: expected one of them with --no-contact")
@@ -93,7 +93,7 @@ def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
 
 
 def _contacts(scene: Scene, sweep: Sweep, touched: NDArray[np.intp]) -> tuple[Contact, ...]:
-    """Contacts by object, of pairs (n, 2) of a pose and an instance, in order."""
+    """Contacts by object, from ordered pairs (n, 2) of a pose and an instance."""
     first: dict[str, int] = {}
     steps: dict[str, set[int]] = {}
     for pose, instance in touched.tolist():
@@ -113,9 +113,9 @@ def _contacts(scene: Scene, sweep: Sweep, touched: NDArray[np.intp]) -> tuple[Co
 
 
 def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Triangles (n, 3, 3) that meet the box between −half (3,) and half: a mask (n,).
+    """Mask (n,) of the triangles (n, 3, 3) that meet the box from −half (3,) to half.
 
-    By separating axes: the box's, the triangle's normal, and the products of their edges.
+    Tests separating axes: the box's axes, the triangle's normal, and the cross products of edges.
 
     Source: Akenine-Möller, "Fast 3D Triangle-Box Overlap Testing", Journal of Graphics Tools 6
     (2001).

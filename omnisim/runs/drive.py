@@ -59,28 +59,29 @@ from omnisim.sensors.omnicamera.mounted_omnicamera import CAMERA_POSES
 from omnisim.sensors.sensor import DriveSettings, Moment, MountedSensor
 
 MAX_SEED = 2**63 - 1
-SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding lead further
+SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding exceed it
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """Settings of a drive: the run's files follow from them.
+    """Settings of a drive; they determine the run's files.
 
     Attributes:
-        scene: scene of the drive.
-        vehicle: with its sensors.
+        scene: scene to drive in.
+        vehicle: vehicle with its sensors.
         route: path through the scene.
-        seed: of the odometry's and the cameras' noise; a scanner's noise has its own, from the
+        seed: seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in
+            the
             robot file.
         unlit: show plain base colors.
         device: EGL's number of the GPU, or None.
         backend: makes images and hits.
-        up_axis, meters_per_unit: that the scene was loaded with, for the record, or None.
-        resources: folders that it was loaded with, for the record.
-        channels: of ground truth, as `check_channels` gives them.
-        channel_format: of their files.
+        up_axis, meters_per_unit: options the scene was loaded with, for the record, or None.
+        resources: folders the scene was loaded with, for the record.
+        channels: ground-truth channels, as `check_channels` returns them.
+        channel_format: file format of the channels.
         boxes_3d: also record the oriented boxes of the visible instances.
-        physics: chassis of the vehicle, which then drives in MuJoCo; None: it drives as planned.
+        physics: chassis of the vehicle, simulated in MuJoCo; None: it drives exactly as planned.
     """
 
     scene: Scene
@@ -105,9 +106,9 @@ class Drive:
         """Plan the vehicle's trajectory, and simulate its odometry; see `plan_route`.
 
         Raises:
-            TrajectoryError: a path that cannot be driven.
+            TrajectoryError: the path cannot be driven.
             OmnisimError: physics without its extra.
-            RunError: an impossible seed, or an exposure longer than a step.
+            RunError: an invalid seed, or an exposure longer than a step.
         """
         return plan_together({BODY: self}, print_note)[BODY]
 
@@ -118,7 +119,7 @@ class Drive:
         return plan_route(self.scene, self.vehicle, self.route, print_note)
 
     def _as_planned(self, planned: PlannedRoute) -> PlannedDrive:
-        """Drive along a planned route as it is."""
+        """Drive exactly along a planned route."""
         truth, box = planned.trajectory, BodyBoxes.of(self.vehicle)
         self._check_sensors(truth)
         odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
@@ -126,11 +127,11 @@ class Drive:
         return PlannedDrive(self, truth, planned.motion, odometry, planned.follows_floor, contacts)
 
     def _as_simulated(self, planned: PlannedRoute, motion: SimulatedMotion) -> PlannedDrive:
-        """Drive as physics has simulated it."""
+        """Drive along the motion that physics simulated."""
         times_s = planned.trajectory.times_s
         truth = motion.at(times_s)
-        self._check_sensors(planned.trajectory)  # whose turns between steps no contact widens
-        # wheels that skid do so by themselves
+        self._check_sensors(planned.trajectory)  # before contacts widen turns between steps
+        # skidding wheels slip in the simulation already
         errors = dataclasses.replace(self.vehicle.odometry, turn_scale=1.0)
         odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
         contacts = motion.contacts_at(truth)
@@ -145,14 +146,14 @@ class Drive:
         )
 
     def along(self, truth: Trajectory, given: str | None = None) -> PlannedDrive:
-        """Take the vehicle along poses as they are, without wheels: there is no odometry.
+        """Move the vehicle exactly along given poses, without wheels or odometry.
 
         Args:
-            truth: poses of its base.
-            given: digest of what the poses follow from; None: known by themselves.
+            truth: poses of the vehicle's base.
+            given: digest of the poses' inputs; None: the poses identify themselves.
 
         Raises:
-            RunError: an impossible seed, or an exposure longer than a step.
+            RunError: an invalid seed, or an exposure longer than a step.
         """
         self._check_seed()
         self._check_sensors(truth)
@@ -173,17 +174,17 @@ class PlannedDrive:
     """Drive with its trajectory, ready to be rendered.
 
     Attributes:
-        drive: its settings.
+        drive: settings of the drive.
         truth: poses of the base at the steps.
-        motion: of the base, between the steps too.
-        odometry: readings of the wheels, or None: it has none.
+        motion: continuous motion of the base, also between the steps.
+        odometry: readings of the wheels; None: no odometry.
         follows_floor: see `PlannedRoute`.
-        contacts: of the body with the scene, in the order in which they begin, or None: not
-            looked for.
-        name: of the vehicle in the world.
+        contacts: contacts of the body with the scene, in the order in which they begin; None: not
+            checked.
+        name: name of the vehicle in the world.
         others: other vehicles in the world, by name.
-        simulated: motion of the robot and of the objects about it in physics, or None.
-        route_given: digest of what the poses follow from; None: of the drive's route.
+        simulated: motion of the robot and of the objects around it in physics, or None.
+        route_given: digest of the poses' inputs; None: the digest of the drive's route.
     """
 
     drive: Drive
@@ -211,23 +212,24 @@ class PlannedDrive:
 
     @property
     def moving(self) -> MovingVehicle:
-        """Vehicle on its way."""
+        """Vehicle and its motion."""
         return MovingVehicle(self.drive.vehicle.body, self.truth, self.motion)
 
     def record(self, folder: Path, force: bool = False) -> Iterator[int]:
-        """Render what is missing in the folder, step by step; yields how many steps are there.
+        """Render the missing files of a run, step by step; yields the number of finished steps.
 
-        The first number is how many were there before. What sensors measure between two steps is
-        recorded with the second. Killed and called again it resumes, and ends with the same bytes
-        as if it had never stopped.
+        The first number counts the steps finished before the call. Measurements between two steps
+        are
+        recorded with the second. An interrupted run resumes, and its bytes equal those of an
+        uninterrupted one.
 
         Args:
-            folder: of the run.
-            force: throw another run away that is there.
+            folder: folder of the run.
+            force: overwrite another run in the folder.
 
         Raises:
-            RunError: another run is there, or another command is writing to it.
-            OmnisimError: OpenGL is not there, or a file cannot be written.
+            RunError: the folder holds another run, or another command is writing to it.
+            OmnisimError: OpenGL is missing, or a file cannot be written.
         """
         drive, vehicle = self.drive, self.drive.vehicle
         with ExitStack() as stack:
@@ -254,7 +256,7 @@ class PlannedDrive:
             write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
             there = len(self.truth) - len(missing)
-            if is_new and not missing:  # all that is recorded is in files of the whole run
+            if is_new and not missing:  # files of the whole run hold all of the record
                 yield 0
             yield there
             for done, step in enumerate(missing, start=there + 1):
@@ -280,13 +282,13 @@ class PlannedDrive:
 
     @cached_property
     def sensor_times_s(self) -> dict[str, NDArray[np.float64]]:
-        """Times (n,) of each sensor's measurements, by its name."""
+        """Times (n,) of each sensor's measurements, by the sensor's name."""
         steps_s, seed = self.truth.times_s, self.drive.seed
         return {one.name: one.times_s(steps_s, seed) for one in self.drive.vehicle.sensors}
 
     @property
     def notes(self) -> list[str]:
-        """Notes on what sensors leave out, and what is too near for cameras at the start."""
+        """Notices on omissions of sensors, and on surfaces too near to the cameras at the start."""
         drive, start = self.drive, self.truth.world_from_base[0]
         notes = [one.note(self.sensor_times_s[one.name]) for one in drive.vehicle.sensors]
         for one in drive.vehicle.cameras:
@@ -295,7 +297,7 @@ class PlannedDrive:
         return [note for note in notes if note is not None]
 
     def _moment(self, run: RunFolder, sensor: str, index: int) -> Moment:
-        """Moment of a measurement, of which all before are in the folder."""
+        """Moment of a measurement; the folder has all earlier measurements."""
         times_s = self.sensor_times_s[sensor]
         return Moment(
             self.world.state_at,
@@ -308,10 +310,10 @@ class PlannedDrive:
         )
 
     def _manifest(self, renderer: str) -> dict[str, Any]:
-        """Manifest of the run, of JSON's types.
+        """Manifest of the run, in JSON types.
 
         Args:
-            renderer: its name: others round differently.
+            renderer: name of the renderer; renderers round differently.
         """
         drive, vehicle = self.drive, self.drive.vehicle
         unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}
@@ -365,14 +367,14 @@ class PlannedDrive:
         return as_read
 
     def _timing(self, sensor: MountedSensor) -> dict[str, Any]:
-        """Rate of a sensor for the manifest; empty where it measures at each step."""
+        """Rate of a sensor for the manifest; empty if it measures at each step."""
         if sensor.rate is None:
             return {}
         count = len(self.sensor_times_s[sensor.name])
         return {"rate_hz": sensor.rate.rate_hz, "measurements": count}
 
     def _physics_manifest(self) -> dict[str, Any]:
-        """Physics for the manifest; empty without."""
+        """Physics for the manifest; empty without physics."""
         if self.simulated is None or self.drive.physics is None:
             return {}
         chassis = dataclasses.asdict(self.drive.physics)
@@ -411,10 +413,10 @@ class PlannedDrive:
 
 
 def _check_motion(run: RunFolder, truth: Trajectory) -> None:
-    """Refuse a motion in physics that another processor's rounding has led elsewhere.
+    """Reject a simulated motion that differs because another processor rounds differently.
 
     Raises:
-        RunError: the recorded poses are not those of the motion.
+        RunError: the recorded poses differ from the motion.
     """
     recorded = read_trajectory(run.path / GROUND_TRUTH)
     run.check_steps(GROUND_TRUTH, len(recorded))
@@ -432,9 +434,9 @@ def plan_together(
     """Plan drives through one scene, by the names of their vehicles; in physics they meet.
 
     Raises:
-        TrajectoryError: a path that cannot be driven.
+        TrajectoryError: a path cannot be driven.
         OmnisimError: physics without its extra.
-        RunError: an impossible seed, or an exposure longer than a step.
+        RunError: an invalid seed, or an exposure longer than a step.
     """
     if any(drive.physics for drive in drives.values()):
         require_extra("mujoco", "--physics")
@@ -447,7 +449,7 @@ def _plan_in_physics(
 ) -> dict[str, PlannedDrive]:
     """Drive in MuJoCo along the planned trajectories."""
     from omnisim.runs.physics.driver import Driver
-    from omnisim.runs.physics.simulation import simulate  # an extra
+    from omnisim.runs.physics.simulation import simulate  # needs an extra
 
     rovers = {name: Rover.of(one.vehicle, one.physics or Chassis()) for name, one in drives.items()}
     planned = {name: one._plan_route(print_note) for name, one in drives.items()}
@@ -467,9 +469,9 @@ def _plan_in_physics(
 
 
 def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]:
-    """Put planned drives, by the names of their vehicles, into one world: each sees the others.
+    """Put planned drives, by the names of their vehicles, into one world with mutual visibility.
 
-    All begin at the time 0 s of their trajectories.
+    All drives begin at time 0 s of their trajectories.
     """
     vehicles = {name: plan.moving for name, plan in plans.items()}
     together = {}
@@ -480,12 +482,12 @@ def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]
 
 
 def scene_contents(scene: Scene) -> str:
-    """Fingerprint of a scene, wherever its file is, on any machine."""
+    """Fingerprint of a scene, independent of its file's location and the machine."""
     return fingerprint(_with_short_name(scene) if scene.given is None else scene)
 
 
 def _with_short_name(scene: Scene) -> Scene:
-    """Name a scene by its file alone: where this machine has it makes no difference."""
+    """Name a scene by its file name alone: the folder on this machine makes no difference."""
     return dataclasses.replace(scene, name=Path(scene.name).name or scene.name)
 
 

@@ -21,12 +21,12 @@ from omnisim.sensors.sensor_names import folder_name
 
 @dataclass(frozen=True, eq=False)
 class MovingVehicle:
-    """Vehicle on its way through the world.
+    """Vehicle in motion through the world.
 
     Attributes:
-        body: in its base frame, or None: invisible.
-        truth: poses of its base at its steps.
-        motion: of its base, between the steps too.
+        body: body in the base frame, or None: invisible.
+        truth: poses of the base at the steps.
+        motion: continuous motion of the base, also between the steps.
     """
 
     body: Scene | None
@@ -34,7 +34,7 @@ class MovingVehicle:
     motion: BodyMotion
 
     def pose_at(self, time_s: float) -> Pose:
-        """Pose (4, 4) of its base; at a step the step's, to the last bit."""
+        """Pose (4, 4) of the base; at a step, bit for bit the step's pose."""
         step = int(np.searchsorted(self.truth.times_s, time_s))
         if step < len(self.truth) and self.truth.times_s[step] == time_s:
             return np.array(self.truth.world_from_base[step])
@@ -46,9 +46,9 @@ class DriveWorld:
     """Motion of the world in which a vehicle drives.
 
     Attributes:
-        scene: with its dynamic objects.
-        own: the vehicle.
-        vehicle: its name in the world.
+        scene: scene with its dynamic objects.
+        own: the vehicle itself.
+        vehicle: name of the vehicle in the world.
         others: other vehicles by name.
     """
 
@@ -59,7 +59,7 @@ class DriveWorld:
 
     @property
     def bodies(self) -> dict[str, Scene]:
-        """Bodies of all vehicles that have one, by name."""
+        """Bodies of the visible vehicles, by name."""
         bodies = {name: one.body for name, one in self._vehicles.items()}
         return {name: body for name, body in bodies.items() if body is not None}
 
@@ -78,14 +78,16 @@ class DriveWorld:
         return {self.vehicle: self.own, **self.others}
 
     def manifest(self) -> dict[str, Any]:
-        """Other vehicles for a run's manifest; empty where there are none."""
+        """Other vehicles for a run's manifest; empty without other vehicles."""
         if not self.others:
             return {}
         others = {name: fingerprint(one.body) for name, one in self.others.items()}
         return {"world": {"vehicle": self.vehicle, "others": others}}
 
     def write_poses(self, folder: Path) -> None:
-        """Write the poses of all that moves beside the vehicle, at its times, where missing.
+        """Write the missing files with poses of the other vehicles and of dynamic objects.
+
+        The poses are at the vehicle's times.
 
         Raises:
             OutputError: a file cannot be written.

@@ -16,29 +16,30 @@ from omnisim.runs.pose_sweep import SPACING_M, Sweep
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 
-TYRE_M = 0.05  # half of the square under a wheel whose median height bears it
-SPOT_M = 1e-4  # a shorter step is a turn on the spot
-POSES_AT_ONCE = 256  # bounds the memory
-# Of a wheel's five points: the median is exact on slopes, and bridges joints and pebbles.
+TYRE_M = 0.05  # half side of the square under a wheel, whose median height bears it
+SPOT_M = 1e-4  # a shorter step is a rotation on the spot
+POSES_AT_ONCE = 256  # batch size, which bounds the memory
+# Five points per wheel: their median is exact on slopes and bridges joints and pebbles.
 _POINTS = np.array(((0.0, 0.0), (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
-# Four wheels around the robot, and its middle.
+# Four wheels at the corners, and the middle of the robot.
 _PLACES = np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0), (0.0, 0.0)))
 _MIDDLE = 4
 
 
 def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) -> Sweep:
-    """Put a level path on the floor under the robot's wheels, which are in its corners.
+    """Put a level path on the floor under the robot's wheels, which are at its corners.
 
     The floor at the start is the surface nearest to a height of 0. From there on each wheel takes
     the highest surface seen from above that is at most the robot's clearance above its last one.
-    The base is on the plane through the wheels: level floors leave it level. Three wheels bear it
-    where one has no floor within the clearance; fewer, as long as its middle is above the floor.
+    The base is on the plane through the wheels: level floors leave it level. If one wheel has no
+    floor within the clearance, the other three bear the robot. Fewer suffice as long as the
+    robot's middle is above the floor.
 
     Args:
-        scene: whose floor.
-        sweep: a level path at z = 0.
-        box: of the robot, or None: its wheels are in one point.
-        where: the path's name in messages.
+        scene: scene with the floor.
+        sweep: level path at z = 0.
+        box: boxes of the robot's body; None: all wheels are at one point.
+        where: name of the path in messages.
 
     Raises:
         TrajectoryError: the floor ends or drops, at a step.
@@ -49,7 +50,7 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
     places = poses[:, :2, 3]
     reach_m = 0.0 if box is None else box.reach_m
     field = HeightField(scene, places.min(axis=0) - reach_m, places.max(axis=0) + reach_m)
-    # at the start the wheels are spread from the middle outwards, each along the floor
+    # at the start the wheels are spread outwards from the middle, each along the floor
     spread = np.linspace(0.0, 1.0, math.ceil(track.radius_m / SPACING_M), endpoint=False)
     at = np.concatenate((np.zeros(len(spread), dtype=np.intp), np.arange(len(poses))))
     spread = np.concatenate((spread, np.ones(len(poses))))
@@ -77,10 +78,10 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
 
 
 def slow_on_slopes(sweep: Sweep) -> Sweep:
-    """Lengthen the durations of steps by what their way is longer than in the floor plan.
+    """Lengthen the durations of steps by the ratio of their length to that in the floor plan.
 
-    The robot then has the speed along the floor that it had in the plan, and no larger
-    acceleration.
+    The robot's speed along the floor then equals its planned speed, and its acceleration does not
+    exceed the planned one.
     """
     poses, times = sweep.world_from_base[sweep.is_step], sweep.times_s[sweep.is_step]
     moves = np.diff(poses[:, :3, 3], axis=0)
@@ -88,7 +89,7 @@ def slow_on_slopes(sweep: Sweep) -> Sweep:
     longer = np.ones(len(poses))
     moving = np.flatnonzero(planar > SPOT_M)
     longer[moving] = np.hypot(planar, moves[:, 2])[moving] / planar[moving]
-    if np.all(longer == 1.0):  # the same bytes
+    if np.all(longer == 1.0):  # a level path keeps its bytes
         return sweep
     ends = times[0] + np.cumsum(np.diff(times) * longer[:-1])
     slowed = np.concatenate((times[:1], ends))
@@ -98,7 +99,7 @@ def slow_on_slopes(sweep: Sweep) -> Sweep:
 
 @dataclasses.dataclass(frozen=True)
 class _Track:
-    """Wheels' places about the base's origin: the middle of them, and half their distances."""
+    """Positions of the wheels: their center in the base frame, and half their distances."""
 
     middle_m: NDArray[np.float64]
     half_m: NDArray[np.float64]
@@ -114,7 +115,7 @@ class _Track:
 
     @property
     def radius_m(self) -> float:
-        """Distance of the wheels from the middle."""
+        """Distance of the wheels from their center."""
         return math.hypot(*self.half_m)
 
 
@@ -127,9 +128,9 @@ def _points_under(
     """Points (n, 5, 5, 2) under the wheels and the middle at positions (n, 2) and headings (n,).
 
     Args:
-        track: of the wheels.
-        positions_m, yaw_rad: of the base.
-        spread: (n,) shares of the wheels' distances from the middle.
+        track: positions of the wheels.
+        positions_m, yaw_rad: positions and headings of the base.
+        spread: (n,) fractions of the wheels' distances from the middle.
     """
     places = track.middle_m + spread[:, None, None] * track.half_m * _PLACES
     local = places[:, :, None] + track.tyre_m * _POINTS
@@ -141,7 +142,7 @@ def _points_under(
 
 
 def _nearest_to_zero(columns: NDArray[np.float64]) -> float:
-    """Height nearest to 0 among surfaces (...), 0 where there are none."""
+    """Height nearest to 0 among surfaces (...); 0 without surfaces."""
     heights = columns[np.isfinite(columns)]
     return float(heights[np.argmin(np.abs(heights))]) if len(heights) else 0.0
 
@@ -149,12 +150,12 @@ def _nearest_to_zero(columns: NDArray[np.float64]) -> float:
 def _floor_heights(
     columns: NDArray[np.float64], last_m: NDArray[np.float64], reach_m: float
 ) -> NDArray[np.float64] | None:
-    """Heights (5,) of the floor under the wheels and the middle; None: the robot has no hold.
+    """Heights (5,) of the floor under the wheels and the middle; None: the robot has no support.
 
     Args:
-        columns: (5, 5, surfaces) under the points of each.
-        last_m: (5,) heights a moment ago.
-        reach_m: farthest up and down.
+        columns: (5, 5, surfaces) surface heights at five points per wheel and under the middle.
+        last_m: (5,) heights at the previous pose.
+        reach_m: maximum change of height, up or down.
     """
     below = np.where(columns <= (last_m + reach_m)[:, None, None], columns, -np.inf)
     heights: NDArray[np.float64] = np.sort(below.max(axis=2), axis=1)[:, len(_POINTS) // 2]
@@ -162,7 +163,7 @@ def _floor_heights(
     if not hanging.any():
         return heights
     wheels = np.flatnonzero(hanging[:_MIDDLE]).tolist()
-    if len(wheels) == 1:  # in the plane of the other three
+    if len(wheels) == 1:  # the wheel is in the plane of the other three
         (wheel,) = wheels
         heights[wheel] = heights[wheel - 1] + heights[wheel - 3] - heights[wheel - 2]
     elif wheels:
@@ -183,7 +184,7 @@ def _on_wheels(
     track: _Track,
     heights: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Poses (n, 4, 4) on the planes through wheels at heights (n, 5), by least squares."""
+    """Poses (n, 4, 4) on least-squares planes through wheels at heights (n, 5)."""
     wheels = heights[:, :_MIDDLE]
     mean = wheels.mean(axis=1)
     along, across = (

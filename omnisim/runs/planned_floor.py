@@ -1,4 +1,4 @@
-"""Plans on the scene's floor: the motion of a plan whose way goes up and down."""
+"""Plans on the scene's floor: motion of a plan along slopes."""
 
 from __future__ import annotations
 
@@ -15,19 +15,18 @@ from omnisim.robots.motion_profile import Plan
 from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.runs.pose_sweep import Sweep
 
-EVEN_M = 1e-9  # and radians: rounding of an even floor
+EVEN_M = 1e-9  # also radians: rounding on an even floor
 
 
 def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
-    """Time a plan's poses on the floor, and its motion there.
+    """Time a plan's poses on the floor, and find the motion there.
 
-    Steps of equal length keep to the limits along the floor, and so last longer where it is
-    steep; steps that are equal in time keep their times. Between the sweep's poses the way is a
-    spline.
+    Steps of equal length keep the limits along the floor, and so last longer on slopes; steps of
+    equal duration keep their times. Between the sweep's poses the motion is a spline.
 
     Args:
-        plan: on a level floor.
-        sweep: close together along the plan, on the scene's floor.
+        plan: plan on a level floor.
+        sweep: closely spaced poses along the plan, on the scene's floor.
     """
     poses = sweep.world_from_base
     heights_m = poses[:, 2, 3]
@@ -58,9 +57,9 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
 
 
 def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Meters (n − 1,) from each pose (n, 4, 4) to the next, of each step's straight distance.
+    """Distances (n − 1,) in meters between poses (n, 4, 4), scaled to sum to each step's chord.
 
-    What a bump within a step adds is not in them: steps are checked by these distances.
+    A bump within a step adds nothing to them: steps are checked by the length of their chords.
     """
     ways_m = step_lengths_m(poses)
     first = np.flatnonzero(is_step)[:-1]
@@ -70,5 +69,5 @@ def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDA
 
 
 def _times(segment: Segment, way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (n,) at meters or radians (n,) of a segment's way."""
+    """Times (n,) at distances (n,) along a segment, in meters or radians."""
     return segment.start_s + segment.trapezoid.times_at(way)

@@ -1,4 +1,4 @@
-"""Poses of the base close together along a trajectory, the trajectory's own among them."""
+"""Closely spaced poses of the base along a trajectory, including the trajectory's own poses."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
 from omnisim.robots.kinematics import steps_between
 
-SPACING_M = 0.05  # of the outermost corner, between poses
-MAX_PER_STEP = 200  # poses: a longer step is a jump, and no way that is driven
+SPACING_M = 0.05  # spacing of the outermost corner between poses
+MAX_PER_STEP = 200  # poses: a longer step is a jump, not a drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +22,10 @@ class Sweep:
     """Poses along a trajectory.
 
     Attributes:
-        world_from_base: (m, 4, 4).
-        steps: (m,) the trajectory's pose at or before each.
-        is_step: (m,) true for the trajectory's own poses, which are unchanged.
-        times_s: (m,).
+        world_from_base: (m, 4, 4) poses of the base.
+        steps: (m,) index of the trajectory's pose at or before each pose.
+        is_step: (m,) true for the trajectory's own poses, which stay unchanged.
+        times_s: (m,) times of the poses.
     """
 
     world_from_base: NDArray[np.float64]
@@ -43,10 +43,10 @@ class Sweep:
 
     @classmethod
     def along(cls, trajectory: Trajectory, reach_m: float) -> Sweep:
-        """Fill the steps: straight, about one axis, evenly.
+        """Interpolate poses within the steps: straight, about one axis, evenly.
 
         Args:
-            trajectory: to fill.
+            trajectory: trajectory to interpolate.
             reach_m: distance from the base to its outermost corner.
         """
         poses, times = trajectory.world_from_base, trajectory.times_s

@@ -1,6 +1,6 @@
-"""Trajectories of rigs: poses of a file, of whichever frame they are, as poses of the rig's body.
+"""Trajectories of rigs: poses of a file, in any frame, as poses of the rig's body.
 
-| file | its poses are of |
+| file | posed frame |
 | --- | --- |
 | TUM, EuRoC | the rig's body (its IMU), or the first camera where the rig has no body |
 | KITTI | the first camera, or one that looks ahead in the place of the first mirror; the world's |
@@ -34,19 +34,19 @@ BODY, CAMERA = "body", "camera"
 NERFSTUDIO = "nerfstudio"
 OPTICAL_AXES = "x right, y down, z forward"
 AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
-UNTIMED_HZ = 1.0  # poses a second of a file that does not say
+UNTIMED_HZ = 1.0  # poses per second of a file without times, by default
 
 
 @dataclass(frozen=True, eq=False)
 class RigRoute:
-    """Poses to take a rig along.
+    """Poses for moving a rig.
 
     Attributes:
         path: file of the poses.
-        frame: frame that the poses describe: "body", "camera" (the first) or a camera's name; None:
-            by the file's format.
-        axes: axes of the poses' world; None: KITTI's in a KITTI file, else the world's.
-        rate_hz: poses a second of a file without times, or None: 1.
+        frame: posed frame: "body", "camera" (the first), a camera's name, or None: by the file's
+            format.
+        axes: axes of the file's world, or None: KITTI's in a KITTI file, else the world's.
+        rate_hz: poses per second of a file without times, or None: 1.
         world_from_file: (4, 4) pose of the file's origin in the scene, with z up.
     """
 
@@ -57,15 +57,16 @@ class RigRoute:
     world_from_file: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
 
     def read(self, rig: Rig, print_note: Callable[[str], None]) -> tuple[Trajectory, bool]:
-        """Trajectory of the rig's body in the scene, and True if its times are the file's or
-        follow from the rate.
+        """Trajectory of the rig's body in the scene, and True if its times are known.
+
+        Known times are the file's, or follow from the rate.
 
         Args:
-            rig: whose frames the poses are of.
-            print_note: called with the conventions taken.
+            rig: rig with the posed frame.
+            print_note: called with the assumed conventions.
 
         Raises:
-            OmnisimError: a file that cannot be read, or a frame that the rig has not.
+            OmnisimError: the file cannot be read, or the rig lacks the frame.
         """
         poses = self._parse(rig)
         frame = self._frame(rig, poses.format)
@@ -99,7 +100,7 @@ class RigRoute:
         return _FilePoses(parsed.format, parsed.times_s, parsed.world_from_base, axes)
 
     def _frame(self, rig: Rig, file_format: str) -> str | None:
-        """Name of the frame; None: a camera that looks ahead, as KITTI's do."""
+        """Name of the posed frame; None: a camera that looks ahead, as KITTI's do."""
         if self.frame is not None:
             return self.frame
         if file_format == "kitti":
@@ -119,13 +120,13 @@ class RigRoute:
 
 @dataclass(frozen=True, eq=False)
 class _FilePoses:
-    """Poses as their file has them.
+    """Poses in their file's own axes.
 
     Attributes:
-        format: of the file.
-        times_s: (n,), or None.
-        file_from_posed: (n, 4, 4).
-        axes: of the file's world.
+        format: format of the file.
+        times_s: (n,) times, or None.
+        file_from_posed: (n, 4, 4) poses of the posed frame.
+        axes: axes of the file's world.
     """
 
     format: str
@@ -142,7 +143,7 @@ class _FilePoses:
 
 
 def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.float64], str]:
-    """Pose (4, 4) of a frame on the rig's body, and the frame in words."""
+    """Pose (4, 4) of a frame on the rig's body, and a description of the frame."""
     if frame in (BODY, rig.body) and rig.has_body:
         return np.eye(4), f"the rig's {rig.body}"
     if not rig.cameras:
@@ -165,7 +166,7 @@ def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.fl
 
 
 def _nerfstudio_poses(path: Path, rig: Rig) -> NDArray[np.float64]:
-    """Poses (n, 4, 4) of the frames; of several cameras' those of the rig's only one."""
+    """Poses (n, 4, 4) of the frames of one camera, the only one of `rig`."""
     calibration = load_calibration(path, NERFSTUDIO)
     camera = calibration.cameras[0]
     if len(calibration.cameras) > 1:

@@ -32,11 +32,11 @@ from omnisim.scene import Scene
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
 MAX_STEP_DEG = 90.0
-MAX_STEP_M = 1.0  # of poses without times: farther is a jump
-MAX_SPEED_MPS = 100.0  # of a robot without limits of its own: faster is a jump
-# Above and below the map: recorded heights have errors, and a flat map has none.
+MAX_STEP_M = 1.0  # between poses without times: a longer step is a jump
+MAX_SPEED_MPS = 100.0  # for a robot without limits of its own: a faster step is a jump
+# Margin above and below the map: recorded heights have errors, and a flat map has no height.
 ROOM_M = 1.0
-NOTED_M = 0.005  # farthest from 0 without a note on the floor's height
+NOTED_M = 0.005  # heights closer to 0 cause no note
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,12 @@ class Route:
 
     Attributes:
         path: name of one of the scene's paths, or a file with poses or waypoints.
-        step_m, step_deg: longest step along waypoints and on the spot.
-        rate_hz: steps a second along waypoints instead, or of a file without times.
-        ignore_limits: drive what the robot could not, and jumps.
-        ground_m: height that waypoints are at, or None: on the scene's floor.
-        axes: of the poses of a file, or None: by its format's convention.
+        step_m, step_deg: maximum step along waypoints and on the spot.
+        rate_hz: steps per second along waypoints instead, or poses per second of a file without
+            times.
+        ignore_limits: allow jumps and motion beyond the robot's limits.
+        ground_m: height of the waypoints, or None: on the scene's floor.
+        axes: axes of a file's poses, or None: by the convention of the file's format.
     """
 
     path: str
@@ -64,7 +65,7 @@ class Route:
 def route_digest(route: Route) -> str:
     """Digest (16 hexadecimal digits) of a route: its options, and the content of its file.
 
-    A path of the scene is in the scene's own digest.
+    The scene's own digest covers its paths.
     """
     path, options = Path(route.path), dict(vars(route))
     options["path"] = path.name
@@ -79,11 +80,12 @@ class PlannedRoute:
     """Route with its trajectory.
 
     Attributes:
-        trajectory: of the vehicle's base.
-        sweep: poses close together along it, for contacts.
-        follows_floor: on the scene's floor; false for one height, or heights of a file.
-        motion: of the vehicle's base, between the poses too: of the plan, or smooth through the
-            poses of a file, from rest to rest where it has no times.
+        trajectory: poses of the vehicle's base.
+        sweep: closely spaced poses along the trajectory, for contacts.
+        follows_floor: true on the scene's floor; false at a fixed height, or at heights of a file.
+        motion: continuous motion of the vehicle's base: the plan's, or smooth through the poses of
+            a
+            file, from rest to rest if the file has no times.
     """
 
     trajectory: Trajectory
@@ -104,21 +106,21 @@ def plan_route(
     """Plan the trajectory of the vehicle's base along a route.
 
     Waypoints, and poses of a file without heights, are on the scene's floor (`follow_floor`), or at
-    the height asked for; poses with heights are taken as they are.
+    `ground_m`; poses with heights stay unchanged.
 
-    A file without a suffix is one only where the scene has no path of its name.
+    A route without a suffix names a path of the scene, if there is one, before a file.
 
     Args:
-        scene: scene of the path.
-        vehicle: that drives.
-        route: the path.
-        print_note: called with the axes taken, where a file's are not the world's by themselves,
-            and with the floor's heights, where they are not 0.
+        scene: scene to drive in.
+        vehicle: vehicle that drives.
+        route: path, and size of its steps.
+        print_note: called with the assumed axes, if a file's axes differ from the world's, and with
+            the floor's heights, if they differ from 0.
 
     Raises:
-        TrajectoryError: a step, rate or ground that cannot be; no such path; a file that is
-            damaged, jumps, or asks for more than the vehicle can do; or a path that leaves the
-            map or the floor.
+        TrajectoryError: an invalid step, rate or ground height; an unknown path; a file that is
+            damaged, jumps, or exceeds the vehicle's limits; or a path that leaves the map or the
+            floor.
     """
     _check_numbers(route)
     path = Path(route.path)
@@ -160,12 +162,12 @@ def plan_route(
 
 @dataclass(frozen=True, eq=False)
 class _Recorded:
-    """Trajectory of a file with poses.
+    """Trajectory from a file with poses.
 
     Attributes:
-        trajectory: as the file has it, or timed.
-        has_heights: they are the file's.
-        has_times: they are the file's, or follow from a rate.
+        trajectory: trajectory with the file's own times, or timed by a rate.
+        has_heights: true if the heights are the file's.
+        has_times: true if the times are the file's, or follow from a rate.
     """
 
     trajectory: Trajectory
@@ -174,7 +176,7 @@ class _Recorded:
 
 
 def _motion(plan: Plan | _Recorded, trajectory: Trajectory) -> BodyMotion:
-    """Motion through poses that are not on the floor, or are a file's."""
+    """Motion through poses from a file, or poses off the floor."""
     if isinstance(plan, Plan):
         return plan.motion.at_height(float(trajectory.positions_m[0, 2]))
     return SplineMotion(trajectory, from_rest=not plan.has_times)
@@ -187,7 +189,7 @@ def _at_height(trajectory: Trajectory, ground_m: float) -> Trajectory:
 
 
 def _check_numbers(route: Route) -> None:
-    """Refuse impossible steps, rates and ground heights; NaN, too."""
+    """Reject invalid steps, rates and ground heights, including NaN."""
     if not route.step_m > 0.0:
         raise TrajectoryError(f"step {route.step_m:g} m: expected more than 0")
     if not 0.0 < route.step_deg <= MAX_STEP_DEG:
@@ -224,7 +226,7 @@ def _refuse_axes(route: Route) -> None:
 def _from_file(
     path: Path, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None
 ) -> Plan | _Recorded:
-    """Plan along a file's waypoints, or a file's poses."""
+    """Plan along waypoints or poses from a file."""
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
         _refuse_axes(route)
@@ -264,7 +266,7 @@ def _from_file(
 
 
 def _check_steps(recording: ParsedTrajectory) -> None:
-    """Refuse jumps between poses without times, which no speed tells from a drive."""
+    """Reject jumps between poses without times, which have no speed to check."""
     lengths_m = step_lengths_m(recording.world_from_base)
     jumps = np.flatnonzero(lengths_m > MAX_STEP_M)
     if len(jumps):

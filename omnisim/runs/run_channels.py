@@ -14,10 +14,10 @@ from omnisim.sensors.omnicamera.mounted_omnicamera import BOXES_SUFFIX
 
 
 def write_labels(run: RunFolder, labels: Labels) -> None:
-    """Write the table of class and instance IDs, where the run has them.
+    """Write the table of class and instance IDs, if the run records them.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     manifest = run.manifest
     is_needed = bool({"semantic", "instance"} & set(manifest.channels)) or any(
@@ -28,11 +28,11 @@ def write_labels(run: RunFolder, labels: Labels) -> None:
 
 
 def write_boxes(run: RunFolder, labels: Labels) -> None:
-    """Merge the boxes of all steps of each camera into one file, where the run has them.
+    """Merge the boxes of all steps of each camera into one file, if the run records them.
 
     Raises:
         RunError: boxes of a step are damaged.
-        OutputError: it cannot be written.
+        OutputError: a file cannot be written.
     """
     if "instance" not in run.manifest.channels:
         return

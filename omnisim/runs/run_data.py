@@ -27,14 +27,15 @@ class RunData:
     """Run with one of its cameras.
 
     Attributes:
-        folder: of the run.
+        folder: folder of the run.
         camera: name of the camera.
-        mount: the camera on the vehicle, from its calibration file: no pose of the vehicle. Of an
-            optical system a viewpoint is assumed.
-        scene: that it was driven in.
-        odometry: what the wheels reported, from the known start on.
+        mount: camera on the vehicle, from its calibration file, independent of the vehicle's pose.
+            An
+            optical system gets an assumed viewpoint.
+        scene: scene of the drive.
+        odometry: readings of the wheels, from the known start on.
         truth: poses of the base, or None: unknown.
-        steps: how many have their image.
+        steps: number of steps with an image.
     """
 
     folder: RunFolder
@@ -60,7 +61,7 @@ class RunData:
 
     @property
     def true_poses(self) -> NDArray[np.float64] | None:
-        """x, y, yaw (steps, 3), or None: unknown."""
+        """True x, y, yaw (steps, 3), or None: unknown."""
         return None if self.truth is None else planar_poses(self.truth)[: self.steps]
 
     def image(self, step: int) -> NDArray[np.uint8]:
@@ -68,7 +69,8 @@ class RunData:
 
         Raises:
             OutputError: the image is damaged.
-            RunError: it is not one of this camera: of another size, or not of 8 bits and 3 colors.
+            RunError: the image is not this camera's: of another size, or without 8 bits and 3
+                colors.
         """
         path = self.folder.file(self.camera, step, ".png")
         pixels, _ = read_image(path)
@@ -84,12 +86,12 @@ class RunData:
 
     @property
     def notices(self) -> list[str]:
-        """Notices: the run is not whole, or a viewpoint is assumed that the camera has not."""
+        """Notices: the run is incomplete, or an assumed viewpoint of a non-central camera."""
         caveat = None if self.mount.caveat is None else f"{self.camera}: {self.mount.caveat}"
         return [notice for notice in (self.folder.unfinished(), caveat) if notice is not None]
 
     def images(self) -> Iterator[NDArray[np.uint8]]:
-        """All images, one after the other."""
+        """All images in order."""
         return (self.image(step) for step in range(self.steps))
 
 
@@ -99,11 +101,11 @@ def planar_poses(trajectory: Trajectory) -> NDArray[np.float64]:
 
 
 def read_run(folder: Path, scene: str | None = None, camera: str | None = None) -> RunData:
-    """Read a run as far as it is there.
+    """Read a run, complete or not.
 
     Args:
-        folder: of the run.
-        scene: file or name of its scene, where it is not where it was.
+        folder: folder of the run.
+        scene: file or name of the run's scene, if it has moved.
         camera: name of a camera; by default the first.
 
     Raises:

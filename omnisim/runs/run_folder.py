@@ -1,36 +1,36 @@
-"""Folder of a run: its files, which of them are missing, and whether the run may go on.
+"""Folder of a run: its files, the missing ones, and whether the run may resume.
 
     manifest.json               what made the run: versions, contents, settings, seeds
     ground_truth.tum            poses of the base (TUM: s, meters, quaternion xyzw)
-    odometry.csv                what the wheels report, and dead reckoning by it
+    odometry.csv                readings of the wheels, and dead reckoning by them
     objects/<name>.tum          poses of another vehicle or a dynamic object, at the same times
-    states.csv                  true states of the base at all times at which anything is measured
-    <sensor>/000000.<suffix>    its files of a measurement, see `omnisim.sensors`: of a
-                                step, or with a rate of its own by
+    states.csv                  true states of the base at the times of all measurements
+    <sensor>/000000.<suffix>    files of a measurement, see `omnisim.sensors`: one per
+                                step, or at the sensor's own rate, by
     <sensor>/times.csv          times of its measurements
-    <imu>/readings.csv          all readings, and with them in biases.csv the biases
-    <camera>/sensor.toml        the camera as it was used
-    <camera>/calibration.json   its parameters and its mount on the base
-    <camera>/000000.png ...     an image a step, with camera and pose inside
-    <scanner>/000000.csv ...    a scan a step
-    <lidar>/000000.ply ...      a point cloud a step, or .pcd
+    <imu>/readings.csv          all readings; their biases are in biases.csv
+    <camera>/sensor.toml        the camera's sensor file
+    <camera>/calibration.json   the camera's parameters and its mount on the base
+    <camera>/000000.png ...     one image per step, with camera and pose inside
+    <scanner>/000000.csv ...    one scan per step
+    <lidar>/000000.ply ...      one point cloud per step, or .pcd
 
-Of a rig, which has no wheels, instead of the odometry:
+A rig has no wheels; instead of the odometry it has:
 
     <camera>/poses.tum          poses of the camera's optical frame
 
-With channels of ground truth also (the first with a lidar, too):
+With channels of ground truth also (a run with a lidar has labels.json, too):
 
     labels.json                             numbers, names and colors of classes and instances
     <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
-    <camera>/000000.range.npy ...           or each in its own, by the format npy, with
-    <camera>/000000.channels.json ...       their units and what they mean
+    <camera>/000000.range.npy ...           or one file per channel, by the format npy, with
+    <camera>/000000.channels.json ...       the channels' units and meanings
     <camera>/000000.coco.json ...           boxes of the instances at a step, with `instance`
     <camera>/coco.json                      boxes of all steps, when all are there
     <camera>/000000.boxes_3d.json ...       oriented 3-D boxes of the instances at a step
 
-Every file appears only when it is whole, so whatever is there is finished; what a power cut has
-left empty counts as missing.
+Files are written atomically, so every file present is complete. An empty file, left by a power
+cut, counts as missing.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ from omnisim.sensors.sensor import MountedSensor, StepContent
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
-OBJECTS = "objects"  # folder of poses
+OBJECTS = "objects"  # folder of the poses of other vehicles and dynamic objects
 STATES = "states.csv"
-TIMES, TIME = "times.csv", "t_s"  # of a sensor with a rate of its own, and their column
+TIMES, TIME = "times.csv", "t_s"  # file of a sensor with its own rate, and its column
 LABELS, BOXES = "labels.json", "coco.json"  # BOXES in the folder of each camera
 PLOT = "plot.png"  # the run's plot, by default
 PARTIAL = ".omnisim-*.partial"
@@ -74,8 +74,8 @@ class RunFolder:
     """Folder of one run.
 
     Attributes:
-        path: the folder.
-        manifest: what made the run.
+        path: path of the folder.
+        manifest: provenance of the run.
     """
 
     path: Path
@@ -91,7 +91,7 @@ class RunFolder:
         """Read the run in a folder.
 
         Raises:
-            RunError: there is none.
+            RunError: the folder holds no run.
         """
         expected = "expected the folder of a run, as drive and render --trajectory make it"
         if not path.is_dir():
@@ -103,10 +103,10 @@ class RunFolder:
 
     @classmethod
     def read_each(cls, path: Path) -> list[RunFolder]:
-        """Read the run in a folder, or the runs in its folders: of robots that drove together.
+        """Read the run in a folder, or the runs in its subfolders, of robots that drove together.
 
         Raises:
-            RunError: there is none.
+            RunError: the folder holds no run.
         """
         if path.is_dir() and not (path / MANIFEST).exists():
             folders = sorted(file.parent for file in path.glob(f"*/{MANIFEST}"))
@@ -115,19 +115,19 @@ class RunFolder:
         return [cls.read(path)]
 
     def stem(self, sensor: str, index: int) -> Path:
-        """Path of a sensor's files of a measurement, without their suffixes."""
+        """Path of a measurement's files, without their suffixes."""
         return self.path / sensor / f"{index:06d}"
 
     def file(self, sensor: str, index: int, suffix: str) -> Path:
-        """Path of a sensor's file of a measurement, present or not."""
+        """Path of a measurement's file, present or not."""
         return self.stem(sensor, index).with_suffix(suffix)
 
     def has_own_rate(self, sensor: str) -> bool:
-        """A sensor measures at a rate of its own, and not at each step."""
+        """True if a sensor measures at its own rate, and not at each step."""
         return self.manifest.sensors[sensor].measurements is not None
 
     def measurements(self, sensor: str) -> int:
-        """Number of a sensor's measurements: of the steps, unless it has a rate of its own."""
+        """Number of a sensor's measurements: that of the steps, unless it has its own rate."""
         own = self.manifest.sensors[sensor].measurements
         return self.manifest.steps if own is None else own
 
@@ -145,7 +145,7 @@ class RunFolder:
         return self._times[sensor]
 
     def indices_at(self, sensor: str, step: int) -> range:
-        """Numbers of a sensor's measurements after the step before, up to a step's time.
+        """Indices of a sensor's measurements after the previous step, up to a step's time.
 
         Raises:
             OmnisimError: a file of times is missing or damaged.
@@ -159,11 +159,11 @@ class RunFolder:
         return range(begin, len(times_s) if step == last else end)
 
     def index_at(self, sensor: str, step: int) -> int:
-        """Number of a sensor's last measurement at a step or before it, else of its first."""
+        """Index of a sensor's last measurement at or before a step, else 0."""
         return max(self.indices_at(sensor, step).stop - 1, 0)
 
     def measurements_done(self, sensor: str) -> int:
-        """Count the measurements of a sensor, from the first one on, of the steps that are done."""
+        """Count a sensor's measurements up to the last finished step."""
         steps = self.steps_done()
         return self.indices_at(sensor, steps - 1).stop if steps > 0 else 0
 
@@ -178,14 +178,14 @@ class RunFolder:
         return {}
 
     def has(self, name: str) -> bool:
-        """A file of the run is there, such as `GROUND_TRUTH`."""
+        """True if a file of the run exists, such as `GROUND_TRUTH`."""
         return is_written(self.path / name)
 
     def camera(self, name: str | None = None) -> str:
         """Name of a camera of the run; by default the first.
 
         Raises:
-            RunError: there is none, or none of this name.
+            RunError: the run has no camera, or none of this name.
         """
         names = self.manifest.cameras
         if not names:
@@ -196,10 +196,10 @@ class RunFolder:
         return names[0] if name is None else name
 
     def check_steps(self, name: str, count: int) -> None:
-        """Refuse a file of the run with another number of steps.
+        """Reject a file of the run with another number of steps.
 
         Raises:
-            RunError: naming the file and both numbers.
+            RunError: names the file and both numbers.
         """
         if count != self.manifest.steps:
             raise RunError(
@@ -208,14 +208,14 @@ class RunFolder:
             )
 
     def steps_done(self) -> int:
-        """Count the steps, from the first one on, that have all their files."""
+        """Count the steps before the first step with a missing file."""
         steps = range(self.manifest.steps)
         return next((step for step in steps if not self.is_done(step)), len(steps))
 
     def unfinished(self) -> str | None:
-        """Notice about a run that is not whole, or None.
+        """Notice about an incomplete run, or None.
 
-        Steps after the first that misses a file are not used, though they may have theirs.
+        Steps after the first with a missing file are unused, even if complete.
         """
         total = self.manifest.steps
         missing = [file for step in range(total) if (file := self.missing_file(step))]
@@ -227,16 +227,16 @@ class RunFolder:
         )
 
     def is_done(self, step: int) -> bool:
-        """A step has all its files."""
+        """True if a step has all its files."""
         return self.missing_file(step) is None
 
     def missing_file(self, step: int) -> Path | None:
-        """Find the first of a step's files that is missing or empty; None: all are there."""
+        """Find a step's first missing or empty file; None: all exist."""
         sensors = self.manifest.sensors
         return next((file for name in sensors if (file := self.missing_of(name, step))), None)
 
     def missing_of(self, sensor: str, step: int) -> Path | None:
-        """Find the first of a sensor's files of a step that is missing; None: all are there."""
+        """Find the first missing file of a sensor at a step; None: all exist."""
         if self.has_own_rate(sensor) and self.suffixes(sensor, 0):
             for path in (self.path / GROUND_TRUTH, self.path / sensor / TIMES):
                 if not is_written(path):
@@ -245,12 +245,12 @@ class RunFolder:
         return next((file for file in missing if file), None)
 
     def missing_at(self, sensor: str, index: int) -> Path | None:
-        """Find the first of a sensor's files of a measurement that is missing; None: none is."""
+        """Find the first missing file of a sensor's measurement; None: all exist."""
         files = (self.file(sensor, index, suffix) for suffix in self.suffixes(sensor, index))
         return next((file for file in files if not is_written(file)), None)
 
     def suffixes(self, sensor: str, index: int) -> tuple[str, ...]:
-        """Suffixes of a sensor's files of a measurement."""
+        """Suffixes of the files of a sensor's measurement."""
         manifest = self.manifest
         content = StepContent(
             self.channels_at(index, sensor),
@@ -261,7 +261,7 @@ class RunFolder:
         return manifest.sensor_class(sensor).suffixes_of(content)
 
     def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
-        """Channels of a measurement: the first has no previous one, the last no next."""
+        """Channels of a measurement: the first lacks a previous one, the last a next one."""
         there = {""}
         there |= {"previous"} if index > 0 else set()
         there |= {"next"} if index < self.measurements(sensor) - 1 else set()
@@ -273,7 +273,7 @@ def read_times(path: Path, count: int) -> NDArray[np.float64]:
     """Read the times (count,) of a sensor's measurements.
 
     Raises:
-        RunError: they cannot be read, or do not increase.
+        RunError: the times cannot be read, or do not increase.
     """
     try:
         head, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
@@ -282,7 +282,7 @@ def read_times(path: Path, count: int) -> NDArray[np.float64]:
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except ValueError:
         raise RunError(f"{path}: expected the column {TIME}, a number a line") from None
-    is_known = np.all(np.abs(times_s) < MAX_S)  # false for NaN, too
+    is_known = np.all(np.abs(times_s) < MAX_S)  # also false for NaN
     if head != TIME or len(times_s) != count or not (is_known and np.all(np.diff(times_s) > 0.0)):
         raise RunError(f"{path}: expected {TIME} and {count} times that increase")
     return times_s
@@ -290,16 +290,16 @@ def read_times(path: Path, count: int) -> NDArray[np.float64]:
 
 @contextmanager
 def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterator[RunFolder]:
-    """Begin a run, or go on with the one that is there; other drives are locked out meanwhile.
+    """Begin or resume a run; other drives are locked out meanwhile.
 
     Args:
-        path: the folder; it is made where it is missing, in a folder that is there.
+        path: folder of the run; it is created if its parent exists.
         content: manifest of the run.
-        force: throw another run away that is there.
+        force: overwrite another run in the folder.
 
     Raises:
-        RunError: another run is there, or files that are none of ours, another command is writing
-            to it, or it cannot be written to.
+        RunError: the folder holds another run or foreign files, another command is writing to it,
+            or it cannot be written to.
         OutputError: the manifest cannot be written.
     """
     run = RunFolder(path, parse_manifest(content, str(path / MANIFEST)))
@@ -315,10 +315,10 @@ def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterat
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Make a folder where it is missing, and lock other drives out of it.
+    """Create a folder if it is missing, and lock other drives out of it.
 
     Raises:
-        RunError: another drive has the lock, or the folder cannot be made.
+        RunError: another drive holds the lock, or the folder cannot be created.
     """
     if path.exists() and not path.is_dir():
         raise RunError(f"{path}: expected a folder, got a file")
@@ -329,7 +329,7 @@ def _locked(path: Path) -> Iterator[None]:
     path.mkdir(exist_ok=True)
     handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        with suppress(OSError):  # a file system without locks
+        with suppress(OSError):  # the file system has no locks
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -342,7 +342,7 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
-    """Write the manifest where there is none, and clear leftovers; refuse another run's folder."""
+    """Write the manifest if it is missing, and clear leftovers; reject another run's folder."""
     path = run.path
     old = read_manifest(path / MANIFEST)
     if old is None:
@@ -360,7 +360,7 @@ def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
                 f"{path / MANIFEST}: {difference}: another run is in this folder; choose another, "
                 "or throw that one away with --force"
             )
-    for leftover in path.rglob(PARTIAL):  # of a run that was killed
+    for leftover in path.rglob(PARTIAL):  # from an interrupted run
         leftover.unlink()
     if old is None or force:
         write_text(path / MANIFEST, json.dumps(content, indent=2) + "\n")
@@ -369,7 +369,7 @@ def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
 
 
 def _clear(run: RunFolder) -> None:
-    """Remove a run's own files, and nothing else; its manifest stays until another's."""
+    """Remove only a run's own files; its manifest stays until it is replaced."""
     folders = {run.path / name: run.manifest.sensor_class(name) for name in run.manifest.sensors}
     for folder in folders:
         if folder.is_symlink():
@@ -392,7 +392,7 @@ def _clear(run: RunFolder) -> None:
 
 
 def _is_own(name: str, sensor: type[MountedSensor]) -> bool:
-    """A file of this name in a sensor's folder is the run's."""
+    """True if a file of this name in a sensor's folder belongs to the run."""
     if name in (*sensor.document_names, BOXES, TIMES) or fnmatch(name, PARTIAL):
         return True
     step, dot, suffix = name.partition(".")

@@ -1,8 +1,8 @@
 """Labels of a run's images: the ground truth that color histograms are trained on.
 
-They come from the run's own channel `instance`, as `omnisim drive ... --also instance` records it:
-the scenes' nodes are named after their landmark, `goal_yellow`, and where it has bands of several
-colors also after those, `beacon_left_yellow_pink`.
+They come from the run's own channel `instance`, recorded by `omnisim drive ... --also instance`.
+The scene's nodes are named after their landmark, `goal_yellow`; bands of a landmark with several
+colors are also named after their color, `beacon_left_yellow_pink`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from omnisim.runs.run_folder import LABELS
 from omnisim.scene.model import Landmark
 from omnisim.sensors.omnicamera.mounted_omnicamera import IMAGE_SUFFIX
 
-# Least saturation, (largest − smallest)/largest of linear RGB, of a landmark's color:
-# white lines, walls and paper are everywhere.
+# Minimum saturation, (largest − smallest)/largest of linear RGB, of a landmark's color. It excludes
+# white lines, walls and paper, which are everywhere.
 MIN_SATURATION = 0.5
 Track = Callable[[Iterable[int]], Iterable[int]]
 
@@ -49,11 +49,11 @@ class RunLabels:
     """Classes of the pixels of a run's images.
 
     Args:
-        run: with the channel `instance`.
+        run: run with the channel `instance`.
         colors: names of the landmark colors; their classes are 1, 2, ...
 
     Raises:
-        RunError: the run has no such channel, or its table of labels is damaged.
+        RunError: the run lacks the channel, or its table of labels is damaged.
     """
 
     def __init__(self, run: RunData, colors: Sequence[str]):
@@ -71,7 +71,7 @@ class RunLabels:
 
         Raises:
             RunError: the step's file has unknown instances.
-            OutputError: it is missing or damaged.
+            OutputError: the file is missing or damaged.
         """
         image = self._run.folder.file(self._run.camera, step, IMAGE_SUFFIX)
         ids: NDArray[np.uint32]
@@ -81,10 +81,10 @@ class RunLabels:
         return self._class_of_instance[ids]
 
     def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:
-        """Pixels that show the scene and their classes, image by image.
+        """Pixels of the scene and their classes, image by image.
 
         Args:
-            track: wraps the steps, for progress.
+            track: wrapper of the steps, for progress.
         """
         covered = self._run.mount.covered
         shown = slice(None) if covered is None else covered.ravel()
@@ -96,13 +96,13 @@ def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
     """Train a color model on a run's landmarks.
 
     Args:
-        run: with the channel `instance`.
-        costs: of mistakes.
-        track: wraps the steps, for progress.
+        run: run with the channel `instance`.
+        costs: costs of misclassification.
+        track: wrapper of the steps, for progress.
 
     Raises:
-        RunError: a run without labels, or of too few images.
-        LocalizationError: a color that no image shows.
+        RunError: a run without labels, or with too few images.
+        LocalizationError: a color is visible in no image.
     """
     colors = landmark_colors(run.landmarks)
     labels = RunLabels(run, colors)
@@ -131,7 +131,7 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]
         raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
     except (KeyError, TypeError, ValueError, RecursionError):
         raise RunError(f"{path}: is damaged: not a table of labels") from None
-    # what moves with the vehicle is no landmark, whatever its name
+    # objects that move with the vehicle are no landmarks, whatever their names
     fixed = (0 if one.object_name else classes.get(one.name, 0) for one in labels.instances)
     return np.array([0, *fixed], dtype=np.uint8)
 

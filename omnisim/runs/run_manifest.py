@@ -1,4 +1,4 @@
-"""Run manifest: provenance, and what may change on resume."""
+"""Manifest of a run: provenance, and what may change when the run resumes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from omnisim.sensors.sensor_names import SensorName
 from omnisim.sensors.sensor_registry import MOUNT_TYPES
 
 MANIFEST_FORMAT = 2
-RAYS = "embreex "  # begins the name of the back end that casts rays
-LONG = 16  # a list that is compared value by value
-# For the record: other versions of these, or from elsewhere, may go on with a run; and what follows
-# from its poses.
+RAYS = "embreex "  # prefix of the ray-casting back end's name
+LONG = 16  # length from which a list is compared value by value
+# Recorded only: a run may resume with other versions or locations of these. The last ones follow
+# from the run's poses.
 FOR_THE_RECORD = (
     "libraries",
     "scene.file",
@@ -35,13 +35,13 @@ FOR_THE_RECORD = (
     "physics.motion",
     "physics.slip",
 )
-# Numbers computed on another processor differ in their last bits, and by more where they cancel;
-# no setting that somebody writes differs from another by so little.
+# Numbers computed on another processor differ in their last bits, or more after cancellation.
+# Settings written by a person differ by more.
 ROUNDING = 1e-9
 
 
 class _OpenTable(Table):
-    """Table with further keys, kept as they are."""
+    """Table that keeps unknown keys unchanged."""
 
     model_config = ConfigDict(extra="allow", strict=True, str_strip_whitespace=False)
 
@@ -55,10 +55,10 @@ class _Scene(_OpenTable):
     contents: str
 
     def load(self, moved_to: str | None = None) -> Scene:
-        """Load the scene as the run did, from where it was or has moved to.
+        """Load the run's scene, from its original or new location.
 
         Raises:
-            SceneError: it cannot be read.
+            SceneError: the scene cannot be read.
         """
         return read_scene(moved_to or self.file, self.up_axis, self.meters_per_unit, self.resources)
 
@@ -79,7 +79,7 @@ class _Sensor(_OpenTable):
 
 
 class Manifest(_OpenTable):
-    """Keys of a manifest that readers rely on."""
+    """Manifest keys that readers rely on."""
 
     format: Literal[2]
     scene: _Scene
@@ -94,7 +94,7 @@ class Manifest(_OpenTable):
 
     @property
     def cameras(self) -> list[str]:
-        """Names of the cameras, which have ground truth."""
+        """Names of the cameras; cameras have ground truth."""
         return [name for name in self.sensors if self.sensor_class(name).has_ground_truth]
 
     def sensor_class(self, name: str) -> type[MountedSensor]:
@@ -103,7 +103,7 @@ class Manifest(_OpenTable):
 
     @property
     def title(self) -> str:
-        """Robot, scene and path."""
+        """Title from robot, scene and path."""
         return f"{self.robot.name} in {self.scene.name}, {self.path.name}"
 
 
@@ -111,7 +111,7 @@ def parse_manifest(content: dict[str, Any], source: str) -> Manifest:
     """Check a manifest.
 
     Raises:
-        RunError: naming the first key that is wrong, in one line.
+        RunError: names the first invalid key, in one line.
     """
     try:
         return parse_table(content, Manifest, RunError, source)
@@ -120,10 +120,10 @@ def parse_manifest(content: dict[str, Any], source: str) -> Manifest:
 
 
 def read_manifest(path: Path) -> dict[str, Any] | None:
-    """Content of a manifest file, or None: there is no such file.
+    """Content of a manifest file, or None: the file does not exist.
 
     Raises:
-        RunError: it is damaged.
+        RunError: the file is damaged.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -139,10 +139,10 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
 
 
 def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> str:
-    """Describe the first key whose values differ; empty where none does.
+    """Describe the first key with different values; empty if all are equal.
 
-    A missing table counts as an empty one, so that the key in it is named and not the table; so are
-    the values of long lists, by their numbers.
+    A missing table counts as empty, so that the message names a key in it instead of the table.
+    It also names the values of long lists by their indices.
     """
     for key in dict.fromkeys((*new, *old)):
         if f"{at}{key}" in FOR_THE_RECORD:
@@ -158,8 +158,8 @@ def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> 
 
 
 def _equal(key: str, before: Any, after: Any) -> bool:
-    """Compare values, numbers but for rounding, and renderers by their back ends alone."""
-    if key == "renderer":  # OpenGL's names driver and processor, on which images hardly depend
+    """Compare values: numbers up to rounding, renderers by their back ends alone."""
+    if key == "renderer":  # OpenGL's also names driver and processor, which barely affect images
         return str(before).startswith(RAYS) == str(after).startswith(RAYS)
     if isinstance(before, list) and isinstance(after, list):
         return len(before) == len(after) and all(
@@ -171,7 +171,7 @@ def _equal(key: str, before: Any, after: Any) -> bool:
 
 
 def _by_key(value: Any) -> Any:
-    """A list of tables, or one too long for a message, as a table by numbers."""
+    """Table by index from a list of tables, or from a list too long for a message."""
     if isinstance(value, list) and (len(value) > LONG or any(isinstance(v, dict) for v in value)):
         return {str(number): one for number, one in enumerate(value)}
     return value

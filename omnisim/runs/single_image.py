@@ -1,4 +1,4 @@
-"""Single images with their camera, to detect landmarks in."""
+"""Single images with their camera, for landmark detection."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SingleImage:
     """Image of a camera, as a run of one step.
 
     Attributes:
-        mount: the camera.
+        mount: camera on its vehicle.
         pixels: (height, width, 3), sRGB.
     """
 
@@ -36,29 +36,29 @@ class SingleImage:
 
     @property
     def notices(self) -> list[str]:
-        """Notices: a viewpoint is assumed that the camera has not."""
+        """Notices: an assumed viewpoint of a non-central camera."""
         return [] if self.mount.caveat is None else [self.mount.caveat]
 
     def image(self, step: int) -> NDArray[np.uint8]:
-        """The image, at step 0."""
+        """Image at step 0, the only step."""
         return self.pixels
 
 
 def read_single_image(
     path: Path, height_m: float | None = None, sensor: OmniCamera | None = None
 ) -> SingleImage:
-    """Read an image, whose metadata names its camera.
+    """Read an image whose metadata names its camera.
 
-    Only how the camera sits on its vehicle is taken from it, not where the vehicle was.
+    The metadata gives the camera's mount on its vehicle; the vehicle's pose is ignored.
 
     Args:
-        path: of the image.
-        height_m: of the effective viewpoint above the ground, or None: its own z.
-        sensor: that it was taken with, on the vehicle, or None: the image says so itself.
+        path: path of the image.
+        height_m: height of the effective viewpoint above the ground, or None: the mount's z.
+        sensor: camera of the image, on the vehicle, or None: the one in the image's metadata.
 
     Raises:
-        OutputError: no image, of floats, or without its camera.
-        OpticsError: a height that cannot be.
+        OutputError: not an image, an image of floats, or an image without its camera.
+        OpticsError: an invalid height.
     """
     taken = read_captured_image(path, sensor)
     if taken.pixels.dtype != np.uint8:

@@ -1,4 +1,4 @@
-"""True states of a run's base: at all times at which anything is measured, in one file."""
+"""True states of a run's base at the times of all measurements, in one file."""
 
 from __future__ import annotations
 
@@ -26,13 +26,16 @@ COLUMNS = (
 
 
 def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.float64]]) -> None:
-    """Write position and orientation in the world, velocity and acceleration in the world, and the
-    angular rate in the base's frame.
+    """Write the base's states at given times.
+
+    A state is position, orientation, velocity and acceleration in the world, and the angular rate
+    in the base's frame.
 
     Args:
-        path: the file.
-        motion: of the base.
-        times_s: of the steps and of each sensor; those before the motion are left out.
+        path: path of the file.
+        motion: motion of the base.
+        times_s: times of the steps and of each sensor's measurements; times before the motion are
+            ignored.
 
     Raises:
         OutputError: the file cannot be written.
@@ -66,7 +69,7 @@ def read_states(path: Path) -> tuple[NDArray[np.float64], MotionStates]:
         raise RunError(f"{path}: is damaged: expected numbers between commas") from None
     width = len(COLUMNS.split(","))
     is_known = table.shape == (len(table), width) and np.all(np.abs(table) < MAX_S)
-    if head != COLUMNS or not len(table) or not is_known:  # false for NaN, too
+    if head != COLUMNS or not len(table) or not is_known:  # also false for NaN
         raise RunError(f"{path}: expected the columns {COLUMNS} and finite numbers")
     norms = np.linalg.norm(table[:, 4:8], axis=1)
     if not np.all(np.diff(table[:, 0]) > 0.0) or np.any(np.abs(norms - 1.0) > 1e-6):

@@ -1,4 +1,4 @@
-"""Cameras of omnisim in simulations of MuJoCo, which needs the extra `mujoco`.
+"""Cameras of omnisim in MuJoCo simulations; needs the extra `mujoco`.
 
 with omnisim.runs.mujoco_loop.Camera(model, data, "fisheye.toml", body="head") as camera:
     while data.time < 1.0:
@@ -18,7 +18,7 @@ __all__ = ["NO_GEOM", "VISIBLE_GROUPS", "Camera", "lens_of"]
 
 def __getattr__(name: str) -> object:
     if name == "lens_of":
-        from omnisim.scene.formats.mjcf.camera_lens import lens_of  # with the extra
+        from omnisim.scene.formats.mjcf.camera_lens import lens_of  # needs the extra
 
         return lens_of
     raise AttributeError(f"module 'omnisim.runs.mujoco_loop' has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""Camera in a simulation of MuJoCo."""
+"""Camera in a MuJoCo simulation."""
 
 from __future__ import annotations
 
@@ -21,38 +21,39 @@ from omnisim.rendering.stage import Stage
 if TYPE_CHECKING:
     import mujoco
 
-VISIBLE_GROUPS = (0, 1, 2)  # that MuJoCo's own renderer shows
+VISIBLE_GROUPS = (0, 1, 2)  # shown by MuJoCo's own renderer
 NO_GEOM = -1
 
 
 class Camera(Closing):
-    """Any camera of omnisim in a simulation of MuJoCo.
+    """Any camera of omnisim in a MuJoCo simulation.
 
-    The model's geometry, materials and lights are taken once; each frame has the poses that the
-    data has by then. Skins and flexible bodies are bent in each frame, without a flow of their own;
-    lamps keep their first place.
+    The model's geometry, materials and lights are loaded once; each frame uses the current poses
+    of the data. Skins and flexible bodies deform in each frame, but their deformation adds no
+    flow. Lamps stay at their initial positions.
 
-    Mount it on a body, a site or a camera of the model, of which it has the front and the top: x is
-    forward and z up; a camera of the model looks along its −z. Without a mount it stands in the
-    world.
+    Mount it on a body, a site or a camera of the model, whose forward and up directions it takes:
+    x is forward and z up; a camera of the model looks along its −z. Without a mount it is fixed
+    to the world.
 
     Args:
         model, data: `mujoco.MjModel` and `mujoco.MjData`; the poses of the data are computed, as
             after `mj_forward` or `mj_step`.
-        sensor: the camera, as for `omnisim.Stage.open`; None: the lens of the model's camera that
-            it is mounted on, or else the paper's.
+        sensor: the camera, as for `omnisim.Stage.open`; None: the lens of the model's camera on
+            which
+            it is mounted, or else the paper's camera.
         body, site, camera: name of the mount; at most one of them.
         pose: (4, 4) mount_from_base, or world_from_base without a mount; None: the identity.
-        groups: of the geoms that are drawn.
-        hidden: names of geoms that are not drawn, such as the camera's own housing; see `geoms`.
+        groups: groups of the drawn geoms.
+        hidden: names of geoms that stay invisible, such as the camera's own housing; see `geoms`.
         unlit, device, seed, backend: as for `omnisim.open_sensor`.
 
     Attributes:
         sensor: the camera.
-        notices: one line for each feature of the model that is not drawn.
+        notices: one line for each unsupported feature of the model.
 
     Raises:
-        SceneError: a mount or hidden geom that the model does not have, or several mounts.
+        SceneError: a mount or hidden geom that is missing from the model, or several mounts.
         OmnisimError: an invalid pose, or as `omnisim.open_sensor`.
     """
 
@@ -108,9 +109,9 @@ class Camera(Closing):
         return self._mount.pose(self._data) @ self._mount_from_base
 
     def state(self) -> WorldState:
-        """Time and poses of the data, unchanged while the simulation advances.
+        """Time and poses of the data, copied: a later step of the simulation does not change them.
 
-        They are what `render` takes for flow: that of the frame before, or of the frame after.
+        `render` takes them for flow, as the state of the previous or of the next frame.
         """
         poses = dict(zip(self._moving.objects, self._moving.poses(self._data), strict=True))
         poses[self._renderer.vehicle] = self.world_from_base
@@ -129,7 +130,7 @@ class Camera(Closing):
         """Render one frame.
 
         Args:
-            state: None: as the data is.
+            state: state of the world; None: the data's current state.
             also, linear, next_state, previous_state, frame_number: as for
                 `omnisim.Renderer.render`.
 
@@ -154,7 +155,7 @@ class Camera(Closing):
         return dict(self._moving.geom_of_instance)
 
     def geom_ids(self, frame: Frame) -> NDArray[np.int32]:
-        """Geoms (height, width) of a frame's pixels; −1 where there is none.
+        """Geom IDs (height, width) of a frame's pixels; −1 where no geom is visible.
 
         Raises:
             OmnisimError: the frame was rendered without the channel instance.
@@ -176,6 +177,6 @@ class Camera(Closing):
             self._stage.scene = bent(self._stage.scene, self._model, self._data, self._groups)
 
     def close(self) -> None:
-        """Free the GPU memory; a second time does nothing."""
+        """Free the GPU memory; a second call does nothing."""
         self._renderer.close()
         self._stage.close()

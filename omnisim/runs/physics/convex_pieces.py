@@ -1,8 +1,8 @@
-"""Convex pieces of a scene, which physics engines collide.
+"""Convex pieces of a scene, for collisions in physics engines.
 
-Each connected part of an instance's surface is one piece where it is a convex solid, or small: its
-hull, or the box that it is. Of all else, such as rooms, floors and terrain, each flat convex facet
-is a slab behind it. Rooms stay hollow, and nothing floats on the hull of a room.
+A connected part of an instance's surface is one piece if it is a convex solid or small: a hull, a
+box or a ball. Other parts, such as rooms, floors and terrain, become one slab behind each flat
+convex facet. Rooms thus stay hollow, and nothing floats on a room's hull.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from omnisim.runs.physics.hulls import convex_hull
 from omnisim.runs.physics.shapes import Shape
 from omnisim.scene import Scene
 
-WELDED_M = 1e-5  # vertices this close are one
-SMALL_M = 0.4  # parts that fit into a cube of it collide as their hulls
-ON_HULL_M = 0.01  # deepest dent of a part that is taken for convex
-COVERED = 0.98  # share of the hull that a closed surface covers
-THINNEST_M = 1e-4  # volume of a solid for its surface
-SLAB_M = 0.02  # thickness behind a facet
-LEVEL_COSINE = 0.7  # of a floor's normal from the vertical
-NARROWEST_M = 1e-4  # height of a triangle that is no sliver
+WELDED_M = 1e-5  # grid spacing by which close vertices are merged
+SMALL_M = 0.4  # parts that fit into a cube of this side collide as their hulls
+ON_HULL_M = 0.01  # maximum depth of a dent in a part that counts as convex
+COVERED = 0.98  # minimum share of the hull that a closed surface covers
+THINNEST_M = 1e-4  # minimum ratio of a solid's volume to its surface area
+SLAB_M = 0.02  # thickness of the slab behind a facet
+LEVEL_COSINE = 0.7  # minimum cosine between a floor's normal and the vertical
+NARROWEST_M = 1e-4  # minimum height of a triangle; flatter ones are slivers
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class ConvexPiece:
     """Convex piece of an instance.
 
     Attributes:
-        name: of the instance.
-        shape: in the frame of the scene.
+        name: name of the instance.
+        shape: shape in the scene's frame.
     """
 
     name: str
@@ -47,11 +47,11 @@ class ConvexPiece:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Box in which a scene collides.
+    """Box within which a scene collides.
 
     Attributes:
         low_m, high_m: (3,) corners.
-        free_points_m: (n, 3) points of free space: a part of the scene around one is hollow.
+        free_points_m: (n, 3) points in free space: a part of the scene around one is hollow.
     """
 
     low_m: NDArray[np.float64]
@@ -60,18 +60,18 @@ class Region:
 
     @classmethod
     def everywhere(cls) -> Region:
-        """Region without bounds."""
+        """Unbounded region."""
         return cls(np.full(3, -np.inf), np.full(3, np.inf), np.zeros((0, 3)))
 
     def meets(self, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Mask (n,) of sets of corners (n, k, 3) whose bounds meet it."""
+        """Mask (n,) of the corner sets (n, k, 3) whose bounds meet the region."""
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
         met: NDArray[np.bool_] = np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
         return met
 
 
 def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
-    """Pieces of a scene's instances in a region; its dynamic objects do not count."""
+    """Pieces of a scene's static instances in a region."""
     pieces = []
     for instance in scene.instances:
         mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
@@ -79,7 +79,7 @@ def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
         if not region.meets(positions[None])[0]:
             continue
         triangles = mesh.triangles.astype(np.intp)
-        if np.linalg.det(matrix[:3, :3]) < 0.0:  # mirrored: the front stays
+        if np.linalg.det(matrix[:3, :3]) < 0.0:  # mirrored: keep the front side
             triangles = triangles[:, ::-1]
         vertices, triangles = _welded(positions, triangles)
         if not len(triangles):
@@ -93,7 +93,7 @@ def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
 
 
 def hull_of(scene: Scene) -> Shape | None:
-    """Hull of all instances; None: it is flat."""
+    """Hull of all instances; None: the scene is flat."""
     points = [
         scene.meshes[one.mesh].positions.astype(np.float64) @ one.world_from_mesh[:3, :3].T
         + one.world_from_mesh[:3, 3]
@@ -105,7 +105,7 @@ def hull_of(scene: Scene) -> Shape | None:
 def _welded(
     positions_m: NDArray[np.float64], triangles: Triangles
 ) -> tuple[NDArray[np.float64], Triangles]:
-    """Vertices, each place once, and the triangles between them that are no slivers."""
+    """Merged vertices, and the triangles between them without slivers."""
     cells = np.round(positions_m / WELDED_M).astype(np.int64)
     _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     vertices, triangles = positions_m[first], number.reshape(-1)[triangles]
@@ -139,7 +139,7 @@ def _pieces_of(
 def _is_solid(
     hull: scipy.spatial.ConvexHull, corners_m: NDArray[np.float64], two_sided: bool
 ) -> bool:
-    """Triangles (n, 3, 3) face outwards from the surface of their hull, and cover it."""
+    """True if triangles (n, 3, 3) lie on their hull, face outwards and cover it."""
     vectors = area_vectors(corners_m)
     areas = np.linalg.norm(vectors, axis=1)
     heights = corners_m.mean(axis=1) @ hull.equations[:, :3].T + hull.equations[:, 3]
@@ -162,7 +162,7 @@ def _inside(hull: scipy.spatial.ConvexHull, points_m: NDArray[np.float64]) -> ND
 
 
 def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64]:
-    """Vertices of the slab behind a facet (n, 3, 3): below a floor, about a wall with two sides."""
+    """Vertices of a facet's (n, 3, 3) slab: behind it, below a floor, or about a two-sided wall."""
     normal = area_vectors(corners_m).sum(axis=0)
     normal /= np.linalg.norm(normal)
     points = corners_m.reshape(-1, 3)

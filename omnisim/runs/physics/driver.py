@@ -1,4 +1,4 @@
-"""Robots with the trajectories that they are to follow in physics."""
+"""Robots with the trajectories that they follow in physics."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class Driver:
     """Robot that follows a planned motion.
 
     Attributes:
-        rover: that drives.
-        planned: trajectory; the robot begins at its first pose.
-        motion: planned; it rests before and after.
-        where: the path's name in messages.
-        ignores_limits: continues after leaving its path or tipping over.
+        rover: robot on wheels.
+        planned: planned trajectory; the robot begins at its first pose.
+        motion: planned motion; the robot rests before and after it.
+        where: name of the path in messages.
+        ignores_limits: continues after leaving the path or tipping over.
     """
 
     rover: Rover

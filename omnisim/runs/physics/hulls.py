@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 
 def convex_hull(points: NDArray[np.float64]) -> scipy.spatial.ConvexHull | None:
-    """Hull of points (n, axes); None: they are flat."""
+    """Hull of points (n, axes); None: they are degenerate (flat)."""
     try:
         return scipy.spatial.ConvexHull(points, qhull_options="Pp")
     except scipy.spatial.QhullError:

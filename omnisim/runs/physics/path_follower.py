@@ -11,9 +11,9 @@ from omnisim.core.poses import wrap_angle, yaw_from_rotation
 from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.runs.physics.rover import Rover
 
-AHEAD_PER_S, TURN_PER_S = 4.0, 6.0  # corrections along the path, and of the heading
-TURN_PER_M2 = 16.0  # turn for each meter ahead and meter to the side
-RESERVE = 1.25  # of the limits, to catch up
+AHEAD_PER_S, TURN_PER_S = 4.0, 6.0  # gains on the error along the path, and on the heading error
+TURN_PER_M2 = 16.0  # gain on the lateral error, per meter driven
+RESERVE = 1.25  # factor on the limits, which allows the robot to catch up
 
 
 class PathFollower:
@@ -23,9 +23,9 @@ class PathFollower:
     1990, with a correction of the heading that does not vanish at rest.
 
     Args:
-        motion: planned, of which x, y and yaw count.
-        rover: that drives.
-        times_s: (n,) of the commands.
+        motion: planned motion; its x, y and yaw are tracked.
+        rover: robot on wheels.
+        times_s: (n,) times of the commands.
     """
 
     def __init__(self, motion: BodyMotion, rover: Rover, times_s: NDArray[np.float64]):
@@ -45,7 +45,7 @@ class PathFollower:
         """Rates of the left and the right wheels in rad/s at a command.
 
         Args:
-            command: number of its time.
+            command: index of the command.
             base: (7,) true position and quaternion wxyz of the robot's base.
         """
         x_m, y_m, _, w, i, j, k = base.tolist()

@@ -1,4 +1,4 @@
-"""Robots on wheels, as physics has them: masses, wheels and boxes by the robot file."""
+"""Robots on wheels in physics: masses, wheels and boxes from the robot file."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.robot_file import Chassis
 from omnisim.robots.vehicle import Vehicle
 
-# Of robots whose file does not say.
-DENSITY_KGPM3 = 100.0  # of the footprint's box
-TRACK, WHEELBASE, CENTER_HEIGHT = 0.8, 0.5, 0.25  # of the footprint's width, length and height
+# Defaults for robot files without these values.
+DENSITY_KGPM3 = 100.0  # density of the footprint's box
+TRACK, WHEELBASE, CENTER_HEIGHT = 0.8, 0.5, 0.25  # shares of the footprint's width, length, height
 WHEEL_PER_CLEARANCE = 4.0
-# Assumed of all robots.
-WHEEL_WIDTH = 0.4  # of the diameter
-WHEEL_MASS = 0.03  # of the robot's
-CASTOR, CASTOR_LOAD = 0.35, 0.4  # behind the axle, of the length; and its share of the weight
+# Assumptions about all robots.
+WHEEL_WIDTH = 0.4  # share of the diameter
+WHEEL_MASS = 0.03  # share of the robot's mass
+CASTOR, CASTOR_LOAD = 0.35, 0.4  # share of the length behind the axle; share of the weight on it
 
 
 @dataclass(frozen=True, eq=False)
 class Rover:
-    """Robot on wheels that are driven by pairs, left and right.
+    """Robot on wheels driven in two groups, left and right.
 
     Attributes:
-        name: of the vehicle.
-        kinematics: its limits.
-        mass_kg: in all.
-        center_m: (3,) center of mass, base.
-        size_m: (3,) of the box around it.
-        friction: of its tyres.
-        wheels_m: (n, 3) middles of the driven wheels, base: the left ones, then the right ones.
-        wheel_radius_m: of the driven wheels.
-        castor_m: (3,) middle of the castor, whose radius is its height; None: it has none.
-        parts_m: (n, 2, 3) corners of the boxes of its body.
+        name: name of the vehicle.
+        kinematics: limits of the motion.
+        mass_kg: total mass.
+        center_m: (3,) center of mass in the base frame.
+        size_m: (3,) size of the bounding box.
+        friction: friction coefficient of the tyres.
+        wheels_m: (n, 3) centers of the driven wheels in the base frame: left ones, then right ones.
+        wheel_radius_m: radius of the driven wheels.
+        castor_m: (3,) center of the castor, whose radius is its height; None: no castor.
+        parts_m: (n, 2, 3) corners of the body's boxes.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Rover:
         """Robot of a vehicle.
 
         Raises:
-            TrajectoryError: it has no size, or no [kinematics].
+            TrajectoryError: the vehicle has no size, or no [kinematics].
         """
         boxes, kinematics = BodyBoxes.of(vehicle), vehicle.kinematics
         if boxes is None or kinematics is None:
@@ -95,17 +95,18 @@ class Rover:
 
     @property
     def track_m(self) -> float:
-        """Distance between the middles of the tyres, left and right."""
+        """Distance between the centers of the left and right tyres."""
         return float(np.ptp(self.wheels_m[:, 1]))
 
     @property
     def effective_track_m(self) -> float:
-        """Track of a robot without skidding that turns as much by the same wheel speeds.
+        """Track of a robot without skidding that turns equally at the same wheel speeds.
 
-        In a slow turn on the spot each tyre slides against its friction, which is the same for all:
-        the torques about the middle balance where it is 1 + (wheelbase / track)² of the track.
+        In a slow rotation on the spot each tyre slides against friction of equal magnitude. The
+        torques about the center balance where the effective track is 1 + (wheelbase / track)² times
+        the track.
 
-        Source: by the tyres' balance of torques; Mandow et al., "Experimental kinematics for
+        Source: torque balance of the tyres; Mandow et al., "Experimental kinematics for
         wheeled skid-steer mobile robots", IROS 2007, measure such tracks on a Pioneer.
         """
         wheelbase_m = float(np.ptp(self.wheels_m[:, 0]))

@@ -1,4 +1,4 @@
-"""Shapes of convex pieces: a ball or a box where a piece is one, else its hull."""
+"""Shapes of convex pieces: balls, boxes, or else hulls."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 
 from omnisim.runs.physics.hulls import convex_hull
 
-ROUND = 0.02  # of a ball's radius, by which its vertices may differ
-FULL_BALL = 0.9 * 4.0 / 3.0 * math.pi  # volume of its hull, of a radius of 1
-RIGHT_ANGLE = 1e-3  # largest cosine
-FULL = 0.999  # share of the box that a box's hull fills
+ROUND = 0.02  # maximum difference of a ball's vertex radii, relative
+FULL_BALL = 0.9 * 4.0 / 3.0 * math.pi  # minimum hull volume of a ball of radius 1
+RIGHT_ANGLE = 1e-3  # maximum cosine between axes at a right angle
+FULL = 0.999  # minimum share of its bounding box that a box's hull fills
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Shape of a piece, in the frame of its vertices.
+    """Shape of a piece in the frame of its vertices.
 
     Attributes:
         kind: "ball", "box" or "hull".
-        center_m: (3,).
-        axes: (3, 3) axes of a box in its columns; else the identity.
-        half_m: (3,) half of a box's sides, or a ball's radius.
-        vertices_m: (n, 3) about the center; corners of the hull.
+        center_m: (3,) center.
+        axes: (3, 3) axes of a box, in columns; identity for other kinds.
+        half_m: (3,) half sides of a box, or radius of a ball.
+        vertices_m: (n, 3) corners of the hull, relative to the center.
     """
 
     kind: Literal["ball", "box", "hull"]
@@ -38,7 +38,7 @@ class Shape:
 
     @classmethod
     def of(cls, vertices_m: NDArray[np.float64]) -> Shape | None:
-        """Shape of the hull of vertices (n, 3); None: they are in one plane."""
+        """Shape of the hull of vertices (n, 3); None: the vertices are coplanar."""
         hull = convex_hull(vertices_m)
         if hull is None:
             return None

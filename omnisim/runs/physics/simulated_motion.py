@@ -1,4 +1,4 @@
-"""Motion of a robot and of the objects about it, as physics has simulated it."""
+"""Motion of a robot and of the objects around it, simulated in physics."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from omnisim.scene.motion.object_motion import Along
 
 @dataclass(frozen=True)
 class Slip:
-    """Slip of the wheels, by their own turns against the robot's motion.
+    """Slip of the wheels: their readings against the robot's true motion.
 
     Attributes:
-        distance: meters that the wheels report more for a meter driven.
-        turn: radians that they report more for a radian turned.
+        distance: extra meters that the wheels report per meter driven.
+        turn: extra radians that the wheels report per radian turned.
         end_m: distance between the ends of the motion and of dead reckoning.
     """
 
@@ -44,16 +44,17 @@ class Slip:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedMotion:
-    """Motion in small steps, from the start of a drive to its end.
+    """Motion in small steps over a whole drive.
 
     Attributes:
         base: poses of the robot's base.
-        wheels_m: (n, 2) ways of the left and the right tyres at the base's times, 0 at first.
-        effective_track_m: by which wheels' ways are turns.
-        objects: poses of the objects that are free to move, by name, at the same times.
-        touched_s: times of contacts by the name of the object touched, in the order of the first.
-        engine: name and version of what simulated it.
-        step_s: of the engine.
+        wheels_m: (n, 2) distances rolled by the left and the right tyres at the base's times, from
+            0.
+        effective_track_m: track that converts differences of the wheels' distances into turns.
+        objects: poses of the free objects, by name, at the same times.
+        touched_s: contact times by the touched object's name, ordered by first contact.
+        engine: name and version of the physics engine.
+        step_s: time step of the engine.
     """
 
     base: Trajectory
@@ -69,7 +70,7 @@ class SimulatedMotion:
 
     @cached_property
     def smooth(self) -> SplineMotion:
-        """Motion of the base, between the engine's states too."""
+        """Continuous motion of the base, also between the engine's states."""
         return SplineMotion(self.base)
 
     def at(self, times_s: NDArray[np.float64]) -> Trajectory:
@@ -77,7 +78,7 @@ class SimulatedMotion:
         return Trajectory(times_s, self.smooth.at(times_s).world_from_base)
 
     def readings_at(self, times_s: NDArray[np.float64]) -> Odometry:
-        """Readings of the wheels at times (n,), without errors of their own."""
+        """Error-free readings of the wheels at times (n,)."""
         start = self.smooth.pose_at(float(times_s[0]))
         yaw = float(np.arctan2(start[1, 0], start[0, 0]))
         ways = [np.interp(times_s, self.base.times_s, way) for way in self.wheels_m.T]
@@ -97,7 +98,7 @@ class SimulatedMotion:
 
     @property
     def slip(self) -> Slip:
-        """Slip over all of the motion."""
+        """Slip over the whole motion."""
         readings = self.readings_at(self.base.times_s)
         driven_m = self.base.path_length_m
         turned = float(np.abs(wrap_angles(np.diff(self.base.yaw_rad))).sum())
@@ -118,7 +119,7 @@ class SimulatedMotion:
         }
 
     def scene_with_motions(self, scene: Scene) -> Scene:
-        """Scene whose free objects move as they were simulated."""
+        """Scene whose free objects follow their simulated motion."""
         objects = tuple(
             replace(one, motion=Along(self.objects[one.name])) if one.name in self.objects else one
             for one in scene.objects

@@ -1,4 +1,4 @@
-"""World in MuJoCo: a compiled model, its state, and what its robots touch."""
+"""World in MuJoCo: a compiled model, its state, and the contacts of its robots."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from omnisim.scene.motion.object_motion import ObjectMotion
 
 STEPS_AT_ONCE = 5
 PERIOD_S = STEPS_AT_ONCE * STEP_S
-# More than friction brakes by. At less than (1 - d) / d of gravity over friction, with contacts'
-# impedance d, sliding does not lift what weighs on them.
+# Above the braking by friction. Below (1 - d) / d of gravity over friction, where d is the
+# contacts'
+# impedance, sliding does not lift the load.
 SLIDING_MPS2 = 10.0
-SIDE_COSINE = 0.7  # of a contact's normal from the vertical: a tyre there meets more than ground
+SIDE_COSINE = 0.7  # cosine of a contact's normal to the vertical; below it a tyre hits an obstacle
 DIVERGED = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -28,13 +29,13 @@ DIVERGED = (
 
 
 class SimulatedWorld:
-    """World of robots that are driven by their wheels.
+    """World of robots driven by their wheels.
 
     Args:
-        model: to compile.
-        rovers: its robots by name.
-        motions: of the objects that move as the scene says, by name.
-        free: names of the objects that are free to move.
+        model: model to compile.
+        rovers: robots by name.
+        motions: scripted motions of the scene's objects, by name.
+        free: names of the free objects, which physics moves.
 
     Raises:
         ValueError: MuJoCo cannot compile the model.
@@ -78,16 +79,16 @@ class SimulatedWorld:
 
     @property
     def wheels_rad(self) -> NDArray[np.float64]:
-        """Angles (n, 2) that the robots' left and right wheels have turned: means of each side."""
+        """Mean angles (n, 2) that the robots' left and right wheels have turned."""
         angles: NDArray[np.float64] = self._data.qpos
         return np.array([angles[numbers].mean(axis=1) for numbers in self._wheels])
 
     def advance(self, time_s: float, rates_radps: Sequence[tuple[float, float]]) -> None:
-        """Advance by a period.
+        """Advance the simulation by one period.
 
         Args:
-            time_s: at its end, by which objects move as the scene says.
-            rates_radps: of the left and the right wheels, by robot.
+            time_s: time at the end of the period, for the scripted objects.
+            rates_radps: rates of the left and the right wheels, per robot.
         """
         sides = zip(rates_radps, self._wheels, strict=True)
         rates = np.concatenate([np.repeat(rate, wheels.shape[1]) for rate, wheels in sides])
@@ -98,23 +99,25 @@ class SimulatedWorld:
             self._data.mocap_quat[number] = np.roll(quaternion, 1)
         for _ in range(STEPS_AT_ONCE):
             self._turned_rad += STEP_S * rates
-            # the servos damp the rates themselves
+            # the servos damp the wheel rates
             self._data.ctrl[:] = self._turned_rad + 2.0 / SERVO_RADPS * rates
             mujoco.mj_step1(self._model, self._data)
             self._limit_lift()
             mujoco.mj_step2(self._model, self._data)
 
     def _limit_lift(self) -> None:
-        """Limit the accelerations against sliding that contacts ask for.
+        """Limit the accelerations that contacts demand against sliding.
 
-        MuJoCo's friction cone is convex: what slides is also pushed off the ground, the faster the
-        more, and wheels that skid would hop. Friction itself stays Coulomb's.
+        MuJoCo's friction cone is convex: a sliding body is also pushed off the ground, more
+        strongly at
+        higher speed, so skidding wheels would hop. Friction itself stays Coulomb's.
 
-        Source: the dual cone in MuJoCo's documentation, "Computation: Constraint model". Turns on
-        the spot then have the effective track that the balance of torques gives, at any speed.
+        Source: the dual cone in MuJoCo's documentation, "Computation: Constraint model". The
+            effective
+        track of a rotation on the spot then follows from the torque balance, at any speed.
         """
         wanted, contact = self._data.efc_aref, self._data.contact
-        if len(wanted) == 3 * len(contact):  # each of the contacts has three rows, as mostly
+        if len(wanted) == 3 * len(contact):  # usually each contact has three rows
             along, across = wanted[1::3], wanted[2::3]
             share = SLIDING_MPS2 / np.maximum(np.hypot(along, across), SLIDING_MPS2)
             along *= share
@@ -128,7 +131,7 @@ class SimulatedWorld:
         wanted[rows + 2] *= share
 
     def touched(self) -> list[set[str]]:
-        """Names of what each robot's body touches, or its wheels from the side."""
+        """Names of the objects touched by each robot's body, or by its wheels from the side."""
         contact = self._data.contact
         geoms: NDArray[np.int32] = contact.geom
         robots = self._robots[geoms]
@@ -141,13 +144,13 @@ class SimulatedWorld:
 
     @property
     def has_diverged(self) -> bool:
-        """The engine has met numbers that cannot be, and begun again."""
+        """True if the engine has met invalid numbers and reset its state."""
         return any(self._data.warning[kind.value].number for kind in DIVERGED)
 
 
 @contextmanager
 def without_log() -> Iterator[None]:
-    """Keep MuJoCo from writing its log file into the working folder, and to the console."""
+    """Keep MuJoCo's log out of the working folder and the console."""
     before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     quiet.logto_file = quiet.logto_console = False
     quiet.set()

@@ -1,7 +1,8 @@
 """Simulation of robots' drives in MuJoCo: the scene collides, wheels slip, objects are pushed.
 
-All of the motion is simulated before anything is rendered, so that an interrupted drive resumes
-with the same motion.
+All of the motion is simulated before rendering begins, so that an interrupted drive resumes with
+the
+same motion.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from omnisim.runs.physics.world_model import STEP_S, WorldModel
 from omnisim.scene import Scene
 
 PERIODS_PER_COMMAND = 2  # the wheels are commanded at 100 Hz
-SETTLING = 100  # periods at rest before the start: tyres and objects come to bear
-TIPPED_COSINE = 0.7  # of the base's tilt: 45°
-LOST_M = 0.5  # farthest from the path
+SETTLING = 100  # periods at rest before the start, in which tyres and objects settle
+TIPPED_COSINE = 0.7  # cosine of the base's maximum tilt: 45°
+LOST_M = 0.5  # maximum distance from the path
 MAX_S = 3600.0
 
 
@@ -35,14 +36,14 @@ def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, Simulated
     """Simulate robots that follow planned trajectories through a scene.
 
     Args:
-        scene: where; its dynamic objects move, and those with a mass can be pushed.
-        drivers: robots by name, which meet each other.
+        scene: scene to drive in; its dynamic objects move, and objects with a mass can be pushed.
+        drivers: robots by name, which can collide with each other.
 
     Returns:
-        The motion of each, from the first start to the last end.
+        Motion of each robot, from the first start to the last end.
 
     Raises:
-        TrajectoryError: a robot cannot follow its path, or tips over; a path that is too long; a
+        TrajectoryError: a robot cannot follow its path, or tips over; a path is too long, or the
             scene that is too large.
     """
     start_s = min(one.motion.start_s for one in drivers.values())
@@ -69,7 +70,7 @@ def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, Simulated
 def _drive(
     world: SimulatedWorld, drivers: Mapping[str, Driver], start_s: float, free: list[str]
 ) -> dict[str, SimulatedMotion]:
-    """Drive all robots until the last has come to the end of its trajectory."""
+    """Drive all robots until the last has reached the end of its trajectory."""
     duration_s = max(one.motion.end_s for one in drivers.values()) - start_s
     count = math.ceil(duration_s / PERIOD_S) + 1
     times_s = start_s + PERIOD_S * np.arange(count, dtype=np.float64)
@@ -109,13 +110,13 @@ def _drive(
 
 
 class _Robot:
-    """Robot on its way.
+    """Robot during the simulation.
 
     Attributes:
-        name: in the world.
-        rover: that drives.
-        follower: of its trajectory.
-        touched_s: times of contacts by the name of what is touched.
+        name: name in the world.
+        rover: robot on wheels.
+        follower: controller that follows the trajectory.
+        touched_s: contact times by the touched object's name.
     """
 
     def __init__(self, name: str, driver: Driver, times_s: NDArray[np.float64]):
@@ -124,14 +125,14 @@ class _Robot:
         self.touched_s: dict[str, list[float]] = {}
 
     def touch(self, names: set[str], time_s: float) -> None:
-        """Take note of contacts."""
+        """Record contacts."""
         for name in sorted(names):
             self.touched_s.setdefault(name, []).append(time_s)
 
     def check(
         self, world: SimulatedWorld, base: NDArray[np.float64], command: int, time_s: float
     ) -> None:
-        """Refuse a robot that has tipped over or left its path, and an invalid state."""
+        """Reject an invalid state, and a robot that has tipped over or left its path."""
         if self._driver.ignores_limits:
             return
         x, y, _, _, i, j, _ = base.tolist()

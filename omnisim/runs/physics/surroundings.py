@@ -1,4 +1,4 @@
-"""Surroundings of robots' paths, as physics has them: static pieces and objects."""
+"""Surroundings of robots' paths in physics: static pieces and objects."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from omnisim.scene import Scene
 from omnisim.scene.model import DynamicObject
 from omnisim.scene.motion.object_motion import FreeBody
 
-# Within which the scene collides: about the path, beside half of the robot's diagonal; and about
-# objects that are free to move.
+# Reach within which the scene collides: around the path, in addition to half of the robot's
+# diagonal; and around free objects.
 PATH_REACH_M, OBJECT_REACH_M = 1.0, 20.0
-HEADROOM_M = 0.5  # above the robot
-MAX_PIECES = 30_000  # some 0.4 ms a step
+HEADROOM_M = 0.5  # reach above the robot
+MAX_PIECES = 30_000  # about 0.4 ms per step
 
 
 def solid_objects(scene: Scene) -> dict[str, SolidObject]:
-    """Dynamic objects of a scene by name; those that are free to move collide as their hulls.
+    """Dynamic objects of a scene by name; free objects collide as their hulls.
 
     Raises:
-        TrajectoryError: a free one that is flat.
+        TrajectoryError: a free object is flat.
     """
     return {one.name: _solid(one) for one in scene.objects}
 
@@ -34,10 +34,10 @@ def solid_objects(scene: Scene) -> dict[str, SolidObject]:
 def static_pieces(
     scene: Scene, drivers: Collection[Driver], objects: Mapping[str, SolidObject]
 ) -> list[ConvexPiece]:
-    """Pieces of a scene within reach of robots' trajectories and of the objects that are free.
+    """Pieces of a scene within reach of robots' trajectories and of free objects.
 
     Raises:
-        TrajectoryError: too many.
+        TrajectoryError: too many pieces.
     """
     bounds = [_bounds(one) for one in drivers]
     low = np.min([lowest for lowest, _ in bounds], axis=0)
@@ -61,7 +61,7 @@ def static_pieces(
 
 
 def _bounds(driver: Driver) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners of the box within reach of a robot."""
+    """Corners of the box within a robot's reach."""
     size_m, places = driver.rover.size_m, driver.planned.positions_m
     reach_m = PATH_REACH_M + 0.5 * float(np.hypot(*size_m[:2]))
     top_m = float(size_m[2]) + HEADROOM_M

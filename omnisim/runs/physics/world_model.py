@@ -1,4 +1,4 @@
-"""MuJoCo's model of a scene and a robot in it."""
+"""MuJoCo's model of a scene and its robots."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from omnisim.runs.physics.shapes import Shape
 from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
 
 STEP_S = 1e-3
-# Names: of a robot, and of its parts after that.
+# Names of a robot, then of its parts.
 ROBOT, PART, WHEEL, CASTOR = "robot {}", "robot {} part {}", "robot {} wheel {}", "robot {} castor"
-MAX_HULL = 64  # vertices that are kept
-# Contacts yield by less than 0.2 mm under a robot's weight, without bouncing.
+MAX_HULL = 64  # maximum number of a hull's vertices
+# Contacts yield by less than 0.2 mm under a robot's weight, and do not bounce.
 CONTACT_S, IMPEDANCE = 0.005, 0.3
-FRICTION_IMPEDANCE = 100.0  # of friction to that of contacts: tyres creep by 0.1 mm/s
+FRICTION_IMPEDANCE = 100.0  # ratio of friction's impedance to that of contacts: 0.1 mm/s of creep
 SERVO_RADPS = 100.0  # natural frequency of the wheels' servos, which are critically damped
-FRICTION = (0.5, 5e-3, 1e-4)  # of all but tyres: sliding; torsional and rolling, in meters
-ROLLING_RESISTANCE = 0.02  # of balls
+FRICTION = (0.5, 5e-3, 1e-4)  # everything but tyres: sliding; torsional and rolling, in meters
+ROLLING_RESISTANCE = 0.02  # for balls
 CASTOR_FRICTION = 1e-3
-TYRE_PRIORITY, CASTOR_PRIORITY = 1, 2  # whose friction counts
+TYRE_PRIORITY, CASTOR_PRIORITY = 1, 2  # the higher one's friction applies
 
 GEOMS = {
     "ball": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -39,12 +39,12 @@ GEOMS = {
 
 @dataclass(frozen=True, eq=False)
 class SolidObject:
-    """Object of a scene that is no part of its static geometry.
+    """Dynamic object of a scene.
 
     Attributes:
-        pieces: in its own frame.
-        pose: (4, 4) at the start.
-        mass_kg: of an object that is free to move; None: it moves as the scene says.
+        pieces: convex pieces in the object's frame.
+        pose: (4, 4) initial pose.
+        mass_kg: mass of a free object; None: the object follows the scene's motion.
     """
 
     pieces: Sequence[ConvexPiece]
@@ -57,10 +57,10 @@ class WorldModel:
     """Specification of a model, and the owners of its geoms.
 
     Attributes:
-        spec: to compile.
-        owners: names of the instances, objects and robots, by those of their geoms.
-        robots: names of the robots, by those of their geoms.
-        rounds: names of the geoms that are wheels or castors.
+        spec: specification to compile.
+        owners: names of the instances, objects and robots, by the names of their geoms.
+        robots: names of the robots, by the names of their geoms.
+        rounds: names of the wheels' and castors' geoms.
     """
 
     spec: mujoco.MjSpec = field(default_factory=mujoco.MjSpec)
@@ -89,7 +89,7 @@ class WorldModel:
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = FRICTION_IMPEDANCE
-        # what rests costs nothing
+        # bodies at rest cost nothing
         option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
         option.gravity = (0.0, 0.0, -STANDARD_GRAVITY_MPS2)
         for piece in pieces:
@@ -189,7 +189,7 @@ class WorldModel:
         middle_m: NDArray[np.float64],
         mass_kg: float,
     ) -> None:
-        """Add a driven wheel: its tyre is an ellipsoid, which meets the ground below its middle."""
+        """Add a driven wheel: its tyre is an ellipsoid, which meets the ground below its center."""
         radius_m = rover.wheel_radius_m
         wheel = base.add_body(name=name, pos=middle_m)
         joint = wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
@@ -201,7 +201,7 @@ class WorldModel:
             friction=(rover.friction, *FRICTION[1:]),
             priority=TYRE_PRIORITY,
         )
-        # its motor has as much inertia as the wheel's share of the robot's mass
+        # the motor's inertia equals that of the wheel's share of the robot's mass
         inertia = rover.mass_kg * radius_m**2 / len(rover.wheels_m)
         joint.armature = inertia
         servo = self.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
