@@ -15,17 +15,19 @@ _SIZE_PX = (960, 520)
 _COLUMNS_PX = (20, 265, 510, 755)
 _BOX_PX = (185, 66)
 _STYLE = """
-:root { --paper: #ffffff; --ink: #24292f; --quiet: #57606a; --box: #eef4fb; --edge: #2f6fab; }
-@media (prefers-color-scheme: dark) {
-  :root { --paper: #131416; --ink: #e6edf3; --quiet: #a0aab4; --box: #1b2836; --edge: #6cb0f0; }
-}
-text { font: 13px sans-serif; fill: var(--ink); text-anchor: middle; }
+text { font: 13px system-ui, sans-serif; fill: #24292f; text-anchor: middle; }
 .name { font: bold 15px monospace; }
-.call { font: 11px monospace; fill: var(--quiet); }
-.row { font: bold 14px sans-serif; fill: var(--quiet); text-anchor: start; }
-.box { fill: var(--box); stroke: var(--edge); stroke-width: 1.5; }
-.group { fill: none; stroke: var(--edge); stroke-width: 1.5; stroke-dasharray: 5 4; }
-.arrow { fill: none; stroke: var(--edge); stroke-width: 1.8; marker-end: url(#tip); }
+.call { font: 11px monospace; fill: #57606a; }
+.row { font-weight: 600; fill: #57606a; text-anchor: start; }
+.box { fill: #f6f8fa; stroke: #8c959f; }
+.group { fill: none; stroke: #8c959f; stroke-dasharray: 5 4; }
+.arrow { fill: none; stroke: #0969da; stroke-width: 1.5; marker-end: url(#tip); }
+marker path { fill: #0969da; }
+@media (prefers-color-scheme: dark) {
+  text { fill: #e6edf3; } .call, .row { fill: #9198a1; }
+  .box { fill: #161b22; stroke: #6e7681; } .group { stroke: #6e7681; }
+  .arrow { stroke: #4493f8; } marker path { fill: #4493f8; }
+}
 """.strip()
 
 
@@ -71,11 +73,10 @@ def object_figure() -> str:
         "<title>Objects of omnisim</title>",
         f"<style>{_STYLE}</style>",
         '<defs><marker id="tip" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" '
-        'markerHeight="7" orient="auto"><path d="M0 0L10 5L0 10z" fill="var(--edge)"/>'
+        'markerHeight="7" orient="auto"><path d="M0 0L10 5L0 10z"/>'
         "</marker></defs>",
-        f'<rect width="{width}" height="{height}" fill="var(--paper)"/>',
         _text(20, 36, "row", "One image"),
-        _text(20, 216, "row", "What the sensor is mounted on"),
+        _text(20, 216, "row", "On a robot"),
         _text(20, 400, "row", "Many images"),
         _text(510, 400, "row", "Data sets"),
         '<rect class="group" x="250" y="190" width="460" height="150" rx="10"/>',
