@@ -92,20 +92,17 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         """Render images (n, height, width, 3) uint8, sRGB, of n world states in one submission.
 
         They equal n single frames byte for byte. Memory is bounded: large batches are drawn slice
-        by slice.
-        The arrays are contiguous and writeable, as DLPack requires.
+        by slice. The arrays are contiguous and writeable, as DLPack requires.
 
         Args:
             states: n states as for `render`; one array of poses (n, 4, 4) is fastest.
             channels: names of ground-truth channels, and "rgb" or "rgba"; the result is then a dict
-                of
-                arrays (n, height, width, …). None: the image alone.
+                of arrays (n, height, width, …). None: the image alone.
             out: arrays to fill and return by name, or the array of the only name.
             next_states: n states, for flow and scene flow.
             previous_states: n states, for backward flow.
             frame_number: number of the first image; noise differs between images. The world is at
-                rest
-                in each.
+                rest in each.
 
         Raises:
             OmnisimError: as for `render`; or an array of another shape, type or layout.

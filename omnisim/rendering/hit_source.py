@@ -71,8 +71,7 @@ class HitSource(ABC):
         Args:
             other: poses at the other time.
             other_from_current: (draws, 3, 4), from the viewpoint frame of the last hits to the
-                other
-                one's, per instance.
+                other one's, per instance.
             deformed: last hits with the points of deformed surfaces; None: no surface deforms.
         """
 

@@ -41,8 +41,7 @@ def surfaces_too_near(
     """Names of instances with a surface before the camera's near plane.
 
     Some pixels' rays are cast at near geometry. Moving objects are at their positions at 0 s;
-    vehicle
-    bodies and holes in textures are ignored.
+    vehicle bodies and holes in textures are ignored.
 
     Args:
         scene: visible scene.

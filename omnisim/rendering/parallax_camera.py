@@ -36,10 +36,8 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
     """Passes of one optical system.
 
     The virtual cameras are at the point nearest to all rays; each sample searches the depth until
-    it
-    meets its own surface. Undecided samples are cast as rays if embreex is installed, or keep the
-    last
-    candidate; the image's metadata counts them.
+    it meets its own surface. Undecided samples are cast as rays if embreex is installed, or keep
+    the last candidate; the image's metadata counts them.
 
     Raises:
         GraphicsError: several samples per texel, or sizes beyond the GPU's limits.

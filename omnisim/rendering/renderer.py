@@ -65,18 +65,15 @@ class Renderer(BatchRenderer):
 
         Args:
             state: world state in the middle of the frame; or, if nothing else moves, the pose (4,
-                4) of
-                the vehicle at 0 s, see `OmniCamera.base_pose`.
+                4) of the vehicle at 0 s, see `OmniCamera.base_pose`.
             optical: (4, 4) world_from_optical instead of `state`: the camera's own pose as in
-                OpenCV
-                and Kalibr, x right, y down, z forward.
+                OpenCV and Kalibr, x right, y down, z forward.
             linear: also read back linear floats, for EXR files.
             also: names of ground-truth channels, see `omnisim.ground_truth`.
             next_state: state or pose at the next frame, for flow and scene flow.
             previous_state: state or pose at the previous frame, for backward flow.
             motion: world states around the frame's time, for motion blur and rolling shutter; None:
-                at
-                rest.
+                at rest.
             frame_number: seeds the noise, which differs between frames.
             exposure_ev: exposure instead of auto-exposure; None: metered in this image, as if
                 settled.
@@ -85,8 +82,7 @@ class Renderer(BatchRenderer):
         Raises:
             OmnisimError: both or neither of state and optical, an invalid pose, an unknown channel,
                 flow without its other state, an impossible exposure, or the renderer or its stage
-                is
-                closed.
+                is closed.
         """
         names = check_channels(also)
         now = self._state(self._state_or_optical(state, optical))

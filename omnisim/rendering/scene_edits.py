@@ -17,10 +17,8 @@ class EditableScene(ABC):
 
     An edit costs what it changes, plus a check of each instance; unchanged parts are not uploaded
     again. Added, moved or recolored instances are drawn one by one, with light computed per texel.
-    A
-    new renderer of the same scene bakes their light and rounds their vertices differently, so that
-    its
-    images may differ by one 8-bit step, and by texels at silhouettes.
+    A new renderer of the same scene bakes their light and rounds their vertices differently, so
+    that its images may differ by one 8-bit step, and by texels at silhouettes.
     """
 
     @property
@@ -63,8 +61,7 @@ class EditableScene(ABC):
 
         Raises:
             SceneError: no instance of this name, one that moves with each frame's state, or an
-                invalid
-                pose.
+                invalid pose.
         """
         if name in self._moving and name not in self.scene.instance_names:
             raise SceneError(

@@ -9,9 +9,8 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
 
 # Mip level bias: at 1 sample per pixel, sampling half a level finer than the pixel's footprint
-# gains
-# 1 to 2.5 dB; with more samples, which are averaged, a whole level does, and most cameras then need
-# no mip levels.
+# gains 1 to 2.5 dB; with more samples, which are averaged, a whole level does, and most cameras
+# then need no mip levels.
 ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS = -0.5, -1.0
 
 

@@ -61,8 +61,7 @@ class Stage(SharedScene):
         Args:
             sensor: a camera (`OmniCamera`, or an argument of `OmniCamera.of`; None: the paper's); a
                 `LaserScanner`, `SpinningLidar`, `DepthCamera` or `RangeSensor`; a sensor of your
-                own;
-                or one of a vehicle's `sensors`, with its own mount and hidden parts.
+                own; or one of a vehicle's `sensors`, with its own mount and hidden parts.
             base_from_sensor: (4, 4) mount on the vehicle, x forward; None: at the base. A camera's
                 own
                 `base_from_rig` follows it.

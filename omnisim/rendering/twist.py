@@ -18,8 +18,7 @@ from omnisim.core.world import Pose
 from omnisim.rendering.readback import ScenePoses
 
 # Assumed distance of the nearest surface, because depth is unknown before rendering. Nearer
-# surfaces
-# move farther between sub-frames.
+# surfaces move farther between sub-frames.
 NEAREST_M = 1.0
 # Limits of a camera's motion; within them poses are exact to 1e-9 even for an exposure of an hour.
 MAX_MPS, MAX_RADPS = 1e4, 1e3

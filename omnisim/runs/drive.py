@@ -71,8 +71,7 @@ class Drive:
         vehicle: vehicle with its sensors.
         route: path through the scene.
         seed: seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in
-            the
-            robot file.
+            the robot file.
         unlit: show plain base colors.
         device: EGL's number of the GPU, or None.
         backend: makes images and hits.
@@ -219,8 +218,7 @@ class PlannedDrive:
         """Render the missing files of a run, step by step; yields the number of finished steps.
 
         The first number counts the steps finished before the call. Measurements between two steps
-        are
-        recorded with the second. An interrupted run resumes, and its bytes equal those of an
+        are recorded with the second. An interrupted run resumes, and its bytes equal those of an
         uninterrupted one.
 
         Args:

@@ -84,8 +84,7 @@ class PlannedRoute:
         sweep: closely spaced poses along the trajectory, for contacts.
         follows_floor: true on the scene's floor; false at a fixed height, or at heights of a file.
         motion: continuous motion of the vehicle's base: the plan's, or smooth through the poses of
-            a
-            file, from rest to rest if the file has no times.
+            a file, from rest to rest if the file has no times.
     """
 
     trajectory: Trajectory

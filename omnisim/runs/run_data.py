@@ -30,8 +30,7 @@ class RunData:
         folder: folder of the run.
         camera: name of the camera.
         mount: camera on the vehicle, from its calibration file, independent of the vehicle's pose.
-            An
-            optical system gets an assumed viewpoint.
+            An optical system gets an assumed viewpoint.
         scene: scene of the drive.
         odometry: readings of the wheels, from the known start on.
         truth: poses of the base, or None: unknown.

@@ -66,8 +66,7 @@ class BatchPipeline:
         Args:
             poses: one per image.
             out: (n, height, width, components) sRGB, with alpha if there are four components;
-                filled
-                when `end` returns.
+                filled when `end` returns.
         """
         self.end()
         try:

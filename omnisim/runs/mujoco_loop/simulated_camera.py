@@ -40,8 +40,7 @@ class Camera(Closing):
         model, data: `mujoco.MjModel` and `mujoco.MjData`; the poses of the data are computed, as
             after `mj_forward` or `mj_step`.
         sensor: the camera, as for `omnisim.Stage.open`; None: the lens of the model's camera on
-            which
-            it is mounted, or else the paper's camera.
+            which it is mounted, or else the paper's camera.
         body, site, camera: name of the mount; at most one of them.
         pose: (4, 4) mount_from_base, or world_from_base without a mount; None: the identity.
         groups: groups of the drawn geoms.

@@ -17,8 +17,7 @@ from omnisim.scene.motion.object_motion import ObjectMotion
 STEPS_AT_ONCE = 5
 PERIOD_S = STEPS_AT_ONCE * STEP_S
 # Above the braking by friction. Below (1 - d) / d of gravity over friction, where d is the
-# contacts'
-# impedance, sliding does not lift the load.
+# contacts' impedance, sliding does not lift the load.
 SLIDING_MPS2 = 10.0
 SIDE_COSINE = 0.7  # cosine of a contact's normal to the vertical; below it a tyre hits an obstacle
 DIVERGED = (
@@ -109,8 +108,7 @@ class SimulatedWorld:
         """Limit the accelerations that contacts demand against sliding.
 
         MuJoCo's friction cone is convex: a sliding body is also pushed off the ground, more
-        strongly at
-        higher speed, so skidding wheels would hop. Friction itself stays Coulomb's.
+        strongly at higher speed, so skidding wheels would hop. Friction itself stays Coulomb's.
 
         Source: the dual cone in MuJoCo's documentation, "Computation: Constraint model". The
             effective

@@ -1,8 +1,7 @@
 """Simulation of robots' drives in MuJoCo: the scene collides, wheels slip, objects are pushed.
 
 All of the motion is simulated before rendering begins, so that an interrupted drive resumes with
-the
-same motion.
+the same motion.
 """
 
 from __future__ import annotations

@@ -67,8 +67,7 @@ class SamplingDensity:
         The density of an image varies over a face: 45° below the horizon, a mirror shows the same
             angle
         in half as many pixels as above it. The cuts are greedy: the one that saves the most comes
-        first,
-        and each half is cut again.
+        first, and each half is cut again.
 
         Args:
             texels_per_pixel: texels per pixel side.
@@ -152,8 +151,7 @@ def density_of_camera(
     steps = np.stack((right - at, down - at), axis=-1)
     inner = valid & right_valid & down_valid
     # A full-sphere image has a cut somewhere, and all azimuths meet at its poles: a step jumps
-    # there.
-    # No face is so dense that a step elsewhere would move the image by a pixel.
+    # there. No face is so dense that a step elsewhere would move the image by a pixel.
     smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
     inner = smooth if smooth.any() else inner
     largest, smallest = _singular_values(steps[inner] / _STEP)

@@ -111,8 +111,7 @@ def plan_tiles(
     """Plan the rectangle of each cube face that a camera sees.
 
     Without a face size, each face gets the texels that the densest part of the image on it needs,
-    so
-    that nothing is magnified except at an image's poles (`sampling_density`).
+    so that nothing is magnified except at an image's poles (`sampling_density`).
 
     Args:
         camera: camera model.

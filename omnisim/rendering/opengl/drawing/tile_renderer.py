@@ -54,8 +54,7 @@ class TileRenderer:
     """Draws a scene into the tiles of an atlas with any set of programs.
 
     Faces, depth, clipping and culling are shared by all passes; each has its own clearing, blending
-    and
-    programs.
+    and programs.
 
     Args:
         buffers: scene and dynamic objects.

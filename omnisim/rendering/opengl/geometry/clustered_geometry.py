@@ -149,8 +149,8 @@ def build_clustered_geometry(
     object_of_item = (
         np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
     )
-    # parts of dynamic objects can be hidden individually,
-    # and items without shadows stay out of shadow maps
+    # parts of dynamic objects can be hidden individually, and items without shadows stay out of
+    # shadow maps
     casts = np.array([item.material.casts_shadow for item in items])
     part = np.where(is_static & casts, 0, 1 + np.arange(len(items)))
     objects = 1 + dynamic_objects

@@ -160,10 +160,8 @@ class SceneBuffers:
         """Draw another scene with the same lights; passes must `refresh` before the next frame.
 
         Items of unchanged instances keep their index, and their place in the clustered geometry.
-        New
-        ones are drawn one by one, in the place of removed items. Once much has been appended,
-        everything
-        is uploaded again, so rarely that it costs no more than appending.
+        New ones are drawn one by one, in the place of removed items. Once much has been appended,
+        everything is uploaded again, so rarely that it costs no more than appending.
         """
         static = self._static_mask
         added, drawn = _changed(scene, self.draw_items, static)

@@ -39,8 +39,7 @@ def cluster_vertex_array(
     """Vertex array of `CLUSTER_VERTEX`; the base instance selects an entry of `INSTANCE`.
 
     All cluster programs use the same attribute locations, so that changing the program does not
-    change
-    the vertex array. Moderngl needs one of them to create it.
+    change the vertex array. Moderngl needs one of them to create it.
     """
     array = context.vertex_array(program, [], indices, index_element_size=4)
     _bind_attributes(array, vertices, CLUSTER_VERTEX, _FIRST_LOCATION)

@@ -26,8 +26,7 @@ from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import columns_first, uniform
 
 # A triangle is hit if a texel near the beam shows it or an adjacent one. Measured in mapping: 0.06
-# %
-# of the beams of five revolutions miss one at 1.5 texels per beam, 0.03 % at 2, 0.02 % at 2.5; a
+# % of the beams of five revolutions miss one at 1.5 texels per beam, 0.03 % at 2, 0.02 % at 2.5; a
 # revolution takes a sixth longer at 2.5 than at 2.
 TEXELS_PER_BEAM = 2.5
 # Margin of a slice's virtual camera, for objects that turn during the slice.

@@ -101,8 +101,7 @@ class VisibilityProgram:
         if "TEXTURED" in variant.defines:
             program["u_textures" if variant.clustered else "u_texture"] = 0
             # Holes are filtered as in the image. Plain colors need no blend between two levels,
-            # which would
-            # cost a quarter of the pass.
+            # which would cost a quarter of the pass.
             minify = moderngl.LINEAR_MIPMAP_NEAREST
             if variant.holes:
                 minify = moderngl.LINEAR_MIPMAP_LINEAR

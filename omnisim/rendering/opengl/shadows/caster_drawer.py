@@ -35,8 +35,7 @@ class CasterDrawer:
     """Draws shadow casters into maps, by clusters if the scene has them.
 
     Both sides of a surface cast shadows. Masked surfaces have holes; a blended surface casts a
-    shadow
-    where its alpha reaches `BLENDED_CUTOFF`, where rays hit it, too.
+    shadow where its alpha reaches `BLENDED_CUTOFF`, where rays hit it, too.
 
     Args:
         buffers: scene and dynamic objects.
