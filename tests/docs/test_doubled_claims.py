@@ -1,6 +1,5 @@
 """Claims that stand on several pages, against the one place that knows."""
 
-import dataclasses
 import json
 import re
 from dataclasses import dataclass
@@ -9,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M
 from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
@@ -233,11 +231,6 @@ def test_numbers_of_batches_are_those_of_the_benchmark():
     ):
         for stated, true in zip(_numbers(page, pattern), values, strict=True):
             assert abs(float(stated) - true) <= _half_unit(stated), f"{page}: {stated}, {true}"
-
-
-def test_degradations_are_counted():
-    assert len(dataclasses.fields(Degradation)) == 12
-    assert "twelve degradations" in _words(WHY + "paper.md")
 
 
 def test_numbers_of_the_code():
