@@ -69,6 +69,10 @@ class CalibrationError(OmnisimError):
     """A calibration file with a fault, or a model that has no such parameters."""
 
 
+class MeasurementError(OmnisimError):
+    """Images from which a camera cannot be measured."""
+
+
 def printable(line: str, max_length: int = MAX_LINE) -> str:
     """Escape what cannot be printed in a line, and leave out the middle of a long one."""
     if not line.isprintable():

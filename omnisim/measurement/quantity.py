@@ -1,0 +1,37 @@
+"""Measured quantities of a camera, with what they rest on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Measured quantity.
+
+    Attributes:
+        name: key of the sensor file, or a name in its style.
+        value: measured value.
+        sigma: standard deviation of `value`; NaN: unknown.
+        unit: unit of both; "": a ratio.
+        basis: images and points that the value rests on, in words.
+    """
+
+    name: str
+    value: float
+    sigma: float
+    unit: str
+    basis: str
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Quantity that the images do not determine.
+
+    Attributes:
+        name: key of the sensor file, or a name in its style.
+        reason: what the images lack, and which images would determine it.
+    """
+
+    name: str
+    reason: str
