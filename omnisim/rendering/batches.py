@@ -131,8 +131,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         """Begin to render a batch, see `render_batch`, without waiting for its images.
 
         This way several cameras of a stage are drawn together: begin a batch with each, then call
-            each
-        `PendingBatch.result`. A renderer's next batch first finishes its previous one.
+        each `PendingBatch.result`. A renderer's next batch first finishes its previous one.
         """
         names = check_contents(channels)
         poses = self._batch_poses(states)

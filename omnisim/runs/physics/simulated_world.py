@@ -111,8 +111,8 @@ class SimulatedWorld:
         strongly at higher speed, so skidding wheels would hop. Friction itself stays Coulomb's.
 
         Source: the dual cone in MuJoCo's documentation, "Computation: Constraint model". The
-            effective
-        track of a rotation on the spot then follows from the torque balance, at any speed.
+        effective track of a rotation on the spot then follows from the torque balance, at any
+        speed.
         """
         wanted, contact = self._data.efc_aref, self._data.contact
         if len(wanted) == 3 * len(contact):  # usually each contact has three rows
