@@ -1,9 +1,10 @@
-// Shot noise, dark current, read noise and A/D conversion, per pixel and color.
+// Shot noise, dark current, fixed pattern, read noise and A/D conversion, per pixel and color.
 // Names and units are those of omnisim/rendering/camera/degradations/noise.py, which has the
 // sources.
 #version 450 core
 
 uniform sampler2D u_image;
+uniform sampler2D u_pattern;  // deviations of gain and dark signal; one texel: none
 uniform uint u_key;
 uniform uint u_frame;
 uniform float u_white_e;
@@ -43,10 +44,12 @@ float poisson(float mean, uint first, uint second) {
 void main() {
     uvec2 pixel = uvec2(gl_FragCoord.xy);
     vec4 value = texelFetch(u_image, ivec2(pixel), 0);
+    vec2 pattern = texelFetch(u_pattern, min(ivec2(pixel), textureSize(u_pattern, 0) - 1), 0).rg;
     for (int channel = 0; channel < 3 && value.a > 0.5; ++channel) {
         uvec4 hash = pcg4d(uvec4(pixel, u_frame, u_key + uint(channel)));
-        float mean_e = max(value[channel], 0.0) * u_white_e + u_dark_e;
+        float mean_e = max(value[channel], 0.0) * u_white_e * (1.0 + pattern.x) + u_dark_e;
         float electrons = min(poisson(mean_e, hash.x, hash.y), u_full_well_e);
+        electrons += pattern.y;
         electrons += u_read_noise_e * normal_number(hash.z, hash.w);
         float number = floor(electrons / u_gain_e_per_dn + u_black_level_dn + 0.5);
         number = clamp(number, 0.0, u_largest_dn);

@@ -22,7 +22,7 @@ from pydantic import create_model
 
 from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table, table_of
-from omnisim.core.files.toml_file import read_toml
+from omnisim.core.files.toml_file import find_beside, read_toml
 from omnisim.core.package_files import PRESETS, preset_names
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.effect import Effect
@@ -85,7 +85,7 @@ def parse_degradation(table: Mapping[str, Any], source: str, folder: Path) -> De
     if name is not None:
         where = f"{source}: degradation.preset = {name!r}: "
         tables = _read_preset(_preset_path(name, folder, where))
-    for key, values in given.items():
+    for key, values in _with_paths(given, source, "degradation.", folder).items():
         tables[key] = {**tables.get(key, {}), **values}
     return _build(tables, source, "degradation.")
 
@@ -101,7 +101,21 @@ def _preset_path(name: str, folder: Path, where: str) -> Path:
 
 
 def _read_preset(path: Path) -> dict[str, dict[str, Any]]:
-    return read_toml(path, _preset_table(), SensorFileError).model_dump(exclude_unset=True)
+    tables = read_toml(path, _preset_table(), SensorFileError).model_dump(exclude_unset=True)
+    return _with_paths(tables, str(path), "", path.parent)
+
+
+def _with_paths(
+    tables: Mapping[str, dict[str, Any]], source: str, prefix: str, folder: Path
+) -> dict[str, dict[str, Any]]:
+    """Tables whose files have paths in place of their names beside the file."""
+    result = {name: dict(values) for name, values in tables.items()}
+    for name, values in result.items():
+        for key in EFFECTS[name].files:
+            if values.get(key) is not None:
+                where = f"{source}: {prefix}{name}.{key}"
+                values[key] = str(find_beside(folder, values[key], where, SensorFileError))
+    return result
 
 
 def _build(tables: Mapping[str, dict[str, Any]], source: str, prefix: str) -> Degradation:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
@@ -20,7 +20,13 @@ Rgb = tuple[NotNegative, NotNegative, NotNegative]
 
 
 class Effect(Parameters):
-    """Base of the tables in `[degradation]`: frozen dataclasses, named like their modules."""
+    """Base of the tables in `[degradation]`: frozen dataclasses, named like their modules.
+
+    Attributes:
+        files: keys that name files beside the sensor file.
+    """
+
+    files: ClassVar[tuple[str, ...]] = ()
 
     def values(self) -> dict[str, Any]:
         """Keys of the table with their values, without those that are None."""

@@ -1,4 +1,4 @@
-"""Shot noise, dark current, read noise and A/D conversion of a sensor that counts electrons.
+"""Shot noise, dark current, fixed pattern, read noise and A/D conversion of a sensor.
 
 Without `gain_e_per_dn`, a full well gives the converter's largest number.
 
@@ -16,14 +16,21 @@ Source: EMVA Standard 1288, release 4.0 (model and names); Cornish and Fisher, 1
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Positive
+from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.fixed_pattern import (
+    no_pattern,
+    random_pattern,
+    read_pattern,
+    resampled,
+)
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.step import Step
@@ -36,7 +43,7 @@ MIN_TERM = 2.0**-27
 
 @dataclass(frozen=True, kw_only=True)
 class Noise(SensorEffect, name="degradation.noise"):
-    """Poisson-distributed electrons and normal read noise, rounded and clipped.
+    """Poisson-distributed electrons, fixed pattern and normal read noise, rounded and clipped.
 
     The result is scaled back to linear values in which white is 1. With a black level it may be
     below 0: clipping would brighten dark regions. Outside of the mask there is no noise.
@@ -54,8 +61,25 @@ class Noise(SensorEffect, name="degradation.noise"):
     """Steps added before the converter and subtracted after; typically 0.1 to 2 % of its range."""
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=16)] = 12
     """Bits of the converter; typically 8 to 14."""
+    prnu: Fraction = 0.0
+    """Photo-response nonuniformity: standard deviation of the pixels' gains as a share of the mean;
+    typically 0.003 to 0.02."""
+    dsnu_e: NotNegative = 0.0
+    """Dark-signal nonuniformity: standard deviation of the pixels' dark signals in electrons;
+    typically 0.5 to 10."""
+    pattern_seed: LongSeed = 0
+    """Seed of the pixels' gains and dark signals."""
+    pattern: Name | None = None
+    """Measured pattern instead of prnu and dsnu_e: an EXR file beside this one. Its channels are
+    prnu, each pixel's deviation from the mean gain as a share, and dsnu_e, in electrons."""
+
+    files: ClassVar[tuple[str, ...]] = ("pattern",)
 
     def _check(self) -> None:
+        if self.pattern is not None and (self.prnu or self.dsnu_e):
+            raise self._error("pattern", "none beside prnu or dsnu_e")
+        if self.pattern is not None:
+            read_pattern(Path(self.pattern))  # its faults, before anything is rendered
         if self.black_level_dn >= self.largest_dn:
             raise self._error(
                 "black_level_dn",
@@ -94,7 +118,7 @@ class Noise(SensorEffect, name="degradation.noise"):
             "u_most_counted": MAX_COUNTED,
             "u_smallest_term": MIN_TERM,
         }
-        return [Step("noise", uniforms)]
+        return [Step("noise", uniforms, {"u_pattern": self._fixed_pattern(geometry)})]
 
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
@@ -107,8 +131,11 @@ class Noise(SensorEffect, name="degradation.noise"):
         dark_e = np.float32(self.dark_current_e_per_s * shot.exposure_s)
         white_e, gain = np.float32(self.white_e), np.float32(self.gain)
         black = np.float32(self.black_level_dn)
-        mean_e = np.maximum(image[..., :3], np.float32(0.0)) * white_e + dark_e
+        pattern = self._fixed_pattern(geometry)
+        light_e = np.maximum(image[..., :3], np.float32(0.0)) * white_e
+        mean_e = light_e * (np.float32(1.0) + pattern[..., :1]) + dark_e
         electrons = np.minimum(poisson(mean_e, hashes[0], hashes[1]), np.float32(self.full_well_e))
+        electrons += pattern[..., 1:]
         electrons += np.float32(self.read_noise_e) * normal(hashes[2], hashes[3])
         numbers = np.floor(electrons / gain + black + np.float32(0.5))
         numbers = np.clip(numbers, np.float32(0.0), np.float32(self.largest_dn))
@@ -116,6 +143,15 @@ class Noise(SensorEffect, name="degradation.noise"):
         seen = image[..., 3] > 0.5
         result[seen, :3] = ((numbers[seen] - black) * gain - dark_e) / white_e
         return result
+
+    def _fixed_pattern(self, geometry: ImageGeometry) -> NDArray[np.float32]:
+        """Pattern (height, width, 2), or (1, 1, 2) of a uniform sensor."""
+        size = geometry.width_px, geometry.height_px
+        if self.pattern is not None:
+            return resampled(read_pattern(Path(self.pattern)), *size)
+        if self.prnu == 0.0 and self.dsnu_e == 0.0:
+            return no_pattern()
+        return random_pattern(*size, self.prnu, self.dsnu_e, self.pattern_seed)
 
 
 def poisson(

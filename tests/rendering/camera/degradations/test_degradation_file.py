@@ -116,6 +116,18 @@ def test_fingerprint_and_size_depend_on_degradation():
             "[degradation.noise]\ndark_current_e_per_s = 5",
             r"dark_current_e_per_s = 5: needs degradation\.shutter\.exposure_s",
         ),
+        (
+            "[degradation.noise]\npattern = 'none.exr'",
+            r"degradation\.noise\.pattern = 'none\.exr': no such file beside it",
+        ),
+        (
+            "[degradation.noise]\npattern = ''",
+            r"degradation\.noise\.pattern: expected ",
+        ),
+        (
+            "[degradation.noise]\nprnu = 1.5",
+            r"degradation\.noise\.prnu: expected a number ≤ 1, got 1\.5",
+        ),
         ("[degradation.shutter]\nexposure_s = 0", "exposure_s: expected a number > 0, got 0"),
         (
             "[degradation.shutter]\nexposure_s = -0.1",
