@@ -40,6 +40,7 @@ EXTRAS = {
     "meshopt": {"meshoptimizer": "meshoptimizer"},  # built by its installation
     "oracles": {
         "embreex": "embreex",
+        "emva1288": "emva1288",
         "mcap-ros2-support": "mcap_ros2",
         "mitsuba": "mitsuba",
         "opencv-contrib-python-headless": "cv2",

@@ -96,6 +96,7 @@ CHECKS = (
         "boards.check",
         oracles=("cv2.omnidir",),
     ),
+    Check("noise", "Noise measured from frames", "noise.check", oracles=("emva1288",)),
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),
     Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),

@@ -147,6 +147,15 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                 ),
             },
         ),
+        "measure": GroupEntry(
+            "Measure a camera from its own images.",
+            {
+                "noise": Entry(
+                    "Measure gain, noise and fixed pattern from dark frames and flat fields.",
+                    "cameras.measure.noise", "cameras.requests.MeasureNoiseRequest",
+                ),
+            },
+        ),
         "optics": GroupEntry(
             "Non-central optical systems: check, plot, design, calibrate.",
             {

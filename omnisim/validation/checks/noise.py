@@ -1,0 +1,44 @@
+"""Noise, measured from frames that the reference implementation of EMVA 1288 simulates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omnisim.measurement.noise import measure_noise
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.oracles.emva import BOUNDS, ReferenceCamera
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import ResultTable, Section
+
+CAMERAS, QUICK_CAMERAS = 20, 3
+
+
+def check(fixture: Fixture, title: str) -> Section:
+    """Measure the noise of cameras drawn at random; compare with their parameters."""
+    count = QUICK_CAMERAS if fixture.is_quick else CAMERAS
+    errors: dict[str, list[float]] = {name: [] for name in BOUNDS}
+    rows = []
+    for seed in range(count):
+        camera = ReferenceCamera.drawn(seed)
+        measured = measure_noise(*camera.dark_and_flat(), bit_depth=camera.bit_depth)
+        values = {one.name: one.value for one in measured.quantities}
+        cells = []
+        for name, (true, _) in camera.truth().items():
+            errors[name].append(values.get(name, np.inf) / true - 1.0)
+            cells.append(f"{true:.4g} ({100.0 * errors[name][-1]:+.2f} %)")
+        rows.append((str(camera.bit_depth), *cells))
+    caption = "True values, and errors of the measured ones"
+    return Section(
+        title,
+        f"{count} cameras of its simulator, their parameters drawn at random: two dark frames and "
+        "two flat fields at each of 16 exposures, 50 at one of them, 640 × 480 px; the parameters "
+        "that `omnisim measure noise` gets from these frames alone, against the true ones.",
+        tuple(
+            Measure(
+                f"{name}, largest error", 100.0 * float(np.abs(errors[name]).max()), "%",
+                100.0 * bound,
+            )
+            for name, bound in BOUNDS.items()
+        ),
+        (ResultTable(caption, ("bits", *BOUNDS), tuple(rows)),),
+    )  # fmt: skip

@@ -1,0 +1,173 @@
+"""Reference implementation of EMVA 1288: its simulated cameras and its evaluation of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.measurement.noise import FrameStatistics, frame_statistics
+
+BIT_DEPTHS = (8, 10, 12, 14)
+LEVELS, STACK = 16, 7  # exposures, and the number of the one with many frames
+STACK_FRAMES = 50
+_OFFSETS_PER_SIGMA = 6.0  # of its dark signal above 0, at which it clips
+# Bounds of the measurement, as shares of the true value.
+BOUNDS = {
+    "gain_e_per_dn": 0.01,
+    "read_noise_e": 0.03,
+    "full_well_e": 0.03,
+    "dsnu_e": 0.05,
+    "prnu": 0.05,
+    "dark_current_e_per_s": 0.05,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceCamera:
+    """Camera of the reference implementation's simulator, with known noise.
+
+    Attributes:
+        camera: its `Camera`.
+        bit_depth: bits of the converter.
+        exposure_s: longest exposure; with `radiance` it saturates.
+        radiance: light of the flat fields, in its units.
+        true: true values by the names of the sensor file's keys.
+    """
+
+    camera: Any
+    bit_depth: int
+    exposure_s: float
+    radiance: Any
+    true: dict[str, float]
+
+    @classmethod
+    def drawn(cls, seed: int, size: tuple[int, int] = (640, 480)) -> ReferenceCamera:
+        """Camera with random parameters in the range of real ones."""
+        from emva1288.camera.camera import Camera
+
+        rng = np.random.default_rng(seed)
+        width, height = size
+        bits = int(rng.choice(BIT_DEPTHS))
+        well_e = float(rng.uniform(5e3, 4e4))
+        gain = (2**bits - 1) * float(rng.uniform(0.7, 1.3)) / well_e  # DN per electron
+        read_e = max(float(rng.uniform(3.0, 20.0)), 0.8 / gain)  # above quantization
+        prnu, dsnu_e = float(rng.uniform(0.004, 0.02)), float(rng.uniform(0.7, 8.0))
+        current_e_per_s = float(rng.uniform(30.0, 3000.0))
+        offset_e = 10.0 + _OFFSETS_PER_SIGMA * (read_e + dsnu_e)
+        exposure_s = float(rng.choice((0.02, 0.05)))
+        camera = Camera(
+            bit_depth=bits, width=width, height=height, seed=seed,
+            K=gain, K_min=gain, K_max=gain, K_steps=1, blackoffset=0, u_esat=well_e,
+            dark_signal_0=offset_e, sigma2_dark_0=read_e**2, dark_current_ref=current_e_per_s,
+            temperature=30.0, temperature_ref=30.0, exposure=1e9 * exposure_s,
+            dsnu=rng.normal(0.0, dsnu_e, (height, width)),
+            prnu=1.0 + rng.normal(0.0, prnu, (height, width)),
+        )  # fmt: skip
+        full_e = min(well_e, (2**bits - 1) / gain)
+        true = {
+            "gain_e_per_dn": 1.0 / gain,
+            # it quantizes twice, once by a uniform random number
+            "read_noise_e": float(np.sqrt(read_e**2 + 1.0 / 12.0 / gain**2)),
+            "full_well_e": full_e - offset_e,
+            "dsnu_e": dsnu_e,
+            "prnu": prnu,
+            "dark_current_e_per_s": current_e_per_s,
+        }
+        radiance = camera.get_radiance_for(mean=full_e * gain)
+        return cls(camera, bits, exposure_s, radiance, true)
+
+    def dark_and_flat(self) -> tuple[list[FrameStatistics], list[FrameStatistics]]:
+        """Statistics of dark frames and flat fields: two per exposure, 50 at one."""
+        darks: list[FrameStatistics] = []
+        flats: list[FrameStatistics] = []
+        for number, share in enumerate(np.linspace(0.03, 1.15, LEVELS)):
+            time_s = float(share * self.exposure_s)
+            self.camera.exposure = 1e9 * time_s
+            count = STACK_FRAMES if number == STACK else 2
+            for group, light in ((darks, 0), (flats, self.radiance)):
+                frames = (self.camera.grab(light) for _ in range(count))
+                group.append(frame_statistics(frames, time_s, f"{1e3 * time_s:.3g}ms"))
+        return darks, flats
+
+    def truth(self) -> dict[str, tuple[float, float]]:
+        """True values with the relative bounds of their measurement."""
+        return {name: (value, BOUNDS[name]) for name, value in self.true.items()}
+
+
+@dataclass(frozen=True)
+class ReferenceResults:
+    """Noise by the reference implementation.
+
+    Attributes:
+        gain_e_per_dn: electrons per step of the converter.
+        dark_noise_e: temporal noise without light or exposure.
+        dsnu_e: dark-signal nonuniformity.
+        prnu: photo-response nonuniformity as a share.
+        max_snr_db: signal-to-noise ratio at saturation, decibels.
+    """
+
+    gain_e_per_dn: float
+    dark_noise_e: float
+    dsnu_e: float
+    prnu: float
+    max_snr_db: float
+
+
+Frames = Sequence[NDArray[Any]]
+
+
+def reference_results(exposures: Mapping[float, tuple[Frames, Frames]]) -> ReferenceResults:
+    """Evaluation of raw frames.
+
+    Args:
+        exposures: dark and flat frames by exposure time, seconds; those of the exposure with most
+            frames also give the nonuniformities.
+    """
+    from emva1288.process.data import Data1288
+    from emva1288.process.results import Results1288
+    from emva1288.process.routines import get_int_imgs
+
+    temporal: dict[float, dict[float, Any]] = {}
+    for number, (time_s, groups) in enumerate(sorted(exposures.items()), start=1):
+        parts = [get_int_imgs(list(frames[:2])) for frames in groups]
+        sums = [
+            {"sum": one["sum"].sum(), "pvar": one["pvar"].sum(), "dmean": one["dmean"]}
+            for one in parts
+        ]
+        # light counts only by its order: photons are unknown, and no result here needs them
+        temporal[time_s] = {0.0: sums[0], 1000.0 * number: sums[1]}
+    stack_s = max(exposures, key=lambda time_s: len(exposures[time_s][0]))
+    dark, flat = (get_int_imgs(list(frames)) for frames in exposures[stack_s])
+    height, width = exposures[stack_s][0][0].shape
+    spatial = {stack_s: {0.0: dark, 1000.0: flat}}
+    with _float_arrays():
+        data = {"temporal": temporal, "spatial": spatial, "width": width, "height": height}
+        results = Results1288(Data1288(data).data)
+        top = results.index_u_ysat
+        signal = results.temporal["u_y"][top] - results.temporal["u_ydark"][top]
+        return ReferenceResults(
+            gain_e_per_dn=1.0 / float(results.K),
+            dark_noise_e=float(results.sigma_d),
+            dsnu_e=float(results.DSNU1288),
+            prnu=0.01 * float(results.PRNU1288),
+            max_snr_db=float(10.0 * np.log10(signal / results.K)),
+        )
+
+
+@contextmanager
+def _float_arrays() -> Iterator[None]:
+    """Give back the function `asfarray`, which it calls and NumPy 2 dropped."""
+    if hasattr(np, "asfarray"):
+        yield
+        return
+    vars(np)["asfarray"] = partial(np.asarray, dtype=float)
+    try:
+        yield
+    finally:
+        del vars(np)["asfarray"]

@@ -1,0 +1,77 @@
+"""`omnisim measure`: output, files and errors."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import omnisim as package
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+FRAMES = Path(package.__file__).parents[1] / "examples" / "noise_frames.py"
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    """Folder of frames, as in the documentation."""
+    folder = tmp_path_factory.mktemp("frames")
+    subprocess.run([sys.executable, FRAMES, folder], check=True)
+    return folder
+
+
+@pytest.mark.slow
+def test_noise(omnisim, frames, tmp_path):
+    status, out, error = omnisim(
+        "measure", "noise", frames / "dark", frames / "flat", "-o", "camera.toml"
+    )
+    assert (status, error) == (0, "")
+    assert "camera.toml: written" in out
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "camera-pattern.exr",
+        "camera.json",
+        "camera.toml",
+    ]
+    text = (tmp_path / "camera.toml").read_text()
+    assert text.startswith("# gain_e_per_dn: 3.")
+    noise = OmniCamera.from_file(tmp_path / "camera.toml").degradation.noise
+    assert noise.gain_e_per_dn == pytest.approx(3.1, rel=0.01)
+    assert noise.pattern == str(tmp_path / "camera-pattern.exr")
+    report = json.loads((tmp_path / "camera.json").read_text())
+    values = {one["name"]: one["value"] for one in report["quantities"]}
+    assert values["prnu"] == pytest.approx(0.011, rel=0.05)
+    assert report["not_measured"] == []
+    assert len(report["photon_transfer"]["mean_dn"]) == 12
+
+
+@pytest.mark.slow
+def test_noise_is_added_to_a_sensor_file(omnisim, frames, tmp_path):
+    (tmp_path / "lens").mkdir()
+    lens = tmp_path / "lens" / "lens.toml"
+    lens.write_text("[degradation]\npreset = 'webcam'\n[mirror]\nk = 12.0\n")
+    status, _, _ = omnisim(
+        "measure", "noise", frames / "dark", frames / "flat", "--sensor", lens, "-o", "camera.toml"
+    )
+    assert status == 0
+    camera, before = (OmniCamera.from_file(path) for path in (tmp_path / "camera.toml", lens))
+    assert camera.model == before.model
+    assert camera.degradation.jpeg == before.degradation.jpeg
+    assert camera.degradation.shutter == before.degradation.shutter
+    assert camera.degradation.noise.bit_depth == 12
+
+
+def test_bad_input(omnisim, tmp_path):
+    (tmp_path / "dark" / "1ms").mkdir(parents=True)
+    (tmp_path / "dark" / "1ms" / "0.jpg").write_bytes(b"")
+    for arguments, expected in (
+        (("dark", "flat", "-o", "c.json"), "c.json: expected a name that ends in .toml"),
+        (("none", "flat", "-o", "c.toml"), "none: expected a folder with one folder per exposure"),
+        (("dark", "flat", "-o", "c.toml"), "dark/1ms/0.jpg: lossy compression changes the noise"),
+        (("dark", "flat", "-o", "c.toml", "--sensor", "s.toml"), "s.toml: cannot be read"),
+    ):
+        status, out, error = omnisim("measure", "noise", *arguments)
+        assert (status, out) == (1, "")
+        assert error.startswith(f"error: {expected}")
+        assert error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["dark"]

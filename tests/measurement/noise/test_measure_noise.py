@@ -1,0 +1,224 @@
+"""Noise measured from frames whose noise is known."""
+
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.noise import frame_statistics, measure_noise
+from omnisim.rendering.camera.degradations import Noise
+from omnisim.rendering.camera.degradations.fixed_pattern import random_pattern
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from tests.measurement.noise.frames import NOISE, TIMES_S, Camera, dark_and_flat
+
+# Relative bounds: those asked of the measurement of any camera, for 640 × 480 frames and 50 per
+# stack. Here 16 times fewer pixels and 3 times fewer frames suffice for them.
+BOUNDS = {
+    "gain_e_per_dn": 0.01,
+    "read_noise_e": 0.03,
+    "full_well_e": 0.03,
+    "dark_current_e_per_s": 0.05,
+    "dsnu_e": 0.05,
+    "prnu": 0.05,
+}
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return dark_and_flat(Camera())
+
+
+@pytest.fixture(scope="module")
+def measured(frames):
+    return measure_noise(*frames)
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_quantities_are_those_of_the_camera(measured, name):
+    quantity = next(one for one in measured.quantities if one.name == name)
+    true = getattr(NOISE, name)
+    assert quantity.value == pytest.approx(true, rel=BOUNDS[name])
+    # 1e-3: the well is filled by noise, too, and steps of the normal numbers are those of float32
+    assert abs(quantity.value - true) < 4.0 * quantity.sigma + 1e-3 * true
+
+
+def test_the_sensor_file_has_what_was_measured(measured):
+    values = {one.name: one.value for one in measured.quantities}
+    for name in (*BOUNDS, "black_level_dn"):
+        assert getattr(measured.noise, name) == values[name]
+    assert measured.noise.bit_depth == 12
+    assert values["black_level_dn"] == pytest.approx(40.0, abs=0.02)
+    assert measured.unseen == ()
+
+
+def test_the_pattern_is_that_of_the_camera(measured):
+    true = random_pattern(160, 120, NOISE.prnu, NOISE.dsnu_e, NOISE.pattern_seed)
+    for channel in (0, 1):
+        # with 16 frames, 0.73 and 0.92 of the variance is the pattern's: correlation 0.85 and 0.96
+        correlation = np.corrcoef(
+            measured.pattern[..., channel].ravel(), true[..., channel].ravel()
+        )
+        assert correlation[0, 1] > 0.8
+        assert measured.pattern[..., channel].std() == pytest.approx(
+            true[..., channel].std(), rel=0.05
+        )
+
+
+def test_light_that_falls_off_is_no_pattern():
+    """The trend of the light, here cos⁴ to 0.75 in the corners, is not the pixels'."""
+    geometry = ImageGeometry(160, 120, (80.0, 60.0))
+    light = 1.0 / (1.0 + 0.1 * geometry.squared_radii()) ** 2
+    measured = measure_noise(*dark_and_flat(Camera(), flat_light=light))
+    assert measured.noise.prnu == pytest.approx(NOISE.prnu, rel=0.05)
+
+
+def test_colors_of_a_mosaic_are_no_pattern():
+    light = np.ones((120, 160))
+    light[::2, ::2], light[1::2, 1::2] = 0.6, 0.8
+    frames = dark_and_flat(Camera(), flat_light=light)
+    assert measure_noise(*frames, mosaic=True).noise.prnu == pytest.approx(NOISE.prnu, rel=0.05)
+    assert measure_noise(*frames).noise.prnu > 0.1
+
+
+def test_values_at_the_upper_end_of_16_bits_are_shifted():
+    camera = Camera()
+
+    def frames(light, time_s, count):
+        shifted = (frame << 4 for frame in camera.frames(light, time_s, count))
+        return frame_statistics(shifted, time_s)
+
+    darks = [frames(0.0, time_s, 2) for time_s in TIMES_S[:2]]
+    flats = [frames(time_s / TIMES_S[-1], time_s, 2) for time_s in TIMES_S[:6]]
+    measured = measure_noise(darks, flats)
+    assert measured.noise.gain_e_per_dn == pytest.approx(3.1, rel=0.02)
+    assert measured.noise.black_level_dn == pytest.approx(40.0, abs=0.1)
+
+
+def test_what_frames_do_not_determine_is_said():
+    camera = Camera()
+    dark = camera.statistics(0.0, 0.01)
+    flats = [camera.statistics(light, 0.01) for light in (0.05, 0.1, 0.2, 0.4)]
+    measured = measure_noise([dark], flats)
+    assert {one.name for one in measured.unseen} == {
+        "dark_current_e_per_s",
+        "full_well_e",
+        "dsnu_e",
+        "prnu",
+    }
+    assert measured.pattern is None
+    assert measured.noise.dark_current_e_per_s == 0.0
+    assert measured.noise.gain_e_per_dn == pytest.approx(3.1, rel=0.05)
+
+
+def test_defective_pixels_are_found(frames):
+    darks, flats = copy.deepcopy(frames)
+    hot, dead = (7, 9), (100, 30)
+    for one in (*darks, *flats):
+        one.mean_image_dn[hot] += 200.0
+        one.mean_image_dn[dead] = 40.0
+    assert measure_noise(darks, flats).defects.tolist() == [[7, 9], [100, 30]]
+
+
+def test_pixels_without_noise_of_their_own_are_fine():
+    """An ideal sensor: no read noise, no pattern."""
+    noise = dataclasses.replace(NOISE, read_noise_e=0.0, prnu=0.0, dsnu_e=0.0)
+    measured = measure_noise(*dark_and_flat(Camera(noise)))
+    unseen = {one.name: one.reason for one in measured.unseen}
+    assert {"prnu", "dsnu_e"} <= set(unseen)
+    assert "below" in unseen["prnu"]
+
+
+def _gamma(frame):
+    return np.rint(4095.0 * (frame / 4095.0) ** (1.0 / 2.2)).astype(np.uint16)
+
+
+def test_gamma_is_refused():
+    camera = Camera()
+    darks, flats = [], []
+    for time_s in TIMES_S[:7]:
+        light = time_s / TIMES_S[-1]
+        for group, value in ((darks, 0.0), (flats, light)):
+            frames = map(_gamma, camera.frames(value, time_s))
+            group.append(frame_statistics(frames, time_s))
+    with pytest.raises(MeasurementError, match=r"linear \(raw\) frames"):
+        measure_noise(darks, flats)
+
+
+def test_gamma_is_refused_at_one_exposure():
+    camera = Camera(dataclasses.replace(NOISE, black_level_dn=5.0))
+    flats = [
+        frame_statistics(map(_gamma, camera.frames(light, 0.01)), 0.01)
+        for light in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+    ]
+    dark = frame_statistics(map(_gamma, camera.frames(0.0, 0.01)), 0.01)
+    with pytest.raises(
+        MeasurementError, match=r"variance falls while the mean grows .* linear \(raw\) frames"
+    ):
+        measure_noise([dark], flats)
+
+
+def test_denoised_frames_are_refused():
+    """A filter that smooths bright frames more: as many frames averaged as the light is strong."""
+    camera = Camera()
+    flats = []
+    for light in (0.02, 0.05, 0.1, 0.2, 0.4):
+        frames = [
+            np.mean(camera.frames(light, 0.01, 1 + round(4 * light)), axis=0).astype(np.uint16)
+            for _ in range(2)
+        ]
+        flats.append(frame_statistics(frames, 0.01))
+    with pytest.raises(MeasurementError, match=r"variance per mean changes by -\d+ %.*denoising"):
+        measure_noise([camera.statistics(0.0, 0.01)], flats)
+
+
+def test_a_light_leak_is_refused(frames):
+    darks, flats = frames
+    light = np.zeros((120, 160))
+    light[:30, :40] = 0.05
+    leak = Camera().statistics(light, 0.01, name="dark/leak")
+    with pytest.raises(
+        MeasurementError, match=r"dark/leak: .* more at the upper left: light leaks"
+    ):
+        measure_noise([leak, *darks], flats)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda darks, flats: ([], flats), "got no dark ones"),
+        (lambda darks, flats: (darks, []), "got no flat ones"),
+        (lambda darks, flats: (darks, darks), "flats brighter than the dark frames"),
+        (lambda darks, flats: (darks, flats[:2]), "at least 3 flat levels below 70 %"),
+        (lambda darks, flats: (darks, flats[-2:] * 3), "below 70 % of saturation, got 0 of 6"),
+        (lambda darks, flats: (darks, flats[3:6]), "span a ratio of 4"),
+    ],
+)  # fmt: skip
+def test_frames_of_which_nothing_can_be_measured_are_refused(change, message):
+    darks, flats = dark_and_flat(Camera(size=(40, 30)), stack_count=2)
+    with pytest.raises(MeasurementError, match=message):
+        measure_noise(*change(darks, flats))
+
+
+def test_clipped_darks_and_sizes_are_refused():
+    clipped = Camera(dataclasses.replace(NOISE, black_level_dn=0.0))
+    with pytest.raises(MeasurementError, match=r"at 0, got .* %: raise the camera's black level"):
+        measure_noise(*dark_and_flat(clipped, TIMES_S[:4]))
+    darks, flats = dark_and_flat(Camera(size=(40, 30)), TIMES_S[:4], stack_count=2)
+    other = Camera(size=(40, 32)).statistics(0.2, 0.01, name="flat/other")
+    with pytest.raises(MeasurementError, match=r"flat/other: expected 40 × 30 px .*got 40 × 32 px"):
+        measure_noise(darks, [*flats, other])
+    with pytest.raises(MeasurementError, match="bit depth 8: expected at least 12"):
+        measure_noise(darks, flats, bit_depth=8)
+    with pytest.raises(MeasurementError, match="frames: expected at least 2 frames, got 1"):
+        frame_statistics([np.zeros((2, 2), np.uint8)], 0.01)
+    with pytest.raises(MeasurementError, match="frames of one size, got 2 × 2 and 3 × 2 px"):
+        frame_statistics([np.zeros((2, 2), np.uint8), np.zeros((2, 3), np.uint8)], 0.01)
+
+
+def test_noise_has_a_pattern_or_its_spread():
+    from omnisim.core.errors import OpticsError
+
+    with pytest.raises(OpticsError, match=r"noise\.pattern: expected none beside prnu or dsnu_e"):
+        Noise(pattern="a.exr", prnu=0.1)

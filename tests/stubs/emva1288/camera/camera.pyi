@@ -1,0 +1,9 @@
+from typing import Any
+
+from numpy.typing import NDArray
+
+class Camera:
+    exposure: float
+    def __init__(self, **parameters: Any) -> None: ...
+    def grab(self, radiance: Any) -> NDArray[Any]: ...
+    def get_radiance_for(self, mean: float | None = None) -> Any: ...
