@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError, SensorFileError
-from omnisim.core.files.image_files import read_channels, write_channels
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
 
 GAIN, OFFSET = "prnu", "dsnu_e"  # channels of a pattern's file
@@ -51,6 +50,8 @@ def write_pattern(path: Path, pattern: NDArray[np.float32]) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
+    from omnisim.core.files.image_files import write_channels  # slow to import
+
     write_channels(path, {GAIN: pattern[..., 0], OFFSET: pattern[..., 1]})
 
 
@@ -69,6 +70,8 @@ def read_pattern(path: Path) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=2)  # the reference reads it for each image
 def _read(path: Path, changed_ns: int) -> NDArray[np.float32]:
+    from omnisim.core.files.image_files import read_channels  # slow to import
+
     try:
         channels = read_channels(path).values
     except OutputError as reason:
