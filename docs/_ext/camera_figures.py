@@ -84,7 +84,7 @@ def frames_figure() -> str:
         text(x - 44, y + 4, "mirror", "blue", "end"),
         text(x - 24, y + 76, "camera", "muted", "end"),
     ]
-    return svg("Frames of a vehicle with the paper's camera", 480, parts)
+    return svg("Frames of a vehicle with the paper's camera", 496, parts)
 
 
 _AZIMUTH, _ELEVATION = np.radians((-40.0, 22.0))  # from where the frames are seen

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from architecture_figures import rooms_figure, ways_figure
 from camera_figures import frames_figure, optics_figure
+from exchange_figure import exchange_figure
 from object_figure import object_figure
 
 FOLDER = Path(__file__).resolve().parents[1] / "explanation" / "figures"
@@ -21,6 +22,7 @@ def figures() -> Iterator[tuple[Path, str]]:
     yield FOLDER / "rooms.svg", rooms_figure()
     yield FOLDER / "ways.svg", ways_figure()
     yield FOLDER / "optics.svg", optics_figure()
+    yield FOLDER / "exchange.svg", exchange_figure()
     yield FOLDER / "frames.svg", frames_figure()
 
 

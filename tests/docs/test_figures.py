@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from omnisim.apps.cli.app import main
+from omnisim.core.errors import SceneError
 from omnisim.datasets.generate.shard import shard_stem
+from omnisim.scene.files.readers import check_format
 
 NUMBER = re.compile(r"-?\d+\.\d+")
 RENEW = "run `python docs/_ext/figures.py`"
@@ -71,6 +73,21 @@ def test_objects_in_the_figure_exist(extension):
         name, _, attribute = node.name.partition(".")
         kind = getattr(importlib.import_module(node.module), name)
         assert not attribute or attribute in kind.__annotations__
+
+
+def _complaint(path):
+    try:
+        check_format(path)
+    except SceneError as error:
+        return str(error)
+    return None
+
+
+def test_worlds_in_the_figure_are_read(extension, tmp_path):
+    for suffix in extension("exchange_figure").WORLDS:
+        (world := tmp_path / f"world{suffix}").write_text("<mujoco/>")
+        complaint = _complaint(world)
+        assert complaint is None or "pip install" in complaint  # read with an extra
 
 
 def test_figures_have_one_style_in_light_and_dark(extension):
