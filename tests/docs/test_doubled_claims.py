@@ -118,6 +118,22 @@ MEASURES = {
         r"in the same process takes # s and # s",
         ((HOW_TO + "choose.md", r"0.1 s \| .*?\| # s \| The two"),),
     ),
+    "chessboards": Measure(
+        ACCURACY,
+        r"aligned, cv2.omnidir: reprojection, RMS \| # px .*? with distortion, RMS \| # px",
+        (
+            (
+                WHY + "non-central-optics.md",
+                r"against # px for the aligned mirror\. With distortion it leaves # px",
+            ),
+        ),
+    ),
+    "a mesh measured": Measure(
+        ACCURACY,
+        r"1024 polygons, mean error \| # px \| ≤ [\d.]+ px \| \| \| "
+        r"1024 polygons, largest error \| # px",
+        ((WHY + "optics.md", r"\| 1024 \| # px \| [\d.]+ px \| # px \|"),),
+    ),
     "polygons of the paper": Measure(
         WHY + "optics.md",
         r"\| 1024 \| # px \| [\d.]+ px \| # px \|",

@@ -3,27 +3,33 @@
 import math
 import re
 import tomllib
+from typing import get_args
 
 import pytest
 
 from omnisim.cameras.calibration.rig import MAX_GAP_M, MAX_GAP_RAD
 from omnisim.cameras.mirrors.hyperbolic_mirror import DEFAULT_RIM_RAD, PAPER_METERS_PER_UNIT
 from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS
+from omnisim.core.package_files import preset_names
+from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
+from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.generate.plan_vary import VaryTable
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.baking.settings import DEFAULT_SAMPLES, DEFAULT_TEXELS
 from omnisim.rendering.cube_backend import LIDAR_NEAR_M
 from omnisim.rendering.near_plane import NEAR_PER_SIZE
 from omnisim.rendering.opengl.culling.cluster_culling import MAX_COMMAND_BYTES
+from omnisim.rendering.shared_scene import BackendName
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M, Chassis
 from omnisim.runs.physics.rover import CASTOR, CASTOR_LOAD
 from omnisim.runs.physics.world_model import FRICTION, ROLLING_RESISTANCE
+from omnisim.scene.files.scene_file import ObjectTable
 from omnisim.scene.parts import BLENDED_CUTOFF
 from omnisim.sensors import DepthCamera, LaserScanner
 from omnisim.sensors.lidar.revolution import MAX_PATH_M, MAX_SKEW_M, MAX_TURN_RAD, SLICES
 from omnisim.sensors.range_sensor.mounted_range_sensor import InfraredMount
 from omnisim.sensors.range_sensor.range_sensor import RangeSensor
-from tests.docs.pages import HOW_TO, ROOT, WHY, half_unit, numbers_of, words_of
+from tests.docs.pages import HOW_TO, ROOT, WHY, half_unit, numbers_of, text_of, words_of
 
 KINECT, D435, SCANNER, SONAR = (
     DepthCamera.kinect_v1(), DepthCamera.d435(), LaserScanner(), RangeSensor()
@@ -112,3 +118,27 @@ def test_missed_targets_are_counted():
     assert reached == [1, 1, 2, 0]
     assert "pyrender's speed and 2.5 times that of the paper's method are reached in one" in page
     assert "Gazebo's method in two, and 1.5 times that of Embree's rays without colors in" in page
+
+
+def _quoted(page, pattern):
+    """Names in backticks within the first match of a pattern."""
+    return set(re.findall(r"`([\w-]+)`", re.search(pattern, words_of(page)).group()))
+
+
+def test_lists_in_pages_are_those_of_the_code():
+    presets = _quoted(HOW_TO + "imperfect-cameras.md", r"Presets: .*?, or a TOML")
+    assert presets == set(preset_names())
+    assert _quoted(HOW_TO + "data-sets.md", r"(?<=`--to` writes).*?, the last") == set(LAYOUTS)
+    assert set(EXPORTS) <= set(re.findall(r"[\w-]+", words_of(HOW_TO + "use-with.md")))
+    back_ends = re.findall(r"^\| `(\w+)`, \w+ \|", text_of(HOW_TO + "choose.md"), re.MULTILINE)
+    assert back_ends == list(get_args(BackendName))
+    motions = re.findall(r"^\| `(\w+)` \|", text_of(HOW_TO + "moving-objects.md"), re.MULTILINE)
+    assert set(motions) < set(ObjectTable.model_fields)
+
+
+def test_extras_in_the_table_are_those_of_the_package():
+    table = tomllib.loads(text_of("pyproject.toml"))["project"]["optional-dependencies"]
+    rows = re.findall(r"^\| `(\w+)` \|", text_of(HOW_TO + "install.md"), re.MULTILINE)
+    assert set(rows) == set(table)
+    (all_of,) = table["all"]
+    assert set(rows[: rows.index("all")]) == set(re.findall(r"\w+", all_of.partition("[")[2]))
