@@ -47,7 +47,7 @@ VALUES = (
     (ASSUMPTIONS, r"Lidars see nothing within # m", (LIDAR_NEAR_M,)),
     (WHY + "physics.md", r"clearance, # cm by default", (100.0 * DEFAULT_CLEARANCE_M,)),
     (TRAJECTORIES, r"`\[footprint\]` at most, # cm", (100 * DEFAULT_CLEARANCE_M,)),
-    (WHY + "optics.md", r"the image below # px; the distance", (MAX_ERROR_PX,)),
+    (WHY + "optics.md", r"the image below # px\. The distance", (MAX_ERROR_PX,)),
     (WHY + "non-central-optics.md", r"the largest error below # px", (MAX_ERROR_PX,)),
     (HOW_TO + "choose.md", r"every pixel right to # px", (MAX_ERROR_PX,)),
     (HOW_TO + "rigs.md", r"by more than # mm or # mrad", (1e3 * MAX_GAP_M, 1e3 * MAX_GAP_RAD)),
