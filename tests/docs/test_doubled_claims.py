@@ -1,6 +1,5 @@
 """Claims that stand on several pages, against the one place that knows."""
 
-import dataclasses
 import json
 import re
 from dataclasses import dataclass
@@ -8,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M
 from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
@@ -225,11 +223,6 @@ def test_numbers_of_batches_are_those_of_the_benchmark():
     ):
         for stated, true in zip(numbers_of(page, pattern), values, strict=True):
             assert abs(float(stated) - true) <= half_unit(stated), f"{page}: {stated}, {true}"
-
-
-def test_degradations_are_counted():
-    assert len(dataclasses.fields(Degradation)) == 12
-    assert "twelve degradations" in words_of(WHY + "paper.md")
 
 
 def test_numbers_of_the_code():
