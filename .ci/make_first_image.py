@@ -1,8 +1,10 @@
-"""Render the image of the documentation's first page: `python .ci/make_first_image.py FILE`.
+"""Draw the figure of the documentation's first page: `python .ci/make_first_image.py FILE`.
 
-The command of that page, and what it writes: image, range, normals and instances, side by side.
+It runs the command of that page and shows the images that the command writes, with their names.
 """
 
+import base64
+import io
 import re
 import shlex
 import subprocess
@@ -10,29 +12,55 @@ import sys
 import tempfile
 from pathlib import Path
 
-from PIL import Image, ImageDraw
+from PIL import Image
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "index.md"
-GAP_PX = 12
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+sys.path.append(str(DOCS / "_ext"))
+from figure_style import WIDTH, svg, text  # noqa: E402
+
+PAGE = DOCS / "index.md"
+SIDE_PX, GAP_PX = 168, 16
+COLUMNS = (
+    ("frame.png", "what the camera sees"),
+    ("frame.range.png", "length of each ray, in meters"),
+    ("frame.normals.png", "direction of each surface"),
+    ("frame.instance.png", "a number for each object"),
+)
 
 
 def main(file: Path) -> None:
-    """Run the page's command in an empty folder and write its images as one."""
+    """Run the page's command in an empty folder and draw its images side by side."""
     command = re.search(r"^omnisim (render .*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     if command is None:
         raise SystemExit(f"{PAGE}: expected a line that begins with omnisim render")
     with tempfile.TemporaryDirectory() as folder:
         arguments = [sys.executable, "-m", "omnisim", *shlex.split(command[1])]
         subprocess.run(arguments, cwd=folder, check=True)
-        names = ("frame", "frame.range.preview", "frame.normals.preview", "frame.instance.preview")
-        tiles = [Image.open(Path(folder, f"{name}.png")).convert("RGBA") for name in names]
-    width, height = tiles[0].size
-    circle = Image.new("L", (width, height))  # of the mirror's rim, which touches the edges
-    ImageDraw.Draw(circle).ellipse((0, 0, width - 1, height - 1), fill=255)
-    row = Image.new("RGBA", (len(tiles) * (width + GAP_PX) - GAP_PX, height))
-    for number, tile in enumerate(tiles):
-        row.paste(tile, (number * (width + GAP_PX), 0), circle)
-    row.save(file, optimize=True)
+        parts = [_column(number, Path(folder)) for number in range(len(COLUMNS))]
+    file.write_text(svg("Images of one command", SIDE_PX + 78, parts), encoding="utf-8")
+
+
+def _column(number: int, folder: Path) -> str:
+    """Image in the circle of the mirror's rim, with its file and meaning below."""
+    name, meaning = COLUMNS[number]
+    preview = folder / name.replace(".png", ".preview.png")
+    image = Image.open(preview if preview.exists() else folder / name).convert("RGB")
+    left = (WIDTH - len(COLUMNS) * (SIDE_PX + GAP_PX) + GAP_PX) / 2 + number * (SIDE_PX + GAP_PX)
+    middle = left + SIDE_PX / 2
+    return "\n".join(
+        (
+            f'<image x="{left}" y="16" width="{SIDE_PX}" height="{SIDE_PX}" '
+            f'style="clip-path: circle(50%)" href="{_data(image)}"/>',
+            text(middle, SIDE_PX + 42, name, "code", "middle"),
+            text(middle, SIDE_PX + 61, meaning, "muted", "middle"),
+        )
+    )
+
+
+def _data(image: Image.Image) -> str:
+    stream = io.BytesIO()
+    image.save(stream, "JPEG", quality=88)
+    return f"data:image/jpeg;base64,{base64.b64encode(stream.getvalue()).decode()}"
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,32 +15,9 @@ from omnisim.runs.physics.simulation import LOST_M, TIPPED_COSINE
 from omnisim.runs.physics.surroundings import OBJECT_REACH_M, PATH_REACH_M
 from omnisim.runs.physics.world_model import STEP_S
 from omnisim.scene.formats.gltf.features import FEATURES
+from tests.docs.pages import HOW_TO, README, ROOT, WHY, half_unit, numbers_of, text_of, words_of
 
-ROOT = Path(__file__).resolve().parents[2]
-README, HOW_TO, WHY = "README.md", "docs/how-to/", "docs/explanation/"
 ACCURACY, PERFORMANCE = WHY + "accuracy.md", WHY + "performance.md"
-NUMBER = r"(−?[\d.]+)"
-
-
-def _text(page):
-    return (ROOT / page).read_text(encoding="utf-8")
-
-
-def _words(page):
-    """A page's text without line breaks."""
-    return " ".join(_text(page).split())
-
-
-def _numbers(page, pattern):
-    """Numbers, as text, where a pattern has `#`."""
-    match = re.search(pattern.replace("#", NUMBER), _words(page))
-    assert match, f"{page}: {pattern}: not there"
-    return match.groups()
-
-
-def _half_unit(text):
-    """Half a unit of a number's last digit."""
-    return 0.5 * 10.0 ** -len(text.partition(".")[2])
 
 
 @dataclass(frozen=True)
@@ -140,6 +116,22 @@ MEASURES = {
         r"in the same process takes # s and # s",
         ((HOW_TO + "choose.md", r"0.1 s \| .*?\| # s \| The two"),),
     ),
+    "chessboards": Measure(
+        ACCURACY,
+        r"aligned, cv2.omnidir: reprojection, RMS \| # px .*? with distortion, RMS \| # px",
+        (
+            (
+                WHY + "non-central-optics.md",
+                r"against # px for the aligned mirror\. With distortion it leaves # px",
+            ),
+        ),
+    ),
+    "a mesh measured": Measure(
+        ACCURACY,
+        r"1024 polygons, mean error \| # px \| ≤ [\d.]+ px \| \| \| "
+        r"1024 polygons, largest error \| # px",
+        ((WHY + "optics.md", r"\| 1024 \| # px \| [\d.]+ px \| # px \|"),),
+    ),
     "polygons of the paper": Measure(
         WHY + "optics.md",
         r"\| 1024 \| # px \| [\d.]+ px \| # px \|",
@@ -151,17 +143,17 @@ MEASURES = {
 @pytest.mark.parametrize("claim", MEASURES)
 def test_repeated_numbers_are_those_of_their_source(claim):
     measure = MEASURES[claim]
-    known = _numbers(measure.source, measure.pattern)
+    known = numbers_of(measure.source, measure.pattern)
     for page, pattern in measure.places:
-        stated = _numbers(page, pattern)
+        stated = numbers_of(page, pattern)
         for one, true in zip(stated, known[: len(stated)], strict=True):
             distance = abs(float(one) - float(true))
-            assert distance <= _half_unit(one) + 1e-9, f"{page}: {one}, {measure.source}: {true}"
+            assert distance <= half_unit(one) + 1e-9, f"{page}: {one}, {measure.source}: {true}"
 
 
 def _row(name, pattern):
     """Numbers of a row of the table of other renderers."""
-    row = re.search(rf"^\| {re.escape(name)} \|.*$", _text(PERFORMANCE), re.MULTILINE)
+    row = re.search(rf"^\| {re.escape(name)} \|.*$", text_of(PERFORMANCE), re.MULTILINE)
     assert row, f"{PERFORMANCE}: {name}: not there"
     return [float(value) for value in re.findall(pattern, row[0])]
 
@@ -189,9 +181,9 @@ def _row(name, pattern):
 def test_repeated_ranges_are_those_of_the_benchmark(page, pattern, rows, number):
     values = [value for row in rows for value in _row(row, number)]
     assert len(values) == 3 * len(rows)
-    for stated, true in zip(_numbers(page, pattern), (min(values), max(values)), strict=True):
+    for stated, true in zip(numbers_of(page, pattern), (min(values), max(values)), strict=True):
         # within a unit: half a unit for the range's own rounding, half for a bound rounded inwards
-        assert abs(float(stated) - true) <= 2 * _half_unit(stated), (
+        assert abs(float(stated) - true) <= 2 * half_unit(stated), (
             f"{page}: {stated}, measured {true}"
         )
 
@@ -206,10 +198,10 @@ def test_repeated_ranges_are_those_of_the_benchmark(page, pattern, rows, number)
     ],
 )
 def test_the_comparison_with_the_paper_is_that_of_the_benchmark(pattern, measured):
-    values = [float(value) for value in re.findall(measured, _words(PERFORMANCE))]
-    stated = _numbers(WHY + "paper.md", pattern)
+    values = [float(value) for value in re.findall(measured, words_of(PERFORMANCE))]
+    stated = numbers_of(WHY + "paper.md", pattern)
     for one, true in zip(stated, (min(values), max(values)), strict=True):
-        assert abs(float(one) - true) <= _half_unit(one), f"{one}, measured {true}"
+        assert abs(float(one) - true) <= half_unit(one), f"{one}, measured {true}"
 
 
 def _result(suite, **row):
@@ -229,24 +221,24 @@ def test_numbers_of_batches_are_those_of_the_benchmark():
         ("benchmarks/README.md", r"of 84² takes # of the time of single frames", (ratio,)),
         ("benchmarks/README.md", r"processor's # ms per image # are left", times_ms),
     ):
-        for stated, true in zip(_numbers(page, pattern), values, strict=True):
-            assert abs(float(stated) - true) <= _half_unit(stated), f"{page}: {stated}, {true}"
+        for stated, true in zip(numbers_of(page, pattern), values, strict=True):
+            assert abs(float(stated) - true) <= half_unit(stated), f"{page}: {stated}, {true}"
 
 
 def test_numbers_of_the_code():
     samples = {name: quality.supersampling for name, quality in QUALITIES.items()}
     for name, count in samples.items():
-        assert f"`{name}` | {count} × {count}" in _words(HOW_TO + "choose.md")
-    stated = _numbers(
+        assert f"`{name}` | {count} × {count}" in words_of(HOW_TO + "choose.md")
+    stated = numbers_of(
         WHY + "rendering.md", r"`fast` takes # × \d samples, `default` # × \d, `fine` # × \d"
     )
     assert [int(one) for one in stated] == [samples[name] for name in ("fast", "default", "fine")]
-    near = _numbers(WHY + "assumptions.md", r"than their near plane, # m")
+    near = numbers_of(WHY + "assumptions.md", r"than their near plane, # m")
     assert float(near[0]) == DEFAULT_NEAR_M
-    assert _numbers(HOW_TO + "troubleshooting.md", r"near plane, # m") == near
+    assert numbers_of(HOW_TO + "troubleshooting.md", r"near plane, # m") == near
     mebibytes = str(MAX_SLICE_BYTES >> 20)
     for page in (HOW_TO + "batches.md", PERFORMANCE, HOW_TO + "troubleshooting.md"):
-        assert f"{mebibytes} MiB" in _words(page), page
+        assert f"{mebibytes} MiB" in words_of(page), page
 
 
 def test_numbers_of_physics():
@@ -259,8 +251,8 @@ def test_numbers_of_physics():
         (r"beyond # m from them", OBJECT_REACH_M),
         (r"leaves the path by # m", LOST_M),
     ):
-        assert float(_numbers(page, pattern)[0]) == pytest.approx(value), pattern
-    tilt_deg = float(_numbers(page, r"tilts by #°")[0])
+        assert float(numbers_of(page, pattern)[0]) == pytest.approx(value), pattern
+    tilt_deg = float(numbers_of(page, r"tilts by #°")[0])
     assert np.cos(np.radians(tilt_deg)) == pytest.approx(TIPPED_COSINE, abs=0.01)
 
 
@@ -291,6 +283,15 @@ STATEMENTS = {
         "What a surface emits lights others only once it is [baked](baked-light.md)",
         (WHY + "rendering.md", WHY + "assumptions.md"),
     ),
+    "holes and glass": (
+        "Rays pass through holes of masked surfaces, and through blended surfaces with an alpha "
+        "below 0.5",
+        (HOW_TO + "ground-truth.md", WHY + "sensors.md", "omnisim/ground_truth/README.md"),
+    ),
+    "sky in rooms": (
+        "Without baked light nothing occludes the sky",
+        (WHY + "rendering.md", WHY + "assumptions.md"),
+    ),
     "no caustics": (
         "there are no caustics",
         (HOW_TO + "light.md", WHY + "baked-light.md"),
@@ -306,4 +307,4 @@ STATEMENTS = {
 def test_pages_say_the_same(claim):
     sentence, pages = STATEMENTS[claim]
     for page in pages:
-        assert sentence in _words(page), f"{page}: {sentence}: not there"
+        assert sentence in words_of(page), f"{page}: {sentence}: not there"

@@ -1,32 +1,14 @@
 """Pages that orient a reader: the objects' figure, quoted messages, glossary, links, README."""
 
-import importlib
 import re
-import sys
 from pathlib import Path
 
 import omnisim
-from omnisim.datasets.generate.shard import shard_stem
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *(page for page in DOCS.rglob("*.md") if "_build" not in page.parts)]
 PACKAGE = Path(omnisim.__file__).parent
-
-sys.path.append(str(DOCS / "_ext"))
-from object_figure import FIGURE, NODES, object_figure  # noqa: E402
-
-
-def test_the_figure_is_that_of_the_code():
-    renew = "python docs/_ext/object_figure.py"
-    assert FIGURE.read_text(encoding="utf-8") == object_figure(), renew
-    for node in NODES:
-        if node.module is None:
-            assert node.name == f"{shard_stem(0)}.tar"
-            continue
-        name, _, attribute = node.name.partition(".")
-        kind = getattr(importlib.import_module(node.module), name)
-        assert not attribute or attribute in kind.__annotations__
 
 
 def test_quoted_messages_are_those_of_the_program():
@@ -75,12 +57,12 @@ def _anchors(page):
 
 
 def test_links_and_images_lead_to_files_and_headings():
-    """But for the images that the documentation's build makes, and pages of the web."""
+    """But for pages of the web."""
     for page in PAGES:
         for target, anchor in re.findall(
             r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)", page.read_text(encoding="utf-8")
         ):
-            if target.startswith(("http", "figures/")):
+            if target.startswith("http"):
                 continue
             path = page.parent / target if target else page
             assert path.exists(), f"{page}: {target}"

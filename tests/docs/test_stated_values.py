@@ -1,0 +1,144 @@
+"""Numbers of the code that pages repeat, and the pages' words on built-in scenes."""
+
+import math
+import re
+import tomllib
+from typing import get_args
+
+import pytest
+
+from omnisim.cameras.calibration.rig import MAX_GAP_M, MAX_GAP_RAD
+from omnisim.cameras.mirrors.hyperbolic_mirror import DEFAULT_RIM_RAD, PAPER_METERS_PER_UNIT
+from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS
+from omnisim.core.package_files import preset_names
+from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
+from omnisim.datasets.export.export_formats import LAYOUTS
+from omnisim.datasets.generate.plan_vary import VaryTable
+from omnisim.rendering.auto_mesh import MAX_ERROR_PX
+from omnisim.rendering.baking.settings import DEFAULT_SAMPLES, DEFAULT_TEXELS
+from omnisim.rendering.cube_backend import LIDAR_NEAR_M
+from omnisim.rendering.near_plane import NEAR_PER_SIZE
+from omnisim.rendering.opengl.culling.cluster_culling import MAX_COMMAND_BYTES
+from omnisim.rendering.shared_scene import BackendName
+from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M, Chassis
+from omnisim.runs.physics.rover import CASTOR, CASTOR_LOAD
+from omnisim.runs.physics.world_model import FRICTION, ROLLING_RESISTANCE
+from omnisim.scene.files.scene_file import ObjectTable
+from omnisim.scene.parts import BLENDED_CUTOFF
+from omnisim.sensors import DepthCamera, LaserScanner
+from omnisim.sensors.lidar.revolution import MAX_PATH_M, MAX_SKEW_M, MAX_TURN_RAD, SLICES
+from omnisim.sensors.range_sensor.mounted_range_sensor import InfraredMount
+from omnisim.sensors.range_sensor.range_sensor import RangeSensor
+from tests.docs.pages import HOW_TO, ROOT, WHY, half_unit, numbers_of, text_of, words_of
+
+KINECT, D435, SCANNER, SONAR = (
+    DepthCamera.kinect_v1(), DepthCamera.d435(), LaserScanner(), RangeSensor()
+)  # fmt: skip
+ASSUMPTIONS, SENSORS, BAKED = WHY + "assumptions.md", WHY + "sensors.md", WHY + "baked-light.md"
+TRAJECTORIES = "docs/reference/trajectories.md"
+# Page, pattern with `#` for each number, and the values.
+VALUES = (
+    (ASSUMPTIONS, r"`meters_per_unit = #`", (PAPER_METERS_PER_UNIT,)),
+    (ASSUMPTIONS, r"`theta_max_deg = #`", (math.degrees(DEFAULT_RIM_RAD),)),
+    (ASSUMPTIONS, r"cameras, #° and #°", (KINECT.max_incidence_deg, D435.max_incidence_deg)),
+    (ASSUMPTIONS, r"is # for tires and # for every", (Chassis().friction, FRICTION[0])),
+    (ASSUMPTIONS, r"resistance of balls is #\. ", (ROLLING_RESISTANCE,)),
+    (ASSUMPTIONS, r"castor is # of the length .* carries # of", (CASTOR, CASTOR_LOAD)),
+    (ASSUMPTIONS, r"Lidars see nothing within # m", (LIDAR_NEAR_M,)),
+    (WHY + "physics.md", r"clearance, # cm by default", (100.0 * DEFAULT_CLEARANCE_M,)),
+    (TRAJECTORIES, r"`\[footprint\]` at most, # cm", (100 * DEFAULT_CLEARANCE_M,)),
+    (WHY + "optics.md", r"the image below # px\. The distance", (MAX_ERROR_PX,)),
+    (WHY + "non-central-optics.md", r"the largest error below # px", (MAX_ERROR_PX,)),
+    (HOW_TO + "choose.md", r"every pixel right to # px", (MAX_ERROR_PX,)),
+    (HOW_TO + "rigs.md", r"by more than # mm or # mrad", (1e3 * MAX_GAP_M, 1e3 * MAX_GAP_RAD)),
+    (HOW_TO + "laser-scanner.md", r"# beams over #°, one every #°", (
+        SCANNER.beams, SCANNER.field_of_view_deg, SCANNER.resolution_deg)),
+    (HOW_TO + "robots.md", r"cone of #° about x, up to # m", (
+        SONAR.beam_angle_deg, SONAR.range_max_m)),
+    (HOW_TO + "robots.md", r"has one ray, up to # m", (
+        InfraredMount.model_fields["range_max_m"].default,)),
+    (HOW_TO + "data-sets.md", r"# successive samples share", (
+        VaryTable.model_fields["images_per_setup"].default,)),
+    (HOW_TO + "ground-truth.md", r"alpha below #\. ", (BLENDED_CUTOFF,)),
+    (SENSORS, r"It is # mm at 1 m and # mm at 5 m", [1e3 * KINECT.sigma_m(z) for z in (1, 5)]),
+    (SENSORS, r"# mm at 1 m and # mm at 2 m for the D435", [1e3 * D435.sigma_m(z) for z in (1, 2)]),
+    (SENSORS, r"at most #, in which the motion is straight and even to # mm", (
+        max(SLICES), 1e3 * MAX_SKEW_M)),
+    (SENSORS, r"more than # rad in the shortest slice", (MAX_TURN_RAD,)),
+    (SENSORS, r"points move by # cm at most", (100.0 * MAX_PATH_M,)),
+    (BAKED, r"atlas has # million texels", (1e-6 * DEFAULT_TEXELS,)),
+    (BAKED, r"casts # rays", (DEFAULT_SAMPLES,)),
+    (WHY + "performance.md", r"take at most # MiB per camera", (MAX_COMMAND_BYTES >> 20,)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("page", "pattern", "values"), VALUES, ids=lambda one: str(one)[:60])
+def test_pages_state_the_values_of_the_code(page, pattern, values):
+    for stated, true in zip(numbers_of(page, pattern), values, strict=True):
+        assert abs(float(stated) - true) <= half_unit(stated) + 1e-9, f"{stated}, {true}"
+
+
+def test_small_scenes_and_large_meshes():
+    assert "a twentieth of its longest side" in words_of(ASSUMPTIONS)
+    assert pytest.approx(1 / 20) == NEAR_PER_SIZE
+    assert f"If {MAX_POLYGONS:_} polygons".replace("_", " ") in words_of(WHY + "optics.md")
+
+
+def _light_tables():
+    """`[light]` of the built-in scenes, by their names, and whether they have a sky."""
+    for path in sorted((ROOT / "scenes").glob("*/scene.toml")):
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        yield path.parent.name, table.get("light", {}), "sky" in table
+
+
+def test_words_on_built_in_scenes_are_those_of_their_files():
+    page = dict(re.findall(r"\| (`[^|]*) \| ([^|]* \| \w+) \|", words_of(HOW_TO + "light.md")))
+    rendering = words_of(WHY + "rendering.md")
+    matte, full = re.search(r"built-in (.*) are matte, (.*) are not", rendering).groups()
+    for name, light, has_sky in _light_tables():
+        (stated,) = (words for names, words in page.items() if f"`{name}`" in names)
+        is_matte = light.get("shading") == "matte"
+        assert stated.endswith("matte" if is_matte else "full"), name
+        assert f"`{name}`" in (matte if is_matte else full), name
+        assert ("baked with all bounces" in stated) == ("baked" in light), name
+        assert ("`--sky none`" in stated) == has_sky, name
+
+
+TARGETS = ("pyrender", "the paper's way", "Gazebo's way", "Embree, geometry")
+
+
+def test_missed_targets_are_counted():
+    """The words on the four targets of speed, against the benchmark's list below them."""
+    page, reached = words_of(WHY + "performance.md"), []
+    for name in TARGETS:
+        line = rf"- \w+: {name} to omnisim, [^:]*: [\d.]+ \(≥ [\d.]+\)(: \*\*missed)?"
+        missed = re.findall(line, page)
+        assert len(missed) == 3
+        reached.append(sum(not one for one in missed))
+    assert reached == [1, 1, 2, 0]
+    assert "pyrender's speed and 2.5 times that of the paper's method are reached in one" in page
+    assert "Gazebo's method in two, and 1.5 times that of Embree's rays without colors in" in page
+
+
+def _quoted(page, pattern):
+    """Names in backticks within the first match of a pattern."""
+    return set(re.findall(r"`([\w-]+)`", re.search(pattern, words_of(page)).group()))
+
+
+def test_lists_in_pages_are_those_of_the_code():
+    presets = _quoted(HOW_TO + "imperfect-cameras.md", r"Presets: .*?, or a TOML")
+    assert presets == set(preset_names())
+    assert _quoted(HOW_TO + "data-sets.md", r"(?<=`--to` writes).*?, the last") == set(LAYOUTS)
+    assert set(EXPORTS) <= set(re.findall(r"[\w-]+", words_of(HOW_TO + "use-with.md")))
+    back_ends = re.findall(r"^\| `(\w+)`, \w+ \|", text_of(HOW_TO + "choose.md"), re.MULTILINE)
+    assert back_ends == list(get_args(BackendName))
+    motions = re.findall(r"^\| `(\w+)` \|", text_of(HOW_TO + "moving-objects.md"), re.MULTILINE)
+    assert set(motions) < set(ObjectTable.model_fields)
+
+
+def test_extras_in_the_table_are_those_of_the_package():
+    table = tomllib.loads(text_of("pyproject.toml"))["project"]["optional-dependencies"]
+    rows = re.findall(r"^\| `(\w+)` \|", text_of(HOW_TO + "install.md"), re.MULTILINE)
+    assert set(rows) == set(table)
+    (all_of,) = table["all"]
+    assert set(rows[: rows.index("all")]) == set(re.findall(r"\w+", all_of.partition("[")[2]))
