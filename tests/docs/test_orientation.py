@@ -1,4 +1,4 @@
-"""Pages that orient a reader: the objects' figure, quoted messages, glossary, links, README."""
+"""Pages that orient a reader: quoted messages, glossary, links, README."""
 
 import re
 from pathlib import Path
