@@ -86,7 +86,7 @@ def test_small_scenes_and_large_meshes():
 
 
 def _materials(path):
-    """Materials of a GLB file, from its JSON chunk."""
+    """Materials of a GLB file, from the JSON at its head."""
     data = path.read_bytes()
     return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])["materials"]
 
