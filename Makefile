@@ -79,7 +79,7 @@ sheets: setup
 	@mkdir -p omnisim/rendering/camera/sheets
 	$(BIN)/python -m omnisim.validation.plots.ground_truth_sheet omnisim/rendering/camera/sheets/ground-truth.jpg
 	$(BIN)/python -m omnisim.validation.plots.boxes_3d_sheet omnisim/rendering/camera/sheets/boxes-3d.jpg
-	$(BIN)/python .ci/make_first_image.py docs/first.svg
+	$(BIN)/python .ci/make_image_figures.py
 	$(BIN)/python -m omnisim generate examples/plan.toml --preview 2 -o docs/how-to/data-set.jpg
 	$(BIN)/python .ci/make_world_image.py docs/how-to/match.jpg
 	$(BIN)/python .ci/make_live_images.py

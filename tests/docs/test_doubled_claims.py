@@ -276,7 +276,7 @@ STATEMENTS = {
         (README, HOW_TO + "light.md", WHY + "rendering.md", WHY + "assumptions.md"),
     ),
     "transmission": (
-        "Transmission is not rendered: glass is opaque.",
+        "Transmission is not rendered: glass is opaque unless alpha blends it.",
         (README, WHY + "assumptions.md"),
     ),
     "emission": (

@@ -1,4 +1,4 @@
-"""Pages that orient a reader: the objects' figure, quoted messages, glossary, links, README."""
+"""Pages that orient a reader: quoted messages, glossary, links, README."""
 
 import re
 from pathlib import Path
@@ -67,3 +67,17 @@ def test_links_and_images_lead_to_files_and_headings():
             path = page.parent / target if target else page
             assert path.exists(), f"{page}: {target}"
             assert not anchor or anchor in _anchors(path), f"{page}: {target}#{anchor}"
+
+
+def test_paths_and_targets_in_the_text_exist():
+    folders = "benchmarks|docs|examples|omnisim|scenes|shaders|tests|[.]ci"
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8").replace("/NAME.", "/sphere.")
+        paths = re.findall(rf"[` ]((?:{folders})/[\w./-]*\w)(?=[` :])", text)
+        paths += [
+            f"{name.replace('.', '/')}.py" for name in re.findall(r"-m\s+(benchmarks\.\w+)", text)
+        ]
+        missing = [path for path in paths if not (ROOT / path).exists()]
+        missing += set(re.findall(r"`make ([\w-]+)`", text)) - targets
+        assert not missing, page
