@@ -1,15 +1,15 @@
-"""Camera models: rays of the scene from pixels, and back.
+"""Camera models: map pixels to viewing rays, and rays to pixels.
 
-A model is two files with one stem, `cameras/<model>.py` (NumPy, float64, the reference) and
-`shaders/camera/<model>.glsl` (the same function for the GPU); an entry in
-`tests/camera_examples.py`, over which one contract test runs; and its class in this file.
-Conventions, for all models:
+Each model has two files of the same stem: `cameras/<model>.py` (NumPy, float64, the reference) and
+`shaders/camera/<model>.glsl` (the same function on the GPU). It also has its class in this file and
+an entry in `tests/camera_examples.py`, on which one contract test runs.
+All models share these conventions:
 
-- Pixels are (u, v), u right and v down, (0, 0) at the center of the top left one.
+- Pixels are (u, v), u right and v down, (0, 0) at the center of the top left pixel.
 - Rays are unit directions in the optical frame (x right, y down, z forward), from the effective
-  viewpoint. `omnisim.core.coordinate_frames` has all frames.
-- A pixel outside the domain, or a direction that the camera cannot see, has `valid` False and
-  some finite value; that is data, not an error.
+  viewpoint. `omnisim.core.coordinate_frames` lists all frames.
+- For a pixel outside the domain, or a direction that the camera cannot see, `valid` is False and
+  the value is finite but meaningless; this is data, not an error.
 """
 
 from collections.abc import Mapping
@@ -119,12 +119,12 @@ CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
 
 
 def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
-    """Camera that a camera's `parameters()` describes.
+    """Build a camera from its `parameters()`.
 
     Raises:
-        OpticsError: naming the key, the expected value and its own.
+        OpticsError: naming the key, the expected value and the actual one.
     """
-    if not isinstance(parameters, Mapping):  # of a damaged file
+    if not isinstance(parameters, Mapping):  # a damaged file
         raise OpticsError(f"camera: expected its parameters by name, got {parameters!r}")
     model = parameters.get("model")
     if not isinstance(model, str) or model not in CAMERA_MODELS:

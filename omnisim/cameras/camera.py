@@ -1,4 +1,4 @@
-"""Contract of a central camera: between its NumPy and GLSL halves, and with all its users."""
+"""Interface of a central camera: for its NumPy and GLSL implementations, and for all callers."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from omnisim.core.errors import OpticsError
 Uniforms = dict[str, float | tuple[float, ...]]
 ParameterValue = (
     float | int | str | Sequence["ParameterValue"] | Mapping[str, "ParameterValue"]
-)  # as JSON and TOML can hold it
+)  # representable in JSON and TOML
 CameraParameters = dict[str, ParameterValue]
 
 
 class Rays(NamedTuple):
-    """Rays in the optical frame; those of a central camera start at the effective viewpoint."""
+    """Rays in the optical frame; rays of a central camera start at the effective viewpoint."""
 
     directions: NDArray[np.float64]  # (..., 3), unit length
-    valid: NDArray[np.bool_]  # (...,): the pixel sees something by this ray
-    origins_m: NDArray[np.float64] | None = None  # (..., 3) where they start; None: at the origin
+    valid: NDArray[np.bool_]  # (...,): the pixel sees something along this ray
+    origins_m: NDArray[np.float64] | None = None  # (..., 3); None: frame's origin
 
 
 class Pixels(NamedTuple):
@@ -34,15 +34,15 @@ class Pixels(NamedTuple):
 
 @runtime_checkable
 class CentralCamera(Protocol):
-    """A camera all of whose rays meet in one effective viewpoint; immutable and hashable.
+    """A camera whose rays all meet in one effective viewpoint; immutable and hashable.
 
     Attributes:
-        width_px, height_px: size of the image.
-        principal_point_px: (u, v) of the optical frame's z axis, in the image or beside it.
+        width_px, height_px: image size.
+        principal_point_px: (u, v) of the optical frame's z axis, inside or outside the image.
         model_name: stem of the model's files, `cameras/<model>.py` and
             `shaders/camera/<model>.glsl`.
         rig_from_optical: (3, 3) orientation in a level rig: looking ahead, or up into its mirror.
-        domain_limit_rad: angle from the axis where the domain ends by a parameter, or None.
+        domain_limit_rad: angle from the axis at which a parameter ends the domain, or None.
     """
 
     @property
@@ -70,11 +70,11 @@ class CentralCamera(Protocol):
         ...
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
-        """Rays of pixels (..., 2); valid in the domain."""
+        """Rays of pixels (..., 2); valid inside the domain."""
         ...
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
-        """Pixels of directions (..., 3), which need not be of unit length; valid in the domain."""
+        """Pixels of directions (..., 3) of any length; valid inside the domain."""
         ...
 
     def uniforms(self) -> Uniforms:
@@ -82,35 +82,35 @@ class CentralCamera(Protocol):
         ...
 
     def parameters(self) -> CameraParameters:
-        """Model and parameters by name, as JSON can hold them, for the image's metadata."""
+        """Model name and parameters, representable in JSON, for image metadata."""
         ...
 
 
 @runtime_checkable
 class NonCentralCamera(CentralCamera, Protocol):
-    """A camera whose rays start at origins of their own: a point's pixel depends on its distance.
+    """A camera whose rays have distinct origins: the pixel of a point depends on its distance.
 
-    It does all that a central one does, but that `pixel_from_ray` has directions to infinity.
+    It supports all methods of a central camera, but `pixel_from_ray` maps directions to infinity.
     """
 
     def pixel_from_point(self, points_m: ArrayLike) -> Pixels:
-        """Pixels of points (..., 3), optical frame; valid where they are seen."""
+        """Pixels of points (..., 3), optical frame; valid where the points are seen."""
         ...
 
     def by_color(self) -> tuple[CentralCamera, ...]:
-        """Cameras of R, G and B, where each has rays of its own; else the camera itself."""
+        """Cameras for R, G and B if their rays differ; otherwise the camera itself."""
         ...
 
 
 def pixels_of_points(
     camera: CentralCamera, points_m: NDArray[np.float64], is_finite: NDArray[np.bool_]
 ) -> Pixels:
-    """Pixels of points (n, 3), optical frame, of any camera.
+    """Pixels of points (n, 3), optical frame, for any camera.
 
     Args:
-        camera: the camera.
-        points_m: in meters; directions, where `is_finite` is false.
-        is_finite: (n,), false for points at infinity.
+        camera: camera model.
+        points_m: points in meters, or directions where `is_finite` is False.
+        is_finite: (n,), False for points at infinity.
     """
     if not isinstance(camera, NonCentralCamera):
         return camera.pixel_from_ray(points_m)
@@ -125,14 +125,14 @@ def pixels_of_points(
 
 
 def check_central(camera: CentralCamera, use: str) -> None:
-    """Refuse a camera that has no effective viewpoint.
+    """Reject a camera without an effective viewpoint.
 
     Args:
-        camera: the camera.
-        use: needs one.
+        camera: camera to check.
+        use: operation that needs a viewpoint, for the message.
 
     Raises:
-        OpticsError: naming both.
+        OpticsError: the camera is non-central; the message names it and the use.
     """
     if isinstance(camera, NonCentralCamera):
         raise OpticsError(
@@ -142,32 +142,32 @@ def check_central(camera: CentralCamera, use: str) -> None:
 
 
 def summary(camera: CentralCamera) -> str:
-    """Model and size of a camera in a few words."""
+    """Model and image size of a camera as short text."""
     return f"{camera.model_name} {camera.width_px} × {camera.height_px} px"
 
 
 @runtime_checkable
 class CameraSensor(Protocol):
-    """A sensor that takes its images by a camera model, such as an `OmniCamera`."""
+    """Sensor that captures images through a camera model, such as an `OmniCamera`."""
 
     @property
     def model(self) -> CentralCamera: ...  # noqa: D102
 
 
 def as_pixels(pixels_px: ArrayLike) -> NDArray[np.float64]:
-    """Pixels (..., 2) as an array, without a copy where they are one.
+    """Convert pixels (..., 2) to an array; an array is not copied.
 
     Raises:
-        OpticsError: another shape, or no numbers.
+        OpticsError: the shape is wrong, or the values are not numbers.
     """
     return _as_vectors(pixels_px, 2, "pixels (..., 2)")
 
 
 def as_directions(directions: ArrayLike) -> NDArray[np.float64]:
-    """Directions (..., 3) as an array, without a copy where they are one.
+    """Convert directions (..., 3) to an array; an array is not copied.
 
     Raises:
-        OpticsError: another shape, or no numbers.
+        OpticsError: the shape is wrong, or the values are not numbers.
     """
     return _as_vectors(directions, 3, "directions (..., 3)")
 

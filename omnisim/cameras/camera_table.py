@@ -1,4 +1,4 @@
-"""Camera models in the tables of files: errors name file, key, value and what was expected."""
+"""Camera models in tables of files; errors name file, key, value and the expected value."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
 
 
 def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> CentralCamera:
-    """Camera of a table that holds its model and parameters, and nothing else.
+    """Build a camera from a table that holds its model and parameters, and nothing else.
 
     Args:
         parameters: the table.
-        source: names the file in messages.
-        key: of the table in its file.
+        source: file name, for messages.
+        key: key of the table in its file.
 
     Raises:
         SensorFileError: naming the key and what was expected.

@@ -1,4 +1,4 @@
-"""Error of a central model of a camera whose rays meet in no point, by the points' distance."""
+"""Error of a central approximation of a non-central camera, by distance."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 
 class CentralError(NamedTuple):
-    """Error of a central model for points at one distance from its viewpoint, over an image."""
+    """Error of a central approximation over an image, for points at one distance."""
 
-    distance_m: float  # may be infinite
+    distance_m: float  # from the viewpoint; may be infinite
     mean_px: float
     median_px: float
     percentile_99_px: float
     max_px: float
-    left_out: float  # share of the rays whose point the central model shows nowhere
+    left_out: float  # share of the rays whose points the central model cannot see
 
     @property
     def at(self) -> str:
-        """The distance in words."""
+        """Distance as text."""
         return f"{self.distance_m:g} m" if math.isfinite(self.distance_m) else "infinity"
 
     def __str__(self) -> str:
@@ -34,7 +34,7 @@ class CentralError(NamedTuple):
     def of(
         cls, distance_m: float, errors_px: NDArray[np.float64], valid: NDArray[np.bool_]
     ) -> CentralError:
-        """Statistics of the errors (n,) that are valid."""
+        """Compute statistics over the valid errors (n,)."""
         seen = errors_px[valid]
         if len(seen) == 0:
             return cls(distance_m, math.nan, math.nan, math.nan, math.nan, 1.0)

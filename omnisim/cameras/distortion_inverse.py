@@ -1,4 +1,4 @@
-"""Inverse of a lens distortion of the normalized plane, by Newton's method."""
+"""Inverse of a lens distortion on the normalized plane, by Newton's method."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def undistort(
     distorted: NDArray[np.float64],
     limit: float,
 ) -> NDArray[np.float64]:
-    """Points (..., 2) within a radius that a distortion takes to `distorted` (..., 2).
+    """Points (..., 2) within a radius that a distortion maps to `distorted` (..., 2).
 
     Args:
-        distort: distorted points (n, 2) of points (n, 2).
-        newton_step: the Jacobian's inverse at points (n, 2) times errors (n, 2).
-        start: (..., 2) first guesses; each is improved until it converges.
-        distorted: points.
-        limit: radius of the disc that all steps stay in.
+        distort: maps points (n, 2) to distorted points (n, 2).
+        newton_step: inverse Jacobian at points (n, 2) times errors (n, 2).
+        start: (..., 2) initial guesses; each is iterated until it converges.
+        distorted: (..., 2) distorted points.
+        limit: radius of the disc to which all steps are confined.
     """  # fmt: skip
     plane, distorted = start.reshape(-1, 2), distorted.reshape(-1, 2)
     solved, active = plane.copy(), np.arange(len(plane))

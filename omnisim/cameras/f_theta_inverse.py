@@ -1,14 +1,14 @@
-"""The f-theta lens backwards: the angle is a polynomial of the radius in pixels.
+"""Inverse f-theta lens: the angle is a polynomial of the radius in pixels.
 
     θ = k1 r + k2 r² + … + kn rⁿ, r in pixels around the principal point
 
-Domain: 0 ≤ θ ≤ θ_max and r before the first radius where dθ/dr has fallen to a thousandth of
-k1: there many pixels see nearly one ray, and the way back is lost. The other direction, r as a
-polynomial of θ, is `f_theta`.
+Domain: 0 ≤ θ ≤ θ_max and r before the first radius where dθ/dr has fallen to a thousandth of k1.
+Beyond it, many pixels share nearly the same ray, and the inverse is ill-conditioned. `f_theta` is
+the opposite model, with r as a polynomial of θ.
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | coefficients | rad/pxⁿ | k1 … kn, at most 8; 1/k1 > 0 is the focal length |
 | theta_max_deg | degrees | 95 to 110 |
 
@@ -33,22 +33,22 @@ from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.core.errors import OpticsError
 
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
-MIN_SLOPE = 1e-3  # of the slope at the axis
+MIN_SLOPE = 1e-3  # share of the slope at the axis
 
 
 @dataclass(frozen=True)
 class FThetaInverseCamera(RadialCamera):
-    """A fisheye lens with a polynomial from radius to angle.
+    """Fisheye lens whose angle is a polynomial of the radius.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         principal_point_px: (u, v) of the optical axis in the image.
         coefficients: k1 … kn.
-        theta_max_rad: angle from the axis where the domain ends at the latest.
+        theta_max_rad: upper limit of the angle from the axis at which the domain ends.
 
     Raises:
-        OpticsError: a size that is not positive, numbers that are not finite, no or too many
-            coefficients, k1 ≤ 0, or θ_max outside 0 to 180°.
+        OpticsError: a size is not positive, a number is not finite, the coefficients are missing or
+            too many, k1 ≤ 0, or θ_max is outside 0 to 180°.
     """
 
     principal_point_px: tuple[float, float]
@@ -97,7 +97,7 @@ class FThetaInverseCamera(RadialCamera):
         return solve_polynomial((0.0, *self.coefficients), theta, 0.0, self.radius_max_px)
 
     def uniforms(self) -> Uniforms:
-        """Values for `shaders/camera/f_theta_inverse.glsl`, per r/r_max to keep floats small."""
+        """Values for `shaders/camera/f_theta_inverse.glsl`, scaled to r/r_max for precision."""
         powers = range(1, MAX_COEFFICIENTS + 1)
         coefficients = self.coefficients + (0.0,) * (MAX_COEFFICIENTS - len(self.coefficients))
         return {

@@ -1,6 +1,6 @@
 """Base of the ideal fisheye lenses: one focal length, one limit, r(θ) in closed form.
 
-The lenses themselves: `equidistant`, `stereographic`, `equisolid`, `orthographic`.
+The subclasses are `equidistant`, `stereographic`, `equisolid` and `orthographic`.
 Source: Miyamoto, "Fish eye lens", 1964; Kannala & Brandt 2006, Eq. 1 to 5.
 """
 
@@ -15,21 +15,21 @@ from omnisim.cameras.plane_camera import RadialCamera
 
 @dataclass(frozen=True)
 class FisheyeCamera(FocalCamera, RadialCamera):
-    """A fisheye lens with r/f a function of θ alone, seen up to θ_max.
+    """Fisheye lens whose r/f is a function of θ alone, up to θ_max.
 
     Attributes:
-        width_px, height_px: size of the image.
-        focal_length_px: focal length f; near the axis as many pixels to a radian.
+        width_px, height_px: image size.
+        focal_length_px: focal length f, the pixels per radian near the axis.
         principal_point_px: (u, v) of the optical axis in the image.
         theta_max_rad: angle from the axis where the domain ends.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, a center that is not finite, or
-            θ_max outside the lens's own limits.
+        OpticsError: a size or focal length is not positive, a center is not finite, or θ_max is
+            outside the limits of the lens.
     """
 
     theta_max_rad: float
 
     def uniforms(self) -> Uniforms:
-        """Values of the uniforms of `shaders/camera/<model>.glsl`."""
+        """Uniforms for `shaders/camera/<model>.glsl`."""
         return {**super().uniforms(), "u_radius_max": self.radius_limits[1]}

@@ -1,4 +1,4 @@
-"""Bases of models with a principal point and a focal length, or one for each axis."""
+"""Bases of camera models with a principal point and one focal length, or one per axis."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from omnisim.cameras.model_parameters import check_limits
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import OpticsError
 
-# Far past any camera; squares of what follows from them still fit into a float.
+# Far beyond any camera; squares of derived values still fit into a float.
 FOCAL_LENGTHS_PX = (1e-30, 1e30)
 MAX_PX = 1e15
 
 
 @dataclass(frozen=True)
 class FocalCamera(ParametricCamera):
-    """Size, focal length and principal point of an image; the model is up to the subclass.
+    """Image size, focal length and principal point; subclasses add the projection.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_length_px: focal length.
         principal_point_px: (u, v) of the optical frame's z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a center that is not finite.
+        OpticsError: a size or focal length is not positive, or a center is not finite.
     """
 
     focal_length_px: float
@@ -37,11 +37,11 @@ class FocalCamera(ParametricCamera):
 
     @property
     def pixels_per_plane(self) -> float:
-        """Pixels to a unit of the normalized plane."""
+        """Pixels per unit of the normalized plane."""
         return self.focal_length_px
 
     def uniforms(self) -> Uniforms:
-        """Values of the uniforms of `shaders/camera/<model>.glsl`."""
+        """Uniforms for `shaders/camera/<model>.glsl`."""
         return {
             "u_focal_length_px": self.focal_length_px,
             "u_principal_point_px": self.principal_point_px,
@@ -50,15 +50,15 @@ class FocalCamera(ParametricCamera):
 
 @dataclass(frozen=True)
 class TwoFocalCamera(ParametricCamera):
-    """A `FocalCamera` with a focal length along each axis of the image, as calibrations have.
+    """A `FocalCamera` with one focal length per image axis, as calibrations have.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_lengths_px: (fx, fy), along u and along v.
         principal_point_px: (u, v) of the optical frame's z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a center that is not finite.
+        OpticsError: a size or focal length is not positive, or a center is not finite.
     """
 
     focal_lengths_px: tuple[float, float]
@@ -80,11 +80,11 @@ class TwoFocalCamera(ParametricCamera):
 
     @property
     def pixels_per_plane(self) -> tuple[float, float]:
-        """Pixels to a unit of the normalized plane, along u and along v."""
+        """Pixels per unit of the normalized plane, along u and along v."""
         return self.focal_lengths_px
 
     def uniforms(self) -> Uniforms:
-        """Values of the uniforms of `shaders/camera/<model>.glsl`."""
+        """Uniforms for `shaders/camera/<model>.glsl`."""
         return {
             "u_focal_lengths_px": self.focal_lengths_px,
             "u_principal_point_px": self.principal_point_px,

@@ -1,4 +1,4 @@
-"""Images that go all around, and begin again after a full turn."""
+"""Panoramas that repeat after a full turn."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from omnisim.cameras.models.equirectangular import EquirectangularCamera
 
 
 def period_px(camera: CentralCamera) -> float | None:
-    """Pixels after which an image that goes all around begins again, or None: it does not."""
+    """Period of a 360° panorama in pixels; None if the image does not wrap around."""
     if isinstance(camera, EquirectangularCamera):
         return float(camera.width_px)
     if isinstance(camera, CylindricalCamera):

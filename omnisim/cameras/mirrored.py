@@ -1,8 +1,8 @@
-"""Catadioptric camera that was calibrated as if it were a lens: its rays with z reflected.
+"""Catadioptric camera that was calibrated as a lens: the lens's rays with z reflected.
 
-Calibration tools expect z > 0 in front of the camera, also where it looks up into a mirror and
-sees what is behind it. They are given (x, y, −z) then, a mirrored frame; this camera undoes that.
-The GLSL twin is the lens's own, and `MIRRORED` in `shaders/capture/lens.frag`.
+Calibration tools expect z > 0 in front of the camera, even if it looks up into a mirror and sees
+what is behind it. They are given (x, y, −z), a mirrored frame, and this camera undoes the
+reflection. Its GLSL twin is that of the lens, with `MIRRORED` in `shaders/capture/lens.frag`.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from omnisim.core.short_repr import short_repr
 
 @dataclass(frozen=True)
 class MirroredCamera:
-    """A camera under a mirror, by the parameters of a lens.
+    """Camera below a mirror, described by the parameters of a lens.
 
     Attributes:
-        lens: the lens whose rays are (x, y, −z) of this camera's.
+        lens: lens with the rays (x, y, −z) for this camera's rays (x, y, z).
 
     Raises:
-        OpticsError: the lens is a mirror already.
+        OpticsError: the lens is already a mirror.
     """
 
     lens: CentralCamera
@@ -56,7 +56,7 @@ class MirroredCamera:
 
     @classmethod
     def of(cls, lens: CentralCamera, parameters: Mapping[str, Any]) -> CentralCamera:
-        """The lens itself, or its mirrored camera, by the key `mirrored`.
+        """Build the lens itself or its mirrored camera, depending on the key `mirrored`.
 
         Raises:
             OpticsError: `mirrored` is neither true nor false.
@@ -73,12 +73,12 @@ class MirroredCamera:
 
     @property
     def width_px(self) -> int:
-        """Width of the image."""
+        """Image width."""
         return self.lens.width_px
 
     @property
     def height_px(self) -> int:
-        """Height of the image."""
+        """Image height."""
         return self.lens.height_px
 
     @property
@@ -93,7 +93,7 @@ class MirroredCamera:
 
     @property
     def domain_limit_rad(self) -> float | None:
-        """Angle from the axis where the lens's domain ends by a parameter, or None."""
+        """Angle from the axis at which a parameter ends the lens's domain, or None."""
         return self.lens.domain_limit_rad
 
     def scaled(self, scale: float) -> MirroredCamera:
@@ -101,18 +101,18 @@ class MirroredCamera:
         return dataclasses.replace(self, lens=self.lens.scaled(scale))
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
-        """Rays of pixels (..., 2); valid where the lens's are."""
+        """Rays of pixels (..., 2); valid where the lens is valid."""
         rays = self.lens.ray_from_pixel(pixels_px)
         return Rays(rays.directions * FLIP_Z, rays.valid)
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
-        """Pixels of directions (..., 3) in the optical frame; valid where the lens's are."""
+        """Pixels of directions (..., 3) in the optical frame; valid where the lens is valid."""
         return self.lens.pixel_from_ray(as_directions(directions) * FLIP_Z)
 
     def uniforms(self) -> Uniforms:
-        """Values for the lens's GLSL file."""
+        """Uniforms for the lens's GLSL file."""
         return self.lens.uniforms()
 
     def parameters(self) -> CameraParameters:
-        """CameraParameters of the lens, and `mirrored`."""
+        """Parameters of the lens, plus `mirrored`."""
         return {**self.lens.parameters(), "mirrored": True}

@@ -1,6 +1,6 @@
-"""Checks of a camera's parameters, in its dataclass and in mappings from outside.
+"""Validation of camera parameters, in dataclasses and in external mappings.
 
-Errors name the key, the expected value and the one that is there.
+Errors name the key, the expected value and the actual one.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import numpy as np
 
 from omnisim.core.errors import OpticsError
 
-MAX_COEFFICIENT = 1e60  # times a power of a radius it is finite
+MAX_COEFFICIENT = 1e60  # still finite when multiplied by a power of a radius
 
 
 def check_limits(
     camera: object, name: str, lowest: float, highest: float, expected: str | None = None
 ) -> None:
-    """Refuse a number outside [lowest, highest].
+    """Reject a number outside [lowest, highest].
 
     Raises:
-        OpticsError: naming the attribute, the expected value and its own.
+        OpticsError: naming the attribute, the expected value and the actual one.
     """
     value = getattr(camera, name)
-    if not lowest <= value <= highest:  # false for NaN, too
+    if not lowest <= value <= highest:  # also rejects NaN
         expected = expected or f"{lowest:g} to {highest:g}"
         raise OpticsError(f"camera: {name}: expected {expected}, got {value:g}")
 
@@ -34,22 +34,22 @@ def number(parameters: Mapping[str, Any], key: str) -> float:
     """Finite number under `key`.
 
     Raises:
-        OpticsError: it is missing, or something else.
+        OpticsError: the value is missing, or is not a finite number.
     """
     value = _value(parameters, key)
     if type(value) not in (int, float):
         raise _unexpected(key, "a number", value)
-    # a whole number may be too large for a float; NaN is not within anything
+    # an integer may be too large for a float; NaN is within no limits
     if not abs(value) <= sys.float_info.max:
         raise _unexpected(key, "a finite number", value)
     return float(value)
 
 
 def whole_number(parameters: Mapping[str, Any], key: str) -> int:
-    """Whole number under `key`.
+    """Integer under `key`.
 
     Raises:
-        OpticsError: it is missing, or something else.
+        OpticsError: the value is missing, or is not an integer.
     """
     value = _value(parameters, key)
     if type(value) is not int:
@@ -61,7 +61,7 @@ def point(parameters: Mapping[str, Any], key: str) -> tuple[float, float]:
     """Two finite numbers under `key`.
 
     Raises:
-        OpticsError: they are missing, or something else.
+        OpticsError: the value is missing, or is not a pair of finite numbers.
     """
     value = _value(parameters, key)
     if not isinstance(value, list | tuple) or len(value) != 2:
@@ -70,10 +70,10 @@ def point(parameters: Mapping[str, Any], key: str) -> tuple[float, float]:
 
 
 def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
-    """Coefficients of the list under `key`.
+    """List of coefficients under `key`.
 
     Raises:
-        OpticsError: they are missing, or something else.
+        OpticsError: the value is missing, or is not a list of numbers.
     """
     value = _value(parameters, key)
     if not isinstance(value, list | tuple):
@@ -88,7 +88,7 @@ def word(parameters: Mapping[str, Any], key: str) -> str:
     """String under `key`.
 
     Raises:
-        OpticsError: it is missing, or something else.
+        OpticsError: the value is missing, or is not a string.
     """
     value = _value(parameters, key)
     if not isinstance(value, str):

@@ -1,4 +1,4 @@
-"""Inverse of an increasing function of one variable by bracketed Newton's method."""
+"""Inverse of an increasing function of one variable, by bracketed Newton's method."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ Coefficients = Sequence[float] | NDArray[np.floating[Any]]
 
 MAX_RADIUS_PX = 1e12  # far beyond any image
 _EPS = float(np.finfo(float).eps)
-MAX_STEPS = 100  # bisection alone needs some sixty
+MAX_STEPS = 100  # bisection alone needs about sixty
 
 
 def solve_increasing(
     function: Function, slope: Function, values: NDArray[np.float64], low: float, high: float
 ) -> NDArray[np.float64]:
-    """Arguments (...,) in [low, high] where `function`, increasing there, has `values` (...,).
+    """Arguments (...,) in [low, high] at which the increasing `function` has `values` (...,).
 
-    Values out of reach give the nearest end. The search begins at the values themselves: in the
-    units of the normalized plane they are near. A slope of 0 at an end, where a lens folds, only
-    makes it slower.
+    Unreachable values give the nearest end. The search starts at the values themselves, which are
+    close in units of the normalized plane. A slope of 0 at an end, where a lens folds, only slows
+    it down.
     """
     found = np.clip(values, low, high).ravel()
     tolerance = 4.0 * _EPS * max(abs(low), abs(high))
-    active = np.arange(found.size)  # each search stops by itself
+    active = np.arange(found.size)  # each search converges on its own
     target, argument = values.ravel(), found.copy()
     lower, upper = np.full(found.shape, low), np.full(found.shape, high)
     for _ in range(MAX_STEPS):
@@ -53,7 +53,7 @@ def solve_increasing(
 def solve_polynomial(
     coefficients: Coefficients, values: NDArray[np.float64], low: float, high: float
 ) -> NDArray[np.float64]:
-    """`solve_increasing` of a polynomial, constant term first."""
+    """`solve_increasing` for a polynomial, constant term first."""
     slopes = polynomial.polyder(coefficients)
     return solve_increasing(
         partial(polyval, coefficients), partial(polyval, slopes), values, low, high
@@ -66,10 +66,11 @@ def polyval(coefficients: Coefficients, arguments: NDArray[np.float64]) -> NDArr
 
 
 def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
-    """Smallest positive real root of a polynomial, constant term first; `highest` if none is less.
+    """Smallest positive real root of a polynomial, constant term first; at most `highest`.
 
-    Of roots that rounding parts into a complex pair the real part counts. Highest terms that are
-    below rounding all the way to `highest` are left out: others' roots would be lost beside theirs.
+    If rounding splits a double root into a complex pair, its real part counts. Leading terms below
+    rounding error on the whole range up to `highest` are dropped, because they would spoil the
+    accuracy of the other roots.
     """
     terms = np.asarray(coefficients, dtype=np.float64)
     if math.isfinite(highest):

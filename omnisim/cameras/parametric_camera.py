@@ -1,4 +1,4 @@
-"""Cameras whose parameters are the fields of their dataclass."""
+"""Cameras whose parameters are their dataclass fields."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ _READERS: dict[str, Callable[[Mapping[str, Any], str], Any]] = {
 
 @dataclass(frozen=True)
 class ParametricCamera(ABC):
-    """A camera model: all of it but the projection, from the fields of the subclass.
+    """Camera model base: implements everything except the projection from the subclass's fields.
 
-    Fields are of the types that `_READERS` lists. A field whose name ends in `_rad` is given in
+    Fields have the types listed in `_READERS`. A field whose name ends in `_rad` is serialized in
     degrees, under a key that ends in `_deg`; one that ends in `_px` is a length in the image.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         model_name: stem of the model's files.
-        largest_theta_rad: upper limit of the parameter θ_max, where the model has one.
-        added_later: parameters that older images' metadata lack; their defaults hold there.
+        largest_theta_rad: upper limit of the parameter θ_max, for models that have it.
+        added_later: parameters that the metadata of older images lack; their defaults apply.
 
     Raises:
-        OpticsError: a value of another type, a size that is not positive, a number that is not
-            finite, or θ_max outside its limits.
+        OpticsError: a value has the wrong type, a size is not positive, a number is not finite, or
+            θ_max is outside its limits.
     """
 
     width_px: int
@@ -59,7 +59,7 @@ class ParametricCamera(ABC):
     largest_theta_rad: ClassVar[float] = math.pi
     added_later: ClassVar[frozenset[str]] = frozenset()
 
-    if TYPE_CHECKING:  # a field of nearly all models; at run time it would be that field's default
+    if TYPE_CHECKING:  # a field of nearly all models; at run time it would be the field's default
 
         @property
         def principal_point_px(self) -> tuple[float, float]: ...  # noqa: D102
@@ -100,7 +100,7 @@ class ParametricCamera(ABC):
 
     @abstractmethod
     def uniforms(self) -> Uniforms:
-        """Values of the uniforms of `shaders/camera/<model>.glsl`."""
+        """Uniforms for `shaders/camera/<model>.glsl`."""
 
     def scaled(self, scale: float) -> Self:
         """The same view in an image `scale` times as large; sizes are rounded."""
@@ -109,17 +109,17 @@ class ParametricCamera(ABC):
             value = getattr(self, field.name)
             if field.name in ("width_px", "height_px"):
                 changes[field.name] = round(value * scale)
-            elif field.name == "principal_point_px":  # from the first pixel's center
+            elif field.name == "principal_point_px":  # measured from the center of the first pixel
                 changes[field.name] = tuple((one + 0.5) * scale - 0.5 for one in value)
             elif field.name.endswith("_px"):
                 changes[field.name] = _map(lambda one: one * scale, value)
         return dataclasses.replace(self, **changes)
 
     def ending_at(self, theta_max_rad: float) -> Self | None:
-        """The same camera with another θ_max, or None where that is no parameter of the model.
+        """The same camera with another θ_max, or None if the model has no such parameter.
 
         Raises:
-            OpticsError: θ_max outside its limits.
+            OpticsError: θ_max is outside its limits.
         """
         if "theta_max_rad" not in {field.name for field in dataclasses.fields(self)}:
             return None
@@ -128,13 +128,13 @@ class ParametricCamera(ABC):
 
     @property
     def domain_limit_rad(self) -> float | None:
-        """Angle from the axis where the domain ends by a parameter; None without a limit."""
+        """Angle from the axis at which a parameter ends the domain, or None."""
         limit = float(getattr(self, "theta_max_rad", math.pi))
         return None if limit == math.pi else limit
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> Self:
-        """Make the camera that `parameters()` describes.
+        """Build the camera from its `parameters()`.
 
         Raises:
             OpticsError: naming the key, its value and the expected one.
@@ -148,7 +148,7 @@ class ParametricCamera(ABC):
         return cls(**values)
 
     def parameters(self) -> CameraParameters:
-        """Model and parameters by name, for the image's metadata."""
+        """Model name and parameters, for image metadata."""
         named: CameraParameters = {"model": self.model_name}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
@@ -158,7 +158,7 @@ class ParametricCamera(ABC):
 
 
 def _short(value: Any) -> str:
-    """A parameter in 6 digits; of a long list the count."""
+    """Text of a parameter in 6 digits; a long list becomes its count."""
     if isinstance(value, tuple):
         return f"{len(value)} values" if len(value) > 4 else f"({', '.join(map(_short, value))})"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,7 +1,7 @@
-"""Bases of models that project rays onto a normalized plane, a scaled and shifted image.
+"""Bases of models that project rays onto a normalized plane and scale and shift it to the image.
 
-`PlaneCamera` has the image, its subclass the plane. `RadialCamera` is such a subclass for
-radially symmetric lenses: it needs only r(θ) and θ(r).
+`PlaneCamera` implements the image, its subclass the plane. `RadialCamera` is such a subclass for
+radially symmetric lenses: its own subclasses provide only r(θ) and θ(r).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.cameras.camera import Pixels, Rays, as_directions, as_pixels
 from omnisim.cameras.parametric_camera import ParametricCamera
 
-# The ray of a pixel at the very edge of the domain is rounded; projected again it must be valid.
+# The ray of a pixel on the edge of the domain is rounded; its projection must still be valid.
 EDGE_RAD = 1e-12
 
 
@@ -29,16 +29,16 @@ class PlanePoints(NamedTuple):
 
 
 class PlaneCamera(ParametricCamera):
-    """Pixels to rays and back, by way of the normalized plane; a mixin beside the parameters."""
+    """Mixin that maps pixels to rays and back through the normalized plane."""
 
     @property
     @abstractmethod
     def pixels_per_plane(self) -> float | tuple[float, float]:
-        """Pixels to a unit of the normalized plane."""
+        """Pixels per unit of the normalized plane."""
 
     @abstractmethod
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
-        """Rays of points (..., 2); outside the domain those of its edge, so that all is smooth."""
+        """Rays of points (..., 2); points outside the domain get the edge's ray, for smoothness."""
 
     @abstractmethod
     def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
@@ -61,7 +61,7 @@ class PlaneCamera(ParametricCamera):
 
 
 class RadialCamera(PlaneCamera):
-    """A radially symmetric lens: radius r on the plane, angle θ from +z.
+    """Radially symmetric lens with radius r on the plane and angle θ from +z.
 
     Domain: θ_min ≤ θ ≤ θ_edge, where r(θ) increases; on the plane r(θ_min) ≤ r ≤ r(θ_edge).
     """
@@ -79,11 +79,11 @@ class RadialCamera(PlaneCamera):
 
     @abstractmethod
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Radius r (...,) on the plane of θ (...,), in the domain."""
+        """Radius r (...,) on the plane at θ (...,), in the domain."""
 
     @abstractmethod
     def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
-        """θ (...,) of radius r (...,) on the plane, in the domain."""
+        """θ (...,) at radius r (...,) on the plane, in the domain."""
 
     @cached_property
     def radius_limits(self) -> tuple[float, float]:
@@ -110,7 +110,7 @@ class RadialCamera(PlaneCamera):
 
 
 def unit_vectors(vectors: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (..., 2) by their lengths (...,); (1, 0) where there is none."""
+    """Normalize vectors (..., 2) by their lengths (...,); (1, 0) for zero vectors."""
     start = np.zeros_like(vectors)
     start[..., 0] = 1.0
     lengths = np.broadcast_to(lengths[..., None], vectors.shape)

@@ -1,7 +1,8 @@
-"""The unified model's sphere in its α form, which EUCM and the double sphere build upon.
+"""Sphere of the unified model in its α form, shared by EUCM and the double sphere.
 
-A point p on the unit sphere goes to (x, y)/(α + (1 − α) z). With ξ = α/(1 − α) that is Geyer and
-Mei's projection from a point ξ above the sphere's center, in an image 1 + ξ times as large.
+A point p on the unit sphere is projected to (x, y)/(α + (1 − α) z). With ξ = α/(1 − α), this is
+Geyer and Mei's projection from a point ξ above the sphere's center, in an image 1 + ξ times as
+large.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from omnisim.cameras.camera import Rays
 from omnisim.cameras.plane_camera import EDGE_RAD, PlanePoints
 
-MAX_RADIUS = 1e6  # on the normalized plane, where nothing else ends it: a direction at its limit
+MAX_RADIUS = 1e6  # on the normalized plane, if nothing else bounds it: nearly at the limit angle
 
 
 def cosine_limit(alpha: float) -> float:
@@ -23,12 +24,12 @@ def cosine_limit(alpha: float) -> float:
 
 
 def plane_limit(alpha: float) -> float:
-    """Largest radius on the normalized plane: 1/√(2α − 1) where the image would fold over."""
+    """Largest radius on the normalized plane: 1/√(2α − 1), where the image would fold over."""
     return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
 
 
 def lift_alpha(plane: NDArray[np.float64], alpha: float) -> Rays:
-    """Unit vectors of points (..., 2); those outside the limit are moved onto it."""
+    """Unit vectors of points (..., 2); points beyond the limit are moved onto it."""
     radius = np.hypot(plane[..., 0], plane[..., 1])
     limit = plane_limit(alpha)
     valid = radius <= limit
@@ -49,9 +50,9 @@ def project_alpha(
     alpha: float,
     length: NDArray[np.float64],
 ) -> PlanePoints:
-    """Points of the plane of directions (..., 3) that are at `z` of a `distance` to a center.
+    """Project directions (..., 3), given z and the distance to a sphere's center, to the plane.
 
-    `length` (...,) is the directions' own, which counts for rounding.
+    `length` (...,) is the length of the directions, used as the scale of rounding errors.
     """
     valid = z > (cosine_limit(alpha) - EDGE_RAD) * distance
     scale = alpha * distance + (1.0 - alpha) * z

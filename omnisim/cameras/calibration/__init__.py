@@ -1,8 +1,9 @@
-"""Calibrations of cameras: files of other tools in and out, and fits from one model to another.
+"""Camera calibrations: read and write other tools' files, and fit one model to another.
 
-`load_calibration` reads a file, `save_calibration` writes one; README.md has formats, conventions,
-and how to add a format. Modules import in one direction: the base of the formats, the formats,
-their registry, reading and encoding, `calibration` and `rig`, which this package offers.
+`load_calibration` reads a file and `save_calibration` writes one. README.md lists the formats and
+conventions, and explains how to add a format. Imports point in one direction: the base class of
+formats, the formats, their registry, reading and encoding, then `calibration` and `rig`, which this
+package exports.
 """
 
 from omnisim.cameras.calibration.calibrated_camera import (

@@ -1,8 +1,8 @@
-"""Calibrated cameras: model, poses, and residuals of a fit.
+"""Calibrated cameras: model, poses and fit residuals.
 
-Poses are named target_from_source: a point of the source, times the matrix, is the point in the
-target. A camera's frame is its optical frame (x right, y down, z forward), under its name; others
-have their format's names: `imu`, `vehicle`, `world`.
+Poses are named target_from_source: the matrix maps points from the source frame to the target
+frame. A camera's frame is its optical frame (x right, y down, z forward) and has the camera's name.
+Other frames keep the names of the format: `imu`, `vehicle`, `world`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from omnisim.cameras.central_error import CentralError
 from omnisim.core.poses import inverse
 from omnisim.core.short_repr import short_repr
 
-OPTICS = "optics"  # frame of the optical system that a central camera was fitted to
+OPTICS = "optics"  # frame of the optical system to which a central camera was fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class NamedPose:
     """Pose of one frame in another.
 
     Attributes:
-        target, source: names of the frames.
+        target, source: frame names.
         target_from_source: (4, 4), meters.
     """
 
@@ -40,15 +40,16 @@ class NamedPose:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Reprojection residuals of a fitted camera: distances in the image from its source's.
+    """Reprojection residuals of a fitted camera: image distances from the source camera.
 
     Attributes:
-        rms_px: root mean square, evenly over the pixels that both cameras see.
-        max_px: largest, on the edge too.
-        theta_max_rad: largest angle from the lens's axis that both see.
-        source_model: model of the source.
-        at_distances: residuals for points at distances from the viewpoint, where the source, or
-            what that was fitted to, has none and a point's pixel depends on its distance.
+        rms_px: root mean square, weighted evenly over the pixels that both cameras see.
+        max_px: maximum, including the edge.
+        theta_max_rad: largest angle from the lens axis that both cameras see.
+        source_model: model of the source camera.
+        at_distances: residuals for points at finite distances from the viewpoint, if the source (or
+            the camera to which it was fitted) is non-central, so that the pixel of a point depends
+            on its distance.
     """
 
     rms_px: float
@@ -63,17 +64,17 @@ class CalibratedCamera:
     """One camera of a calibration file.
 
     Attributes:
-        name: of the camera in the file.
-        camera: its model. A mirror that the file describes by a lens is a mirror again, or a
-            `MirroredCamera`: its rays are those of the optical frame, not of the file's.
-        poses: of the camera, as the file has them.
-        residuals: of the fit, if the camera is one.
-        notes: for the reader of the file, a sentence each.
-        file_model: model of the lens in the file, if there is a file.
-        time_shift_s: from the camera's stamps to the times of the IMU.
+        name: camera name in the file.
+        camera: camera model. A mirror that the file describes by a lens becomes a mirror model
+            again, or a `MirroredCamera`: rays are in the optical frame, not in the file's.
+        poses: camera poses in the file.
+        residuals: residuals of the fit, if the camera was fitted.
+        notes: notes for the user, one sentence each.
+        file_model: lens model in the file, if there is a file.
+        time_shift_s: offset from camera timestamps to IMU timestamps.
 
     Raises:
-        OpticsError: a camera without one viewpoint, which no calibration file holds.
+        OpticsError: the camera is non-central, and no calibration file can hold it.
     """
 
     name: str
@@ -92,12 +93,12 @@ class CalibratedCamera:
 
     @property
     def mirrored(self) -> bool:
-        """True for a mirror by the parameters of a lens."""
+        """True for a mirror that the file describes by a lens."""
         return isinstance(self.camera, MirroredCamera)
 
 
 def find_pose(poses: Iterable[NamedPose], target: str, source: str) -> NDArray[np.float64] | None:
-    """Pose (4, 4) target_from_source, chained from known ones, or None."""
+    """Pose (4, 4) target_from_source, chained from known poses, or None."""
     links = [(pose.target, pose.source, pose.target_from_source) for pose in poses]
     links = [link for a, b, pose in links for link in ((a, b, pose), (b, a, inverse(pose)))]
     known = {source: np.eye(4)}  # pose of the source in each frame

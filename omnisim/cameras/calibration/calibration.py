@@ -1,4 +1,4 @@
-"""Calibrations: the cameras of a calibration file, read from it and written to another."""
+"""Calibrations: the cameras of a calibration file, read and written."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from omnisim.core.errors import CalibrationError, OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.short_repr import short_repr
 
-# Other usual suffixes of the same text.
+# Other common suffixes for the same text.
 _ALSO = {".yaml": (".yml",), ".sdf": (".xml", ".world", ".urdf")}
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The cameras of a calibration file, in its order.
+    """Cameras of a calibration file, in file order.
 
     Attributes:
-        cameras: at least one; no two have the same name.
-        format: name of the file's format.
-        source: the file, for messages.
+        cameras: at least one, with distinct names.
+        format: name of the file format.
+        source: file name, for messages.
     """
 
     cameras: tuple[CalibratedCamera, ...]
@@ -44,7 +44,7 @@ class Calibration:
 
     @property
     def notes(self) -> list[str]:
-        """Notes of all cameras for the reader of the file, a sentence each."""
+        """Notes of all cameras for the user, one sentence each."""
         several = len(self.cameras) > 1
         return [
             f"{camera.name}: {note}" if several else note
@@ -53,7 +53,7 @@ class Calibration:
         ]
 
     def camera(self, name: str | None = None) -> CalibratedCamera:
-        """Camera of a name, by default the first.
+        """Camera with the given name; by default the first.
 
         Raises:
             CalibrationError: the file has no such camera.
@@ -67,10 +67,10 @@ class Calibration:
         raise CalibrationError(f"{self.source}: camera: expected one of {names}, got {name!r}")
 
     def only_camera(self) -> CalibratedCamera:
-        """Camera of a calibration that has no other.
+        """The only camera of the calibration.
 
         Raises:
-            CalibrationError: it has several.
+            CalibrationError: there are several cameras.
         """
         if len(self.cameras) > 1:
             raise CalibrationError(
@@ -80,7 +80,7 @@ class Calibration:
         return self.cameras[0]
 
     def only(self, name: str) -> Calibration:
-        """Calibration of one of the cameras.
+        """Calibration reduced to one camera.
 
         Raises:
             CalibrationError: the file has no such camera.
@@ -91,21 +91,21 @@ class Calibration:
         """Write a calibration file; see `save_calibration`.
 
         Raises:
-            CalibrationError: the format has no place for one of the cameras, with the reason.
+            CalibrationError: the format cannot hold one of the cameras, with the reason.
             OutputError: the file cannot be written.
         """
         return save_calibration(self, path, format, model)
 
 
 def calibration_of(camera: CentralCamera | CameraSensor, name: str = "cam0") -> Calibration:
-    """Calibration of a camera, to save it.
+    """Wrap a camera as a calibration that can be saved.
 
     Args:
-        camera: a camera model, or the sensor of a renderer.
-        name: of the camera in the file.
+        camera: a camera model, or a renderer's sensor.
+        name: camera name in the file.
 
     Raises:
-        CalibrationError: neither.
+        CalibrationError: `camera` is neither.
     """
     model = camera.model if isinstance(camera, CameraSensor) else camera
     if not isinstance(model, CentralCamera):
@@ -123,11 +123,11 @@ def load_calibration(
     """Read a calibration file.
 
     Args:
-        path: the file, or the folder of KITTI-360's calibrations.
-        format: name of its format, one of `FORMATS`; by default found by its content.
-        camera: name of the only camera to keep; by default all.
-        mirrored: True if the cameras look into mirrors; by default by omnisim's metadata in the
-            file, and False without these.
+        path: calibration file, or the folder of KITTI-360's calibrations.
+        format: name of the format, one of `FORMATS`; by default detected from the content.
+        camera: name of the only camera to keep; by default all are kept.
+        mirrored: True if the cameras look into mirrors; by default taken from omnisim's metadata in
+            the file, and False without metadata.
 
     Raises:
         CalibrationError: naming file, key, the expected value and the one found.
@@ -135,7 +135,7 @@ def load_calibration(
     path = Path(path)
     try:
         is_folder = path.is_dir()
-    except OSError as reason:  # a name too long
+    except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if is_folder:
         cameras, format = read_kitti360_folder(path, mirrored), FORMAT
@@ -148,18 +148,18 @@ def load_calibration(
 def save_calibration(
     calibration: Calibration, path: str | Path, format: str, model: str | None = None
 ) -> Calibration:
-    """Write a calibration file, and return the cameras in it.
+    """Write a calibration file, and return the cameras as written.
 
     Args:
-        calibration: the cameras; a format for one camera takes no more.
-        path: the file.
+        calibration: cameras to write; a single-camera format accepts only one.
+        path: output file.
         format: name of the format, one of `FORMATS`.
-        model: name of the model to write by; by default one that is the same lens, or else the
-            one whose largest residual is smallest.
+        model: name of the model to write; by default a model that represents the lens exactly, else
+            the one whose maximum residual is smallest.
 
     Raises:
-        CalibrationError: the format has no place for one of the cameras, with the reason.
-        OutputError: the file cannot be written, or its suffix is of another kind of file.
+        CalibrationError: the format cannot hold one of the cameras, with the reason.
+        OutputError: the file cannot be written, or its suffix belongs to another kind of file.
     """
     path = Path(path)
     check_calibration_suffix(path, format)
@@ -174,11 +174,11 @@ def save_calibration(
 
 
 def check_calibration_suffix(path: Path, format: str) -> None:
-    """Refuse a suffix of another kind of file than the format's.
+    """Reject a file suffix that belongs to another kind of file than the format's.
 
     Raises:
-        CalibrationError: there is no such format.
-        OutputError: naming the file and its format's suffixes; a name without one passes.
+        CalibrationError: the format is unknown.
+        OutputError: naming the file and its format's suffixes; a name without a suffix passes.
     """
     form = format_named(format)
     known = (form.suffix, *_ALSO.get(form.suffix, ()))
@@ -191,10 +191,10 @@ def check_calibration_suffix(path: Path, format: str) -> None:
 def calibration_text(
     calibration: Calibration, format: str, model: str | None = None
 ) -> tuple[str, Calibration]:
-    """Text of a calibration file, and the cameras in it.
+    """Text of a calibration file, and the cameras as written.
 
     Raises:
-        CalibrationError: the format has no place for one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras, with the reason.
     """
     form = format_named(format)
     if len(calibration.cameras) > 1 and not form.several:

@@ -1,4 +1,4 @@
-"""Registry of the file formats."""
+"""Registry of the calibration file formats."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from omnisim.cameras.calibration.formats.ros import Ros
 from omnisim.cameras.calibration.formats.woodscape import Woodscape
 from omnisim.core.errors import CalibrationError, did_you_mean
 
-# In the order in which their signatures are looked for.
+# In the order in which the signatures are tried.
 FORMATS: dict[str, Format[Any]] = {
     one.name: one
     for one in (
@@ -43,10 +43,10 @@ FORMATS: dict[str, Format[Any]] = {
 
 
 def format_named(name: str) -> Format[Any]:
-    """Format of a name.
+    """Format with the given name.
 
     Raises:
-        CalibrationError: there is none.
+        CalibrationError: the name is unknown.
     """
     if name not in FORMATS:
         raise CalibrationError(f"format {name!r}: {did_you_mean(name.lower(), FORMATS)}")
@@ -54,10 +54,10 @@ def format_named(name: str) -> Format[Any]:
 
 
 def detect_format(text: str, source: str, name: str | None = None) -> Format[Any]:
-    """Format of a text: the named one, or the first whose signature is in the text.
+    """Detect the format of a text: the named one, or the first whose signature matches.
 
     Raises:
-        CalibrationError: there is no format of that name, the text has no signature, or another's.
+        CalibrationError: the name is unknown, no signature matches, or another format's does.
     """
     alike = [form for form in FORMATS.values() if form.looks_like(text)]
     if name is None:
@@ -74,7 +74,7 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
             f"{source}: expected a calibration in one of the formats {', '.join(FORMATS)}"
         )
     form = format_named(name)
-    # the user's word tells OpenCV's three apart
+    # the name that the user gives tells OpenCV's three formats apart
     foreign = [one for one in alike if _family(one) != _family(form)]
     if foreign and not form.looks_like(text) and len(foreign) == len(alike):
         raise CalibrationError(

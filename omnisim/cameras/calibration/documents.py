@@ -1,7 +1,7 @@
-"""Parsing of calibration files as YAML, JSON or XML, safe for files from anywhere.
+"""Safe parsing of untrusted calibration files in YAML, JSON or XML.
 
-Every fault is one line that names the file. YAML is that of its version 1.2 where numbers are
-concerned (1e-3 is one), knows OpenCV's matrices, and makes no objects.
+Every error is one line that names the file. YAML numbers follow version 1.2 (1e-3 is a number).
+The loader knows OpenCV's matrices and constructs no Python objects.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from omnisim.core.errors import CalibrationError
 from omnisim.core.files.sources import note_bytes
 
 MAX_BYTES = 1 << 26
-MAX_GROWTH = 100_000  # nodes that a YAML text's aliases may add
+MAX_GROWTH = 100_000  # nodes that the aliases of a YAML text may add
 _HEADER = re.compile(r"\A\s*%YAML[ :][^\n]*\n?")
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML as calibration files use it: OpenCV's matrices, and keys that come once."""
+    """YAML loader for calibration files: knows OpenCV's matrices and rejects duplicate keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Mapping of a node; a duplicate key is an error."""
@@ -54,10 +54,10 @@ _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
 
 
 def read_text(path: Path) -> str:
-    """Text of a file.
+    """Read a text file.
 
     Raises:
-        CalibrationError: it cannot be read, is empty, too large, or no text.
+        CalibrationError: the file cannot be read, is empty or too large, or is not text.
     """
     try:
         with path.open("rb") as file:
@@ -83,7 +83,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
     """Mapping in a YAML text.
 
     Raises:
-        CalibrationError: the text is none.
+        CalibrationError: the text is not YAML, or not a mapping.
     """
     try:
         data = _load_yaml(_HEADER.sub("", text))
@@ -102,7 +102,7 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
     """Object in a JSON text.
 
     Raises:
-        CalibrationError: the text is none.
+        CalibrationError: the text is not JSON, or not an object.
     """
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -125,10 +125,10 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
 
 
 def parse_xml(text: str, source: str) -> ElementTree.Element:
-    """Root of an XML text.
+    """Root element of an XML text.
 
     Raises:
-        CalibrationError: the text is none, or declares entities, which could grow without bound.
+        CalibrationError: the text is not XML, or declares entities, which could grow without bound.
     """
     if re.search(r"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
         raise CalibrationError(f"{source}: expected XML without entities of its own, got a DOCTYPE")
@@ -139,10 +139,10 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
 
 
 def _load_yaml(text: str) -> Any:
-    """Value of a YAML text, unless its aliases (*name) make it much larger than it is.
+    """Value of a YAML text, unless its aliases (*name) expand it too far.
 
     Raises:
-        yaml.YAMLError: the text is none, or grows.
+        yaml.YAMLError: the text is not YAML, or expands too far.
     """
     loader = _Loader(text)
     try:
@@ -158,7 +158,7 @@ def _load_yaml(text: str) -> Any:
 
 
 def _size(node: yaml.Node, sizes: dict[int, float]) -> float:
-    """Number of nodes in a node, aliases as often as they are there; infinite in itself."""
+    """Number of nodes in a subtree, aliases expanded; infinite if a node contains itself."""
     if id(node) not in sizes:
         sizes[id(node)] = math.inf
         inner = node.value if isinstance(node, yaml.CollectionNode) else ()

@@ -1,4 +1,4 @@
-"""Texts of calibration files: exact where the format has the model, else by the best fit."""
+"""Text of calibration files: exact where the format has the model, else the best fit."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError
 
-MIN_COVERED = 0.95  # of the image's pixels; a fit that shows fewer is another camera
-MAX_RESIDUAL = 0.02  # of the image's shorter side; a fit further off is no calibration
+MIN_COVERED = 0.95  # share of the image's pixels; a fit that covers less is another camera
+MAX_RESIDUAL = 0.02  # share of the image's shorter side; a worse fit is not a calibration
 GRID = 65
-GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less
+GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less than this
 
 
 class Encoded(NamedTuple, Generic[LensT]):
-    """A camera by a model of a format.
+    """A camera in a model of a format.
 
     Attributes:
-        lens: in the format's model.
-        metadata: of the camera.
-        residuals: of the fit, if the lens is one.
+        lens: lens in one of the format's models.
+        metadata: omnisim's metadata about the camera.
+        residuals: residuals of the fit, if the lens was fitted.
     """
 
     lens: LensT
@@ -53,16 +53,16 @@ class Encoded(NamedTuple, Generic[LensT]):
 def encode_cameras(
     cameras: Sequence[CalibratedCamera], form: Format[LensT], model: str | None, source: str
 ) -> tuple[str, tuple[CalibratedCamera, ...]]:
-    """Text of a file of a format, and the cameras in it.
+    """Text of a file, and the cameras as written.
 
     Args:
-        cameras: to write; as many as the format takes.
-        form: the format.
-        model: name of the model to write by, or None for the nearest.
-        source: names the cameras' file in messages.
+        cameras: cameras to write, at most as many as the format holds.
+        form: file format.
+        model: name of the model to write, or None for the nearest.
+        source: name of the cameras' file, for messages.
 
     Raises:
-        CalibrationError: the format has no place for one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras, with the reason.
     """
     parsed, metadata, written = [], [], []
     for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
@@ -85,10 +85,10 @@ def encode_cameras(
 def encode(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None = None
 ) -> Encoded[LensT]:
-    """A camera by a model of a format; `place` names file and camera in messages.
+    """Encode a camera in a model of a format; `place` names file and camera in messages.
 
     Raises:
-        CalibrationError: no model is near, with the reason.
+        CalibrationError: no model is close enough, with the reason.
     """
     source = camera.camera
     reasons: list[str] = []
@@ -102,7 +102,7 @@ def encode(
         )
     fit = _best_fit(source, form, place, target, reasons)
     limit_rad = fit.camera.domain_limit_rad or source.domain_limit_rad
-    # what the source itself was off from optics without one viewpoint stays
+    # keeps the source's own error as a central approximation of non-central optics
     at_distances = () if camera.residuals is None else camera.residuals.at_distances
     fitted = dataclasses.replace(
         fit.residuals, source_model=source.model_name, at_distances=at_distances
@@ -114,20 +114,20 @@ def encode(
 def encode_exactly(
     camera: CalibratedCamera, form: Format[LensT], place: str
 ) -> Encoded[LensT] | None:
-    """A camera by a model of a format that is the same lens; None: it has none."""
+    """Encode a camera in a format's model that is the same lens, or return None."""
     try:
         return _encode_exactly(camera, form, place, None, [])
-    except CalibrationError:  # it ends before the camera does
+    except CalibrationError:  # the format's angle limit is inside the field of view
         return None
 
 
 def _encode_exactly(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None, reasons: list[str]
 ) -> Encoded[LensT] | None:
-    """The same lens; None where there is none, with the reasons added to `reasons`.
+    """Encode the lens exactly, or return None and add the reasons to `reasons`.
 
     Raises:
-        CalibrationError: the format ends before the camera does.
+        CalibrationError: the format's angle limit is inside the camera's field of view.
     """
     source = camera.camera
     native = form.native(source)
@@ -150,10 +150,10 @@ def _encode_exactly(
 
 
 def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | None:
-    """Model of a name that a format has; None for None.
+    """Model with the given name in a format; None for None.
 
     Raises:
-        CalibrationError: it has none of that name.
+        CalibrationError: the format has no model of that name.
     """
     target = None if model is None else CAMERA_MODELS.get(model)
     if model is not None and target not in form.models:
@@ -164,7 +164,7 @@ def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | N
 
 
 def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:
-    """Cameras by the names that they have in a format, in their poses too."""
+    """Rename the cameras, also in their poses, to names that the format allows."""
     names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
     if len(set(names)) < len(names):
         names = [form.camera_name(index, "") for index in range(len(names))]
@@ -187,7 +187,7 @@ def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[Cal
 
 
 def caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
-    """Notes where others interpret the file differently."""
+    """Notes about other tools that interpret the file differently."""
     if not form.caveat or isinstance(lens, EquirectangularCamera):
         return ()
     widest = _widest_rad(lens)
@@ -201,7 +201,7 @@ def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:
         return
     widest = _widest_rad(camera)
     if form.max_theta_rad > widest > form.max_theta_rad - GRID_MARGIN_RAD:
-        widest = largest_theta_rad(camera)  # to the last bit, which takes its time
+        widest = largest_theta_rad(camera)  # to the last bit, which is slow
     if widest >= form.max_theta_rad:
         raise CalibrationError(
             f"{place}: sees {math.degrees(widest):.1f}° from its axis: {form.name} ends before "
@@ -210,7 +210,7 @@ def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:
 
 
 def _widest_rad(camera: CentralCamera) -> float:
-    """Largest angle from the axis that a grid over the image, border included, shows."""
+    """Largest angle from the axis on a grid over the image, border included."""
     steps = np.linspace(0.0, 1.0, GRID)
     u, v = np.meshgrid(steps * camera.width_px - 0.5, steps * camera.height_px - 0.5)
     rays = camera.ray_from_pixel(np.stack((u, v), axis=-1))
@@ -225,8 +225,8 @@ def _best_fit(
     model: type[CentralCamera] | None,
     reasons: list[str],
 ) -> Fit[LensT]:
-    """Fit with the smallest largest residual, of those that show the whole image."""
-    # a mirrored lens is fitted as the lens that it is
+    """Fit with the smallest maximum residual, among those that cover the whole image."""
+    # a mirrored lens is fitted as the lens itself
     source = camera.lens if isinstance(camera, MirroredCamera) else camera
     mirrored = source is camera and is_catadioptric(camera)
 
@@ -244,18 +244,18 @@ def nearest_fit(
     fit_model: Callable[[type[LensT], Fixed], Fit[LensT]],
     reasons: list[str],
 ) -> Fit[LensT]:
-    """Fit with the smallest largest residual by the models of a format.
+    """Fit with the smallest maximum residual among the models of a format.
 
     Args:
-        camera: the source.
-        form: the format.
-        place: names file and camera in messages.
-        model: the only one to fit by; None: all.
-        fit_model: the fit by a model with the attributes that the format fixes.
-        reasons: why others were refused so far, for messages; more are added.
+        camera: source camera.
+        form: file format.
+        place: file and camera, for messages.
+        model: the only model to try; None: all models.
+        fit_model: fits a model whose attributes the format partly fixes.
+        reasons: reasons for rejected models so far, for messages; extended in place.
 
     Raises:
-        CalibrationError: no model is near, with the reasons.
+        CalibrationError: no model is close enough, with the reasons.
     """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     centered = {"principal_point_px": middle} if form.centered else {}
@@ -264,7 +264,7 @@ def nearest_fit(
         if model not in (None, target):
             continue
         try:
-            with np.errstate(all="ignore"):  # a step too far of a fit is taken back
+            with np.errstate(all="ignore"):  # the fit takes back a step that is too long
                 fit = fit_model(target, {**fixed, **centered})
         except OmnisimError as error:
             reasons.append(str(error).removeprefix("camera: "))

@@ -1,6 +1,6 @@
 """Exact conversions of a lens from one model to another.
 
-All lenses here look along +z; `file_frame` has those of mirrors.
+All lenses here look along +z; `file_frame` converts mirrors.
 
 | lens | equals | with |
 | --- | --- | --- |
@@ -55,7 +55,7 @@ IDEAL_FISHEYES: Mapping[type[FocalCamera], tuple[float, float, str]] = {
 
 
 def equivalent(camera: CentralCamera, model: type[CameraT]) -> CameraT | None:
-    """Camera of a model that is the same lens, or None."""
+    """The same lens in another camera model, or None."""
     if isinstance(camera, model) and type(camera) is model:
         return camera
     convert = _CONVERSIONS.get(model)
@@ -64,7 +64,7 @@ def equivalent(camera: CentralCamera, model: type[CameraT]) -> CameraT | None:
 
 
 def is_plain(camera: UnifiedCamera) -> bool:
-    """True without distortion and skew."""
+    """True for a unified model without distortion or skew."""
     return not any(camera.distortion) and camera.skew_px == 0.0
 
 

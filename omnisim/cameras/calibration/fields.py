@@ -1,4 +1,4 @@
-"""Fields of calibration files: numbers, sizes, lists of a known length."""
+"""Fields of calibration files: numbers, sizes, and lists of a known length."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ TableT = TypeVar("TableT", bound=pydantic.BaseModel)
 
 
 def unexpected(place: str, expected: str, got: object) -> CalibrationError:
-    """Error about a value; `place` names file and key."""
+    """Error about an unexpected value; `place` names file and key."""
     return CalibrationError(f"{place}: expected {expected}, got {short(got)}")
 
 
 def check_choice(value: str, choices: Iterable[str], place: str) -> None:
-    """Refuse a word that is not among the choices.
+    """Reject a word that is not among the choices.
 
     Raises:
         CalibrationError: naming the place, the choices and the word.
@@ -37,7 +37,7 @@ def check_choice(value: str, choices: Iterable[str], place: str) -> None:
 
 
 def _whole_size(value: Any) -> int:
-    """Whole number of pixels; some formats write it with a point, as 1280.0."""
+    """Integer number of pixels; some formats write it with a decimal point, as 1280.0."""
     if type(value) in (int, float) and 1 <= value <= MAX_SIZE_PX and value == int(value):
         return int(value)
     raise ValueError(f"expected {SIZE}")
@@ -49,13 +49,13 @@ Matrix = list[list[Number]]
 
 
 class ForeignTable(Table):
-    """A table of another tool's file: unknown keys are ignored."""
+    """Table of another tool's file: unknown keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
 def parse(data: Any, model: type[TableT], source: str) -> TableT:
-    """Check `data` against `model`; `source` names file and place in messages.
+    """Validate `data` against `model`; `source` names file and place in messages.
 
     Raises:
         CalibrationError: naming place, key, the expected value and the one found.
@@ -72,10 +72,10 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
 
 
 def parse_number(word: str, place: str) -> float:
-    """Finite number of a word in a text file.
+    """Parse a finite number in a text file.
 
     Raises:
-        CalibrationError: the word is none.
+        CalibrationError: the word is not a finite number.
     """
     try:
         value = float(word)
@@ -87,10 +87,10 @@ def parse_number(word: str, place: str) -> float:
 
 
 def parse_size(word: str, place: str) -> int:
-    """Number of pixels of a word in a text file.
+    """Parse a number of pixels in a text file.
 
     Raises:
-        CalibrationError: the word is none.
+        CalibrationError: the word is not a number of pixels.
     """
     try:
         return _whole_size(parse_number(word, place))
@@ -99,10 +99,10 @@ def parse_size(word: str, place: str) -> int:
 
 
 def counted(values: Sequence[float], names: str, source: str) -> list[float]:
-    """Values that have to be as many as the names.
+    """Values, checked to be as many as the space-separated names.
 
     Raises:
-        CalibrationError: they are more, or fewer.
+        CalibrationError: there are more or fewer.
     """
     expected = names.split()
     if len(values) != len(expected):
@@ -112,10 +112,10 @@ def counted(values: Sequence[float], names: str, source: str) -> list[float]:
 
 
 def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
-    """Pose (4, 4) from rows; three rows are completed.
+    """Pose (4, 4) from rows; a fourth row is added to three.
 
     Raises:
-        CalibrationError: no pose.
+        CalibrationError: the matrix is not a pose.
     """
     rows = [list(row) for row in matrix]
     if len(rows) == 3:
@@ -130,12 +130,12 @@ def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
 
 
 def rows(matrix: NDArray[np.float64]) -> list[list[float]]:
-    """Nested lists of a matrix's floats, without −0."""
+    """Rows of a matrix as nested lists of floats, with −0 replaced by 0."""
     listed: list[list[float]] = (np.asarray(matrix) + 0.0).tolist()
     return listed
 
 
 def short(value: object) -> str:
-    """Text of a value for a message, cut where it is long."""
+    """Text of a value for a message, truncated if long."""
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."

@@ -1,7 +1,7 @@
-"""Conversion between the optical frame and the frame of files, where cameras look along +z.
+"""Conversion between the optical frame and the file frame, in which cameras look along +z.
 
-A mirror's rays are (x, y, −z) in a file. The way back finds the mirror's own model where the
-file's model, the image and the rim's angle suffice, and else a `MirroredCamera`.
+A mirror's ray (x, y, z) is (x, y, −z) in a file. Reading recovers the mirror's own model if the
+lens model, the image and the rim's angle determine it, and otherwise a `MirroredCamera`.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from omnisim.core.errors import OpticsError
 
 
 def is_catadioptric(camera: CentralCamera) -> bool:
-    """True for a camera that looks down −z of its optical frame, as those under mirrors do."""
+    """True for a camera that looks along −z of its optical frame, as below a mirror."""
     return isinstance(camera, MirroredCamera) or optical_axis(camera) < 0.0
 
 
 def lens_of(camera: CentralCamera) -> CentralCamera | None:
-    """Lens with the rays of a camera, or (x, y, −z) of a mirror's, or None."""
+    """Lens with the camera's rays, or with a mirror's rays as (x, y, −z); None if there is none."""
     size, center = (camera.width_px, camera.height_px), camera.principal_point_px
     match camera:
         case MirroredCamera(lens=lens):
@@ -58,10 +58,10 @@ def camera_metadata(
     """Metadata of a camera that a file describes by `lens_of`, or natively (None).
 
     Args:
-        name: of the camera in the file.
-        camera: the camera.
-        limit_rad: angle from the axis where the domain ends, if at all.
-        residuals: of the lens in the file, if it is a fit.
+        name: camera name in the file.
+        camera: camera that the lens in the file stands for; None: stored natively.
+        limit_rad: angle from the axis where the domain ends, or None.
+        residuals: residuals of the lens in the file, if it was fitted.
     """
     return CameraMetadata(
         camera=name,
@@ -72,7 +72,7 @@ def camera_metadata(
 
 
 def camera_from_lens(lens: CentralCamera, metadata: CameraMetadata) -> CentralCamera:
-    """Camera that a file describes by a lens."""
+    """Camera that the lens in a file stands for."""
     mirrored, limit_rad = metadata.mirrored, metadata.theta_max_rad
     if limit_rad is not None and isinstance(lens, ParametricCamera):
         ended = lens.ending_at(limit_rad)
@@ -87,12 +87,12 @@ def camera_from_lens(lens: CentralCamera, metadata: CameraMetadata) -> CentralCa
 def _special_camera(
     lens: CentralCamera, mirrored: bool, turned: bool, limit_rad: float | None
 ) -> CentralCamera | None:
-    """Special case of the unified model that the parameters are of, if any."""
+    """Mirror or lens model that is this special case of the unified model, or None."""
     unified = equivalent(lens, UnifiedCamera)
     if unified is None or not is_plain(unified):
         return None
     gamma, other = unified.focal_lengths_px
-    # what a rounded sum or product leaves behind is no second focal length
+    # a difference of rounding size is not a second focal length
     if abs(gamma - other) > 4e-16 * gamma:
         return None
     size, center, xi = (lens.width_px, lens.height_px), lens.principal_point_px, unified.xi

@@ -1,9 +1,9 @@
 """Best fit of one camera model to another, and its reprojection residuals.
 
-A fit minimizes the sum of squared reprojection errors, in pixels, over pixels spread evenly over
-what the source shows, its edge included. Where both models can be the same lens, the linear
-initialization (`linear_fit`) already is the answer; otherwise Levenberg and Marquardt's method
-refines it. The residuals that a fit states are of other pixels than it was made from.
+A fit minimizes the sum of squared reprojection errors, in pixels, over pixels spread evenly across
+the valid image of the source, including its edge. If both models can describe the same lens, the
+linear initialization (`linear_fit`) is already the answer; otherwise the Levenberg-Marquardt method
+refines it. Reported residuals use other pixels than the fit.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError, OpticsError
 
 EXACT_PX = 1e-10  # rounding of a projection
-MARGIN_RAD = 1e-9  # the source's edge, rounded, is still seen
-MIN_COVERED = 0.05  # of the source's pixels; less is no image of it
-MAX_RMS = 0.02  # as a share of the image's longer side; more is another kind of image
-WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # from the axis, of the first lenses tried
-INNER = 0.85  # of the image's radius
-MIN_SHARE = 0.3  # of the area samples that see something; else there are more of them
+MARGIN_RAD = 1e-9  # keeps the source's edge visible in spite of rounding
+MIN_COVERED = 0.05  # share of the source's pixels; less is not an image of it
+MAX_RMS = 0.02  # share of the image's longer side; more is another kind of image
+WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # angles from the axis of the first guesses
+INNER = 0.85  # share of the image's radius
+MIN_SHARE = 0.3  # share of valid samples over the image; with a smaller share, more are drawn
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
 
@@ -57,13 +57,13 @@ FITTED_MODELS = {model.model_name: model for model in FITTED}
 
 
 class Fit(NamedTuple, Generic[CameraT]):
-    """A camera in another model.
+    """A camera fitted in another model.
 
     Attributes:
-        camera: fitted to the source.
-        residuals: over the source's valid cone, at pixels that the fit was not made from.
-        covered: share of the source's valid pixels that the fitted camera shows.
-        rotation: (3, 3) target_from_source of the axes; the identity, unless it was fitted, too.
+        camera: fitted camera.
+        residuals: residuals over the source's valid cone, at pixels not used by the fit.
+        covered: share of the source's valid pixels that the fitted camera sees.
+        rotation: (3, 3) target_from_source of the axes; the identity unless it was fitted too.
     """
 
     camera: CameraT
@@ -83,18 +83,17 @@ def fit_camera(
     """Fit a model to a camera.
 
     Args:
-        camera: the source.
-        model: the target's class, one of `FITTED_MODELS`, or the source's own.
-        mirrored: take the source's rays in a mirrored frame, see `mirrored_frame`: mirrors look
-            down −z of their optical frame, where most models see nothing.
-        fixed: attributes of the target that are given: `{"xi": 0.0}` makes the unified model a
-            pinhole camera with radial and tangential distortion.
-        rotated: fit the orientation of the axes, too, where the source's z is not its axis.
+        camera: source camera.
+        model: class of the fitted camera, one of `FITTED_MODELS` or the source's own.
+        mirrored: express the source's rays in a mirrored frame, see `mirrored_frame`. Mirrors look
+            along −z of their optical frame, where most models see nothing.
+        fixed: attributes of the fitted camera that are held constant: `{"xi": 0.0}` makes the
+            unified model a pinhole camera with radial and tangential distortion.
+        rotated: also fit the orientation of the axes, for a source whose axis is not its z.
 
     Raises:
-        CalibrationError: a model that cannot be fitted, or one that cannot see what the source
-            shows.
-        OpticsError: a camera without one viewpoint.
+        CalibrationError: the model cannot be fitted, or cannot see the source's field of view.
+        OpticsError: the source is non-central.
     """
     check_central(camera, "fit")
     fixed = dict(fixed or {})
@@ -124,12 +123,12 @@ def fit_camera(
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
 def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Samples:
-    """Pixels that see something, evenly all over the image and on the edge, and their rays.
+    """Valid pixels, spread evenly over the image and along its edge, with their rays.
 
     Args:
-        camera: the camera.
-        mirrored: rays in `mirrored_frame`.
-        phase: another number, from 0 to 1, gives others.
+        camera: source camera.
+        mirrored: rays are in `mirrored_frame`.
+        phase: offset in [0, 1] of the pixel sequence; another phase gives other pixels.
     """
     inner = _spread_pixels(camera, AREA_SAMPLES, phase)
     share = float(camera.ray_from_pixel(inner).valid.mean())
@@ -144,17 +143,17 @@ def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Sam
 
 
 def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> NDArray[np.float64]:
-    """Pixels (count, 2) evenly all over an image."""
+    """Pixels (count, 2) spread evenly over an image."""
     steps = np.arange(1, count + 1)[:, None] / np.array([PLASTIC, PLASTIC**2]) + phase
     pixels: NDArray[np.float64] = steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
     return pixels
 
 
 def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
-    """Matrix (3, 3) from a mirror's optical frame to one in which its image is a lens's.
+    """Matrix (3, 3) from a mirror's optical frame to a frame in which its image is a lens's.
 
-    (x, y, −z), a reflection as the mirror itself is one; (−x, −y, −z) where the image is also
-    upside down, as the elliptic mirror's. It is its own inverse.
+    (x, y, −z): a reflection, like the mirror itself; (−x, −y, −z) if the image is also upside
+    down, as an elliptic mirror's. The matrix is its own inverse.
     """
     beside = source.ray_from_pixel(np.add(source.principal_point_px, (0.25, 0.0))).directions
     sign = -1.0 if beside[0] < 0.0 else 1.0
@@ -164,13 +163,13 @@ def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
 class _Axis(NamedTuple):
     """Optical axis of a source, about which its rays are nearly symmetric."""
 
-    rotation: NDArray[np.float64]  # (3, 3) to axes whose z it is
+    rotation: NDArray[np.float64]  # (3, 3) to axes whose z is the optical axis
     center_px: tuple[float, float]
 
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
 def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
-    """Axis of a source by a Kannala-Brandt lens, which takes any angle, with its rotation free."""
+    """Axis of a source, from a Kannala-Brandt fit at any angle with free rotation."""
     samples = samples_of(camera, mirrored)
     samples = samples.subset(samples.on_area)
     if len(samples.pixels_px) == 0:
@@ -185,15 +184,15 @@ def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
         seen = turned.subset(start.pixel_from_ray(turned.directions).valid)
         with np.errstate(all="ignore"):
             lens, turn = _refined(start, seen, FITTED[KannalaBrandtCamera].free, {}, True)
-    except OpticsError:  # an image that is inside out, as a cone's, is none of such a lens
+    except OpticsError:  # an inside-out image, as a cone's, fits no such lens
         return axis
     return _Axis(turn @ axis.rotation, lens.principal_point_px)
 
 
 def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
-    """Axis of the equidistant lens that is nearest to the samples, of some.
+    """Axis of the equidistant lens nearest to the samples, among a few candidates.
 
-    Source: Kabsch 1976, for the rotation between their directions.
+    Source: Kabsch 1976, for the rotation between the two sets of directions.
     """
     u, v = samples.pixels_px.mean(axis=0).tolist()
     best, found = -math.inf, _Axis(np.eye(3), source.principal_point_px)
@@ -218,7 +217,7 @@ def _fitted(
     fixed: Mapping[str, Any],
     axis: _Axis | None,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
-    """Camera of a model with the smallest residuals, and its rotation, near an axis if any."""
+    """Camera with the smallest residuals, and its rotation; starts near an axis, if given."""
     rotation = np.eye(3) if axis is None else axis.rotation
     center_px = None if axis is None else axis.center_px
     samples = samples.rotated(rotation)
@@ -228,14 +227,14 @@ def _fitted(
     seen = camera.pixel_from_ray(samples.directions)
     if not (seen.valid.all() and np.abs(seen.positions_px - samples.pixels_px).max() <= EXACT_PX):
         used = seen.valid
-        if is_pinhole or model is PerspectiveCamera:  # near 90° a plane's pixels are far out
+        if is_pinhole or model is PerspectiveCamera:  # near 90° an image plane extends far out
             used &= samples.theta_rad <= STEEPEST_RAD
         if used.sum() < MIN_SAMPLES:
             raise OpticsError("it sees nothing, or next to nothing, of what that shows")
         free = FITTED[model].free
         camera, turn = _refined(camera, samples.subset(used), free, fixed, axis is not None)
         rotation, samples = turn @ rotation, samples.rotated(turn)
-    # past the source's own domain the fit means nothing
+    # beyond the source's own domain the fit is meaningless
     limit = min(float(samples.theta_rad.max(initial=0.0)) + MARGIN_RAD, model.largest_theta_rad)
     return camera.ending_at(limit) or camera, rotation
 
@@ -279,13 +278,13 @@ def _refined(
         try:
             seen = camera_of(vector).pixel_from_ray(directions)
         except OpticsError:
-            return penalty  # no camera at all
+            return penalty  # not a valid camera
         errors: NDArray[np.float64] = seen.positions_px - samples.pixels_px
         errors[~seen.valid] = penalty[0]
         return errors.ravel()
 
     inside = np.clip(first, low + 1e-12, high - 1e-12)
-    with np.errstate(all="ignore"):  # a step too far is no camera, and is taken back
+    with np.errstate(all="ignore"):  # a step too far is no valid camera, and is taken back
         # parameters differ by many powers of ten: scaled by the columns of the Jacobian
         found = least_squares(
             errors_px, inside, bounds=(low, high), x_scale="jac",
@@ -298,9 +297,9 @@ def _refined(
 
 
 def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> NDArray[np.float64]:
-    """Units (n,) of a parameter's values, in which steps of all are about as long.
+    """Step units (n,) of a parameter's values that move the image by similar distances.
 
-    Those of a polynomial of the image radius are of its powers.
+    The units of a polynomial of the image radius are powers of the radius.
     """
     if name != "polynomial":
         return np.ones(len(values))
@@ -312,10 +311,10 @@ def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> 
 def _evaluate(
     source: CentralCamera, target: CameraT, mirrored: bool, rotation: NDArray[np.float64]
 ) -> Fit[CameraT]:
-    """Fit with its residuals, at pixels that it was not made from.
+    """Fit with residuals at pixels not used by the fit.
 
     Raises:
-        CalibrationError: the target sees nothing of what the source shows.
+        CalibrationError: the target sees nothing of the source's field of view.
     """
     samples = samples_of(source, mirrored, phase=0.5).rotated(rotation)
     seen = target.pixel_from_ray(samples.directions)

@@ -1,4 +1,4 @@
-"""FOV lens of Kalibr and COLMAP, which readers replace by the nearest of omnisim's models.
+"""FOV lens of Kalibr and COLMAP, which readers replace by the nearest omnisim model.
 
     r = atan(2 tan θ tan(w/2))/w
 
@@ -25,7 +25,7 @@ class FovLens(TwoFocalCamera, RadialCamera):
     """Lens of the FOV model.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_lengths_px: (fx, fy).
         principal_point_px: (u, v) of the optical axis.
         w: field of view of the ideal fisheye, in radians.

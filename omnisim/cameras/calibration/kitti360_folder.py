@@ -1,7 +1,7 @@
-"""KITTI-360's calibration folder: fisheyes in files of their own, and all cameras' extrinsics.
+"""KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.
 
-    calib_cam_to_pose.txt   `image_02: ` and a 3 × 4 matrix a line: the camera to the IMU
-    image_02.yaml …         the fisheyes, see formats/camodocal.py
+        calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
+        image_02.yaml …         the fisheyes, see formats/camodocal.py
 
 The perspective cameras of perspective.txt are not read.
 Source: KITTI-360's documentation, "Calibrations".
@@ -28,10 +28,10 @@ NUMBERS = " ".join(f"r{row}{column}" for row in "123" for column in "123t")
 
 
 def read_kitti360_folder(folder: Path, mirrored: bool | None) -> tuple[CalibratedCamera, ...]:
-    """Fisheyes of a folder with their poses on the IMU, at least one.
+    """Read the fisheye cameras of a folder, at least one, with their poses relative to the IMU.
 
     Raises:
-        CalibrationError: no such folder, or a file with a fault.
+        CalibrationError: the folder does not exist, or a file is invalid.
     """
     path = folder / EXTRINSICS
     if not path.is_file():
@@ -52,7 +52,7 @@ def read_kitti360_folder(folder: Path, mirrored: bool | None) -> tuple[Calibrate
 
 
 def _extrinsics(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Poses (4, 4) imu_from_camera by the cameras' names."""
+    """Poses (4, 4) imu_from_camera by camera name."""
     found = {}
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         name, colon, words = line.partition(":")

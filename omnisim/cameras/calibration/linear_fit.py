@@ -1,9 +1,9 @@
-"""Linear initialization of a fit: for each model the linear problem that is nearest to the fit.
+"""Linear initialization of a fit: for each model, the linear problem closest to the full fit.
 
-All take the image as a plane scaled to its axis, with the source's principal point and ratio of
-focal lengths, and use the angle θ from +z and the radius r there alone. Where the source is
-symmetric about its axis and the target can be the same lens, this is the answer already: the
-unified models, for one, have r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
+All of them scale the image plane along the axes to the source's ratio of focal lengths, take its
+principal point, and use only the angle θ from +z and the radius r. If the source is symmetric about
+its axis and the target can be the same lens, this is already the answer. The unified models, for
+example, satisfy r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ from omnisim.cameras.plane_camera import PlaneCamera
 from omnisim.core.errors import OpticsError
 
 MIN_SAMPLES = 20
-MAX_ALPHA = 0.99  # ξ = 99 for the unified model, beyond which the image hardly changes
-STEEPEST_RAD = math.radians(80.0)  # further out a tangent's pixels would drown all others
+MAX_ALPHA = 0.99  # ξ = 99 for the unified model; beyond it the image hardly changes
+STEEPEST_RAD = math.radians(80.0)  # farther out, tan θ would outweigh all other pixels
 TABLE_NODES = 48
 OCAMCALIB_POWERS = (0, 2, 3, 4, 5, 6)  # a1 = 0: the image is smooth at the axis
 IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | OrthographicCamera
@@ -53,12 +53,12 @@ IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | Ortho
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Pixels of the source and their rays, in the target's optical frame.
+    """Source pixels and their rays, in the target's optical frame.
 
     Attributes:
         pixels_px: (n, 2).
         directions: (n, 3), unit.
-        on_area: (n,) spread evenly over the image; the others are on its edge.
+        on_area: (n,) True for samples spread over the image, False on its edge.
     """
 
     pixels_px: NDArray[np.float64]
@@ -71,23 +71,23 @@ class Samples:
         return angles_from_axis(self.directions, 1.0)
 
     def subset(self, mask: NDArray[np.bool_]) -> Samples:
-        """Samples of a mask (n,)."""
+        """Samples selected by a mask (n,)."""
         return Samples(self.pixels_px[mask], self.directions[mask], self.on_area[mask])
 
     def rotated(self, rotation: NDArray[np.float64]) -> Samples:
-        """The same samples with rays in rotated axes; themselves, where nothing is rotated."""
+        """The same samples with rotated rays; `self` if the rotation is the identity."""
         if np.array_equal(rotation, np.eye(3)):
-            return self  # to the last bit
+            return self  # keeps every bit
         return Samples(self.pixels_px, self.directions @ rotation.T, self.on_area)
 
 
 class Profile(NamedTuple):
-    """Profile of the source as a radially symmetric lens.
+    """Source camera as a radially symmetric lens.
 
     Attributes:
-        size: the image's width and height in px.
+        size: image width and height, px.
         center_px: (u, v) of the axis.
-        aspect: focal length along v over that along u.
+        aspect: ratio of the focal length along v to that along u.
         theta_rad: (n,) angles from +z.
         radii_px: (n,) distances from the axis, in pixels along u.
     """
@@ -108,10 +108,10 @@ class Profile(NamedTuple):
 def radial_profile(
     camera: CentralCamera, samples: Samples, center_px: tuple[float, float] | None = None
 ) -> Profile:
-    """Profile of a camera about its principal point, or another center for the target.
+    """Radial profile of a camera about its principal point, or about `center_px` of the target.
 
     Raises:
-        OpticsError: too few samples in front of the target.
+        OpticsError: too few samples are in front of the target.
     """
     if len(samples.theta_rad) < MIN_SAMPLES or samples.theta_rad.min() > math.radians(170.0):
         raise OpticsError("it shows next to nothing that could be compared")
@@ -128,16 +128,16 @@ def radial_profile(
 def linear_fit(
     model: type[ParametricCamera], profile: Profile, is_pinhole: bool
 ) -> ParametricCamera:
-    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 if it is a pinhole.
+    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole.
 
     Raises:
-        OpticsError: there is no such camera.
+        OpticsError: no such camera exists.
     """
     return _pinhole(profile) if is_pinhole else FITTED[model].initialize(profile)
 
 
 def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solution of a linear least-squares problem, its columns scaled to the same length."""
+    """Solution of a linear least-squares problem with columns scaled to equal length."""
     matrix = np.stack(columns, axis=-1)
     lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     solution: NDArray[np.float64] = (
@@ -147,7 +147,7 @@ def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> N
 
 
 def _alpha_and_focal(profile: Profile) -> tuple[float, float]:
-    """α and f of r (α + (1 − α) cos θ) = f sin θ, from the angles that such a model can see."""
+    """α and f in r (α + (1 − α) cos θ) = f sin θ, from the angles that such a model can see."""
     theta, radius = profile.theta_rad, profile.radii_px
     alpha, focal = 0.5, 1.0
     for _ in range(8):
@@ -155,7 +155,7 @@ def _alpha_and_focal(profile: Profile) -> tuple[float, float]:
         alpha, focal = _solve([radius * (1.0 - cosine), -sine], -radius * cosine)
         alpha = float(alpha)
         if abs(alpha) < 1e-12 or abs(alpha - 1.0) < 1e-12:
-            alpha = round(alpha)  # rounding, where the model ends
+            alpha = round(alpha)  # rounding error at the model's limits
         if not 0.0 <= alpha <= 1.0:
             alpha = min(max(alpha, 0.0), 1.0)
             spread = sine / np.maximum(alpha + (1.0 - alpha) * cosine, 0.1)
@@ -169,7 +169,7 @@ def _alpha_and_focal(profile: Profile) -> tuple[float, float]:
 
 
 def _perspective_focal(profile: Profile) -> float:
-    """f of r cos θ = f sin θ, from the angles in front."""
+    """f in r cos θ = f sin θ, from the angles in front of the camera."""
     front = profile.theta_rad < STEEPEST_RAD
     if not front.any():
         raise OpticsError("it sees nothing in front")
@@ -186,7 +186,7 @@ def _unified(profile: Profile) -> UnifiedCamera:
 
 
 def _pinhole(profile: Profile) -> UnifiedCamera:
-    """The unified model with ξ = 0: r = f (t + k1 t³ + k2 t⁵), t = tan θ, if that does not fold."""
+    """Unified model with ξ = 0, unless it folds: r = f (t + k1 t³ + k2 t⁵), t = tan θ."""
     focal, distortion = _perspective_focal(profile), (0.0, 0.0, 0.0, 0.0)
     front = profile.theta_rad < STEEPEST_RAD
     tangent = np.tan(profile.theta_rad[front])
@@ -194,7 +194,7 @@ def _pinhole(profile: Profile) -> UnifiedCamera:
     if first > 0.0:
         k1, k2 = float(third / first), float(fifth / first)
         residuals = profile.radii_px[front] - focal * tangent
-        # rounding of a lens without distortion is none
+        # rounding errors of an undistorted lens are not distortion
         is_distorted = np.abs(residuals).max() > 1e-9 * focal
         if is_distorted and RadialTangential(k1, k2, 0.0, 0.0).radius_limit(10.0) > tangent.max():
             focal, distortion = float(first), (k1, k2, 0.0, 0.0)
@@ -252,14 +252,14 @@ def _radial_table(profile: Profile) -> RadialTableCamera:
     theta, radius = profile.theta_rad[order], np.maximum.accumulate(profile.radii_px[order])
     nodes = np.linspace(0.0, min(theta[-1] + 1e-9, math.pi), TABLE_NODES)
     radii = np.interp(nodes, np.append(0.0, theta), np.append(0.0, radius))
-    radii += np.arange(TABLE_NODES) * 1e-9 * radii[-1]  # rising, even where the source is not
+    radii += np.arange(TABLE_NODES) * 1e-9 * radii[-1]  # rises even where the source does not
     return RadialTableCamera(
         *profile.size, profile.center_px, tuple(nodes.tolist()), tuple(radii.tolist())
     )
 
 
 def _gazebo(profile: Profile) -> GazeboCamera:
-    """The best of its three functions, each with the best of some c2, c3 = 0."""
+    """Best of Gazebo's three functions, each with the best c2 of a set and c3 = 0."""
     candidates: list[tuple[float, GazeboCamera]] = []
     widest = float(profile.theta_rad.max())
     for name, function in FUNCTIONS.items():
@@ -293,7 +293,7 @@ def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
 
 
 def _scale(shape: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    """Factor of a shape (n,) that is nearest to values (n,)."""
+    """Least-squares factor from a shape (n,) to values (n,)."""
     return float(values @ shape / (shape @ shape))
 
 
@@ -306,7 +306,7 @@ _FOCALS = {"focal_lengths_px": (0.0, math.inf), **_CENTER}
 
 
 class FittedModel(NamedTuple):
-    """Initialization of a fit, and bounds of the model's free parameters."""
+    """Initialization of a fit, and bounds on the model's free parameters."""
 
     initialize: Callable[[Profile], ParametricCamera]
     free: Mapping[str, Bounds]

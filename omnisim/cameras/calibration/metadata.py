@@ -1,18 +1,18 @@
-"""omnisim's own metadata of a camera, in files of formats that have no place for it.
+"""omnisim's own metadata about a camera, in files whose format has no field for it.
 
-One JSON object a camera: in a comment line `# omnisim {…}`, an XML comment, or under the key
-`omnisim`. Other readers of the format ignore them.
+Each camera has one JSON object: in a comment line `# omnisim {…}`, in an XML comment, or under the
+key `omnisim`. Other readers of the format ignore it.
 
 | key | |
 | --- | --- |
-| camera | name of the camera in the file |
-| mirrored | true: the file's rays are (x, y, −z) of the camera's, which looks into a mirror |
-| turned | true: they are (−x, −y, −z), as an elliptic mirror's |
+| camera | camera name in the file |
+| mirrored | true: the camera looks into a mirror; rays (x, y, z) are (x, y, −z) in the file |
+| turned | true: rays are (−x, −y, −z) in the file, as an elliptic mirror's |
 | theta_max_rad | angle from the axis where the camera's domain ends |
-| fitted_from | model of the camera that this one was fitted to |
+| fitted_from | model of the source camera of the fit |
 | rms_px, max_px | residuals of the fit, within cone_deg of the axis |
-| at_distances | of a fit to optics without one viewpoint: residuals by distance_m; none: infinity |
-| optics_from_camera | 4 × 4 pose in the optical frame of those optics: the viewpoint, and axes |
+| at_distances | residuals by distance_m of a fit to non-central optics; no distance: infinity |
+| optics_from_camera | 4 × 4 pose in those optics' optical frame: the viewpoint, and axes |
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class DistanceMetadata(ForeignTable):
 
     @classmethod
     def of(cls, error: CentralError) -> DistanceMetadata:
-        """Metadata of residuals."""
+        """Build the metadata from residuals."""
         values = error._asdict()
         if math.isinf(error.distance_m):
             values["distance_m"] = None
@@ -66,7 +66,7 @@ class DistanceMetadata(ForeignTable):
 
 
 class CameraMetadata(ForeignTable):
-    """One camera's metadata."""
+    """Metadata of one camera."""
 
     camera: str
     mirrored: Flag = False
@@ -100,23 +100,23 @@ class CameraMetadata(ForeignTable):
             "at_distances": tuple(
                 DistanceMetadata.of(error)
                 for error in residuals.at_distances
-                if error.left_out < 1.0  # no number otherwise
+                if error.left_out < 1.0  # otherwise there is no number
             ),
         }
         return self.model_copy(update=fit)
 
     def with_poses(self, poses: Sequence[NamedPose]) -> CameraMetadata:
-        """The same metadata with the camera's pose in the optics that it was fitted to, if any."""
+        """The same metadata with the camera's pose in the source optics of its fit, if any."""
         matrix = find_pose(poses, OPTICS, self.camera)
         if matrix is None:
             return self
         return self.model_copy(update={"optics_from_camera": rows(matrix)})
 
     def poses(self, others: Sequence[NamedPose], place: str) -> tuple[NamedPose, ...]:
-        """Poses of the file, and that in the optics, where the file's format has none.
+        """Poses in the file, plus the pose in the source optics if the format cannot hold it.
 
         Raises:
-            CalibrationError: a matrix that is no pose; `place` names it.
+            CalibrationError: a matrix is not a pose; `place` names it.
         """
         if self.optics_from_camera is None or any(one.target == OPTICS for one in others):
             return tuple(others)
@@ -125,7 +125,7 @@ class CameraMetadata(ForeignTable):
 
 
 def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: MetadataPlace) -> str:
-    """Text of a file with the cameras' metadata, as far as they differ from the defaults."""
+    """Embed the cameras' metadata in a file's text, omitting defaults."""
     entries = [one.model_dump(mode="json", exclude_defaults=True) for one in metadata]
     entries = [entry for entry in entries if len(entry) > 1]
     if not entries:
@@ -133,7 +133,7 @@ def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: Metadat
     if place is MetadataPlace.KEY:
         return json.dumps({**json.loads(text), "omnisim": entries}, indent=2) + "\n"
     opening, closing, _ = _COMMENTS[place]
-    # "--" must not be in an XML comment
+    # XML comments must not contain "--"
     lines = ["omnisim " + json.dumps(entry).replace("--", "-\\u002d") for entry in entries]
     if any(entry.get("mirrored") for entry in entries):
         lines.append("mirrored: (x, y, z) here is (x, y, -z) of the camera, which faces a mirror")
@@ -141,10 +141,10 @@ def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: Metadat
 
 
 def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, CameraMetadata]:
-    """Metadata in a file, by the cameras' names.
+    """Metadata in a file, by camera name.
 
     Raises:
-        CalibrationError: metadata that are malformed.
+        CalibrationError: the metadata is malformed.
     """
     where = f"{source}: omnisim's metadata"
     if place is MetadataPlace.KEY:

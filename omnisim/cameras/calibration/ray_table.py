@@ -1,16 +1,16 @@
-"""Ray tables: origin and direction of each pixel's ray, for users without the camera model.
+"""Ray tables: origin and direction of the ray of each pixel, for use without the camera model.
 
-An EXR file of 32-bit floats, one value for each pixel's center, first row at the top:
+The file is an EXR of 32-bit floats, with one value per pixel center and the first row at the top:
 
 | channel | unit | |
 | --- | --- | --- |
 | direction.X, .Y, .Z | – | unit vector, optical frame: x right, y down, z forward |
 | origin.X, .Y, .Z | m | a point that the ray passes through, same frame; 0 for central cameras |
-| valid | 0 or 1 | the pixel sees something; where it is 0 the direction means nothing |
+| valid | 0 or 1 | 1: the pixel sees something; 0: the direction is meaningless |
 
-The file's attributes repeat this: `omnisim:frame`, `omnisim:unit`, `omnisim:pixel`. The camera
-and its pose are in ImageDescription as JSON, as in omnisim's images. A
-mirror that is drawn as a mesh has the exact mirror's rays here.
+The file attributes `omnisim:frame`, `omnisim:unit` and `omnisim:pixel` repeat these conventions. As
+in omnisim's images, ImageDescription holds the camera and its pose as JSON. For a mirror that is
+rendered as a mesh, the table has the rays of the exact mirror.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ ATTRIBUTES = {
     "omnisim:unit": "meters; directions are unit vectors",
     "omnisim:pixel": "a value is that of the pixel's center; the first row is the top one",
 }
-BAND_PIXELS = 1 << 20  # computed at once, which bounds the memory of intermediate results
+BAND_PIXELS = 1 << 20  # pixels computed at once, to bound the memory of intermediate results
 UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 
 
 @dataclass(frozen=True, eq=False)
 class RayTable:
-    """The rays of an image's pixels.
+    """Rays of an image's pixels.
 
     Attributes:
         directions: (height, width, 3) float32, unit vectors where valid, optical frame.
         origins_m: (height, width, 3) float32, points on the rays, optical frame.
-        valid: (height, width) the pixel sees something.
-        metadata: of the camera; empty without any in the file.
+        valid: (height, width), True if the pixel sees something.
+        metadata: camera metadata; empty if the file has none.
     """
 
     directions: NDArray[np.float32]
@@ -61,7 +61,7 @@ class RayTable:
 
 
 def ray_table(camera: CentralCamera) -> RayTable:
-    """Rays of all pixels of a camera."""
+    """Compute the rays of all pixels of a camera."""
     size = (camera.height_px, camera.width_px)
     directions = np.empty((*size, 3), dtype=np.float32)
     origins_m = np.zeros_like(directions)
@@ -81,15 +81,15 @@ def ray_table(camera: CentralCamera) -> RayTable:
 def write_ray_table(
     path: str | Path, camera: CentralCamera, metadata: dict[str, Any] | None = None
 ) -> None:
-    """Write the rays of a camera.
+    """Write the rays of a camera to an EXR file.
 
     Args:
-        path: of the EXR file.
-        camera: the camera.
-        metadata: more of it, such as the camera's pose.
+        path: output file.
+        camera: camera model.
+        metadata: additional metadata, such as the camera's pose.
 
     Raises:
-        OutputError: another suffix, or a file that cannot be written; nothing is left of it then.
+        OutputError: the suffix is not EXR's, or the file cannot be written; then no file remains.
     """
     table = ray_table(camera)
     channels: dict[str, NDArray[Any]] = {}
@@ -102,11 +102,11 @@ def write_ray_table(
 
 
 def read_ray_table(path: str | Path) -> RayTable:
-    """Read a ray table, of omnisim or another program.
+    """Read a ray table written by omnisim or another program.
 
     Raises:
-        OutputError: the file is missing or no EXR, or naming a channel that is missing or
-            malformed.
+        OutputError: the file is missing or not an EXR, or a channel is missing or malformed; the
+            message names it.
     """
     path = Path(path)
     found = read_channels(path)

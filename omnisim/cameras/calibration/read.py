@@ -1,4 +1,4 @@
-"""Cameras of a calibration file."""
+"""Reading of cameras from a calibration file."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.cameras.calibration.metadata import CameraMetadata, read_metadata
 from omnisim.core.errors import CalibrationError
 
-GOOD_PX = 0.05  # what no corner detector sees
+GOOD_PX = 0.05  # below the accuracy of any corner detector
 MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the image's shorter side
-MAX_CENTER_OFFSET = 0.5  # of the image's size beside it: further away, one of both is wrong
+MAX_CENTER_OFFSET = 0.5  # share of the image size outside it; beyond, center or size is wrong
 
 
 def read_cameras(
     path: Path, format: str | None, mirrored: bool | None
 ) -> tuple[tuple[CalibratedCamera, ...], str]:
-    """Cameras of a file, at least one, and the name of its format.
+    """Read at least one camera from a file, and the name of the file's format.
 
     Args:
-        path: the file.
-        format: name of its format, or None.
-        mirrored: True if the cameras look into mirrors, None to take it from their metadata.
+        path: calibration file.
+        format: name of the format, or None to detect it.
+        mirrored: True if the cameras look into mirrors; None to take it from their metadata.
 
     Raises:
-        CalibrationError: naming file, key, the expected value and the one found.
+        CalibrationError: naming file, key, the expected value and the actual one.
     """
     text, source = read_text(path), str(path)
     form = detect_format(text, source, format)
@@ -85,14 +85,14 @@ def _calibrated(
 
 
 def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
-    """Nearest of omnisim's models to a lens of another, and a note on its residuals.
+    """omnisim model nearest to a lens of another model, and a note about its residuals.
 
     Args:
-        lens: of the other model.
-        source: names file and camera in messages.
+        lens: lens that omnisim has no model for.
+        source: file and camera, for messages.
 
     Raises:
-        CalibrationError: none is near.
+        CalibrationError: no model is close enough.
     """
     place = f"{source}: {lens.model_name}"
     best: Fit[CentralCamera] | None = None
@@ -124,7 +124,7 @@ def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
 
 
 def _check_camera(camera: CentralCamera, place: str) -> None:
-    """Refuse a camera whose image shows nothing, or whose axis is far beside it.
+    """Reject a camera with an empty image, or with an axis far outside it.
 
     Raises:
         CalibrationError: with the center, or with what the image shows.
@@ -140,7 +140,7 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
         )
     steps = np.linspace(0.0, 1.0, 33)
     grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
-    # not the center itself, which broken numbers show, too, but the pixel there
+    # tests the pixel at the center, because even invalid parameters give the center itself
     rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(center)[None])))
     if not (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
         raise CalibrationError(f"{place}: no pixel of this camera sees anything: expected a lens")

@@ -1,8 +1,9 @@
-"""Rigs: the cameras of a calibration on the body that carries them.
+"""Camera rigs: the cameras of a calibration on the body that carries them.
 
-A calibration states poses pair by pair: a camera in the one before, a camera at the IMU. The rig
-chains them to poses on one body: the frame that the file names beside its cameras (`imu`,
-`vehicle`, `base`), or the first camera where it names none. A pose in the world is no mounting.
+A calibration gives poses in pairs: a camera relative to the previous one, or to the IMU. The rig
+chains them to poses on one body. The body is the frame that the file names beside its cameras
+(`imu`, `vehicle`, `base`), or the first camera if there is none. A pose in the world is not a
+mounting.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from omnisim.core.poses import inverse, rotation_angles
 from omnisim.core.short_repr import short_repr
 
 WORLD = "world"
-# Extrinsics of two ways along a chain that are further apart are of different calibrations.
+# Tolerance between two chains of extrinsics; beyond it they contradict each other.
 MAX_GAP_M, MAX_GAP_RAD = 1e-3, 1e-3
 
 
@@ -30,10 +31,10 @@ class RigCamera:
     """Camera on a rig.
 
     Attributes:
-        name: of the camera in its file.
-        model: the camera.
+        name: camera name in the file.
+        model: camera model.
         body_from_camera: (4, 4) pose of its optical frame (x right, y down, z forward).
-        time_shift_s: from the camera's stamps to the times of the IMU.
+        time_shift_s: offset from camera timestamps to IMU timestamps.
     """
 
     name: str
@@ -50,8 +51,8 @@ class Rig:
     """Cameras on one body.
 
     Attributes:
-        body: name of the body's frame: another than a camera's, or the first camera.
-        cameras: at least one, in the order of the file.
+        body: name of the body frame: a frame other than the cameras', or the first camera.
+        cameras: at least one, in file order.
     """
 
     body: str
@@ -62,11 +63,11 @@ class Rig:
 
     @property
     def has_body(self) -> bool:
-        """True for a body of its own, which is no camera."""
+        """True if the body is not one of the cameras."""
         return self.body not in [camera.name for camera in self.cameras]
 
     def only(self, name: str) -> Rig:
-        """Rig of one of its cameras, on the same body.
+        """Rig with only one of the cameras, on the same body.
 
         Raises:
             CalibrationError: there is no camera of that name.
@@ -78,16 +79,17 @@ class Rig:
 
     @classmethod
     def of(cls, calibration: Calibration, name: str | None = None) -> Rig:
-        """Rig of all cameras of a calibration.
+        """Build a rig from the cameras of a calibration.
 
         Args:
-            calibration: with the extrinsics of its cameras.
-            name: of the camera that is needed, or None: all. Others may lack extrinsics then, and
-                it may itself: it is a rig of its own then.
+            calibration: cameras with extrinsics.
+            name: name of the only required camera, or None if all are required. The other cameras
+                may then lack extrinsics; if the named camera lacks them too, it becomes a rig of
+                its own.
 
         Raises:
-            CalibrationError: a camera whose pose on the body is not in the file, or two ways to a
-                pose that contradict each other.
+            CalibrationError: the file lacks a camera's pose on the body, or two chains of poses
+                contradict each other.
         """
         names = calibration.names
         poses = [
@@ -112,12 +114,12 @@ class Rig:
             elif name == camera.name:
                 return cls.of(calibration.only(name))
         if name is not None:
-            calibration.camera(name)  # or there is none
+            calibration.camera(name)  # raises if it does not exist
         return cls(body, tuple(cameras))
 
 
 def _check_consistent(poses: list[NamedPose], source: str) -> None:
-    """Refuse a pose that contradicts the way that the others give."""
+    """Reject a pose that contradicts the chain of the other poses."""
     for index, pose in enumerate(poses):
         around = find_pose(poses[:index], pose.target, pose.source)
         if around is None:

@@ -1,25 +1,25 @@
-"""The pinhole camera that looks into an elliptic mirror from one focus; the other is the viewpoint.
+"""Elliptic mirror: the pinhole is at one focus, and the effective viewpoint at the other.
 
-A ray of the scene passes through the effective viewpoint, meets the hollow inside of the ellipsoid
-behind it, and goes on to the pinhole. So the viewpoint is a real place that rays cross in, and the
-image is upside down as a telescope's: a point of the mirror at azimuth φ shows the scene
-at φ + 180°. With e the ellipsoid's eccentricity and β the angle at the pinhole:
+A ray from the scene passes through the effective viewpoint, reflects off the concave inner side of
+the ellipsoid behind it, and continues to the pinhole. Rays really cross at the viewpoint, so the
+image is upside down as in a telescope: a mirror point at azimuth φ shows the scene at φ + 180°.
+With the ellipsoid's eccentricity e and the angle β at the pinhole:
 
     tan(θ/2) = K tan(β/2),  K = (1 + e)/(1 − e),  r = f tan β
 
-θ is measured at the viewpoint from the direction of the pinhole: 0 looks back at the camera, 90°
-is the horizon. It is the law of the hyperbolic mirror with 1/e, and of the unified model with
-ξ = 2e/(1 + e²); a pixel's ray is (−sin θ cos φ, −sin θ sin φ, −cos θ). Baker and Nayar's k and c
-have e = c/√(2k + c²); nothing else of the two shows in the image.
+θ is measured at the viewpoint from the direction of the pinhole: 0 looks back at the camera, 90° is
+the horizon. The law is that of the hyperbolic mirror with eccentricity 1/e, and that of the unified
+model with ξ = 2e/(1 + e²). The ray of a pixel is (−sin θ cos φ, −sin θ sin φ, −cos θ). In Baker and
+Nayar's terms, e = c/√(2k + c²); k and c have no other effect on the image.
 
-Domain: 0 ≤ θ ≤ θ_max ≤ 90°: a mirror that reached further would stand in its own light. The outside
-of the ellipsoid is of no use, as the pinhole is inside. e = 0, the sphere, would see itself, e = 1
-is the parabolic mirror.
+Domain: 0 ≤ θ ≤ θ_max ≤ 90°: a mirror that reached further would block its own light. The outside of
+the ellipsoid is not used, because the pinhole is inside. With e = 0 the mirror is a sphere and
+would see itself; e = 1 is the parabolic mirror.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 200 to 2000: at 90° the radius is f (1 − e²)/2e |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | eccentricity | – | 0.5 to 0.9; 0.01 to 0.9999 |
 | theta_max_deg | degrees | 90 |
 
@@ -42,23 +42,23 @@ from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 
 ECCENTRICITIES = (0.01, 0.9999)
-HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # so that the rig's front is at the top of the image
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # puts the rig's front at the top of the image
 
 
 @dataclass(frozen=True)
 class EllipticCamera(FocalCamera, RadialCamera):
-    """An image of the inside of an elliptic mirror.
+    """Camera that looks at the inside of an elliptic mirror.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_length_px: focal length of the pinhole camera.
         principal_point_px: (u, v) of the mirror's axis in the image.
         eccentricity: e of the ellipsoid.
-        theta_max_rad: angle at the viewpoint that the rim shows.
+        theta_max_rad: angle of the rim at the viewpoint.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, a center that is not finite, an
-            eccentricity outside its limits, or a rim that is not between 0 and 90°.
+        OpticsError: a size or focal length is not positive, a center is not finite, an eccentricity
+            is outside its limits, or a rim is not between 0 and 90°.
     """
 
     eccentricity: float

@@ -1,18 +1,18 @@
-"""The pinhole camera that looks at a hyperbolic mirror from its other focus: the paper's camera.
+"""Hyperbolic mirror with the pinhole camera at its other focus: the paper's camera.
 
     tan(θ/2) = K tan(β/2),  K = k − 1 + √(k(k−2)),  r = f tan β
 
 θ is measured at the mirror's inner focus, the effective viewpoint, from its axis: 0 looks down at
-the camera, 90° is the horizon, of radius f/√(k(k−2)) in the image; β is the same at the pinhole.
-A pixel's ray is (sin θ cos φ, sin θ sin φ, −cos θ). With z reflected it is the unified
-model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
+the camera, and 90° is the horizon, with the radius f/√(k(k−2)) in the image. β is the same angle at
+the pinhole. The ray of a pixel is (sin θ cos φ, sin θ sin φ, −cos θ). With z reflected, this is the
+unified model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
 
 Domain: 0 ≤ θ ≤ θ_max, the rim, which is below the mirror's asymptote acos(−√((k−2)/k)).
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| focal_length_px | px | 1300 for 360 px; `framed_on_rim` finds it |
-| principal_point_px | px | the image's middle |
+| focal_length_px | px | 1300 for 360 px; `framed_on_rim` computes it |
+| principal_point_px | px | image center |
 | k | – | ≥ 2: the paper's 11.546; 2 is a plane |
 | c | mirror units | from viewpoint to pinhole: the paper's 2.321 |
 | meters_per_unit | m | 0.04: a mirror of 24 mm |
@@ -48,7 +48,7 @@ from omnisim.core.errors import OpticsError
 
 
 class ImageRadii(NamedTuple):
-    """Distances from the principal point; where not valid, those of the domain's nearest edge."""
+    """Distances from the principal point; invalid entries hold the nearest edge of the domain."""
 
     radii_px: NDArray[np.float64]  # (...,)
     valid: NDArray[np.bool_]  # (...,)
@@ -63,16 +63,16 @@ class Incidences(NamedTuple):
 
 @dataclass(frozen=True)
 class HyperbolicCamera(FocalCamera):
-    """An image of a hyperbolic mirror: pixels to rays of the scene and back.
+    """Camera that looks at a hyperbolic mirror: maps pixels to scene rays and back.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_length_px: focal length of the pinhole camera.
         principal_point_px: (u, v) of the mirror's axis in the image.
-        mirror: the mirror, which also bounds the domain: θ ≤ θ_max.
+        mirror: mirror shape; its rim bounds the domain, θ ≤ θ_max.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a center that is not finite.
+        OpticsError: a size or focal length is not positive, or a center is not finite.
     """
 
     mirror: HyperbolicMirror
@@ -88,10 +88,10 @@ class HyperbolicCamera(FocalCamera):
     def framed_on_rim(
         cls, mirror: HyperbolicMirror, width_px: int, height_px: int
     ) -> HyperbolicCamera:
-        """Camera in whose image the rim touches the nearest edges.
+        """Camera whose image is framed so that the rim touches the nearest edges.
 
         Raises:
-            OpticsError: a size below 1.
+            OpticsError: a size is below 1.
         """
         rim_tangent = float(mirror.tangent_from_theta(mirror.theta_max_rad))
         focal_length_px = 0.5 * min(width_px, height_px) / rim_tangent
@@ -100,10 +100,10 @@ class HyperbolicCamera(FocalCamera):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> HyperbolicCamera:
-        """Make the camera that `parameters()` describes.
+        """Build the camera from its `parameters()`.
 
         Raises:
-            OpticsError: naming the key, the expected value and its own.
+            OpticsError: naming the key, the expected value and the actual one.
         """
         mirror = HyperbolicMirror(
             number(parameters, "k"),
@@ -128,8 +128,8 @@ class HyperbolicCamera(FocalCamera):
     def unified_focal_length_px(self) -> float:
         """γ of the unified (Geyer, Mei) model with the mirror's ξ: f ψ = f/(k − 1).
 
-        That model has its z axis along the mirror's: (x, y, −z) of the optical frame. It is a
-        mirrored frame, as the image of a mirror is a mirrored image.
+        The z axis of that model is the mirror's: (x, y, −z) in the optical frame. The frame is
+        mirrored, just as a mirror's image is.
         """
         return self.focal_length_px / (self.mirror.k - 1.0)
 
@@ -146,14 +146,14 @@ class HyperbolicCamera(FocalCamera):
         return self.focal_length_px * float(tangent)
 
     def image_radius(self, theta_rad: ArrayLike) -> ImageRadii:
-        """Exact image radius of incidence θ (...,), f tan β; valid where 0 ≤ θ ≤ θ_max."""
+        """Exact image radius f tan β at incidence θ (...,); valid for 0 ≤ θ ≤ θ_max."""
         theta = np.asarray(theta_rad, dtype=np.float64)
         valid = (theta >= 0.0) & (theta <= self.mirror.theta_max_rad)
         inside = np.clip(theta, 0.0, self.mirror.theta_max_rad)
         return ImageRadii(self.focal_length_px * self.mirror.tangent_from_theta(inside), valid)
 
     def incidence(self, radius_px: ArrayLike) -> Incidences:
-        """Exact incidence θ of image radius (...,); valid from 0 to the rim's radius."""
+        """Exact incidence θ at an image radius (...,); valid from 0 to the rim's radius."""
         radius = np.asarray(radius_px, dtype=np.float64)
         theta = self.mirror.theta_from_tangent(np.abs(radius) / self.focal_length_px)
         return Incidences(theta, (radius >= 0.0) & (theta <= self.mirror.theta_max_rad))
@@ -193,7 +193,7 @@ class HyperbolicCamera(FocalCamera):
         }
 
     def parameters(self) -> CameraParameters:
-        """Model and parameters by name, and ξ and γ of the unified model."""
+        """Model name and parameters, plus ξ and γ of the unified model."""
         return {
             "model": self.model_name,
             "width_px": self.width_px,
@@ -212,7 +212,7 @@ class HyperbolicCamera(FocalCamera):
 def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArray[np.float64]:
     """Image radius (...,) by the paper's Eq. 2, r = h sin θ/(1 + cos θ).
 
-    Exact for a paraboloid (ξ = 1) only; for the paper's mirror off by −0.24 % at 110°.
+    It is exact only for a paraboloid (ξ = 1); for the paper's mirror it is −0.24 % off at 110°.
 
     Source: Schmits & Visser 2008, Eq. 2. Domain: 0 ≤ θ < π.
     """

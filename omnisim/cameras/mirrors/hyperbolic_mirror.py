@@ -1,11 +1,11 @@
-"""Baker and Nayar's hyperbolic mirror, the paper's Eq. 1.
+"""Hyperbolic mirror of Baker and Nayar, the paper's Eq. 1.
 
-Mirror frame: the effective viewpoint is the origin, the pinhole of the camera that looks at the
-mirror is at (0, 0, c), z points from the one to the other. θ is the angle of incidence, measured
-at the effective viewpoint from +z: 0 looks at the pinhole, π/2 is the plane of the horizon.
+In the mirror frame, the effective viewpoint is the origin, the pinhole of the camera is at (0, 0,
+c), and z points from the viewpoint to the pinhole. θ is the angle of incidence, measured at the
+effective viewpoint from +z: 0 looks at the pinhole, π/2 is the plane of the horizon.
 
-Everything that the profile needs is written in k and c without the eccentricity, which is
-infinite for k = 2 (the plane mirror, the limit of the family).
+All formulas are in k and c. The eccentricity is avoided, because it is infinite for k = 2 (the
+plane mirror, the limit of the family).
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from omnisim.core.errors import OpticsError
 
 PAPER_K = 11.546
 PAPER_C = 2.321
-PAPER_METERS_PER_UNIT = 0.04  # an assumption: the paper names no unit
-DEFAULT_RIM_RAD = math.radians(105.0)  # an assumption: the paper names no rim
-MAX_K = 1e6  # from there on a paraboloid, to a millionth, and rounding begins to show
+PAPER_METERS_PER_UNIT = 0.04  # an assumption: the paper gives no unit
+DEFAULT_RIM_RAD = math.radians(105.0)  # an assumption: the paper gives no rim
+MAX_K = 1e6  # a paraboloid to within a millionth; beyond it rounding begins to show
 MIN_C_M, MAX_C_M = 1e-6, 1e6
 
 
 class SurfacePoints(NamedTuple):
-    """Points of the mirror, and which of them exist on this side of the asymptote and the rim."""
+    """Points on the mirror; valid on this side of the asymptote and the rim."""
 
     positions_m: NDArray[np.float64]  # (..., 3), mirror frame
     valid: NDArray[np.bool_]  # (...,)
@@ -40,9 +40,9 @@ class HyperbolicMirror:
     """A hyperboloid of revolution with one effective viewpoint, cut off at a rim.
 
     Attributes:
-        k: shape constant of Eq. 1, at least 2 (2 is the plane mirror), no unit.
+        k: shape constant of Eq. 1, dimensionless, at least 2 (2 is the plane mirror).
         c: distance from the effective viewpoint to the pinhole, in the paper's units.
-        meters_per_unit: size of one of those units in meters.
+        meters_per_unit: size of such a unit in meters.
         theta_max_rad: angle of incidence of the rim.
 
     Raises:
@@ -88,10 +88,10 @@ class HyperbolicMirror:
         c: float = PAPER_C,
         meters_per_unit: float = PAPER_METERS_PER_UNIT,
     ) -> HyperbolicMirror:
-        """Mirror whose rim is a circle of `rim_radius_m` meters.
+        """Build a mirror whose rim has a radius of `rim_radius_m` meters.
 
         Raises:
-            OpticsError: a radius ≤ 0, or anything that the constructor refuses.
+            OpticsError: a radius ≤ 0, or any value that the constructor rejects.
         """
         if not 0.0 < rim_radius_m <= MAX_C_M:
             raise OpticsError(
@@ -124,12 +124,12 @@ class HyperbolicMirror:
 
     @property
     def xi(self) -> float:
-        """ξ of the unified (Geyer, Mei) model: √(k(k−2))/(k−1); 1 would be a paraboloid."""
+        """ξ of the unified (Geyer, Mei) model: √(k(k−2))/(k−1); a paraboloid would have 1."""
         return self._s / (self.k - 1.0)
 
     @property
     def half_angle_ratio(self) -> float:
-        """K in tan(θ/2) = K tan(β/2), β the angle at the pinhole: k − 1 + √(k(k−2))."""
+        """K in tan(θ/2) = K tan(β/2), with β the angle at the pinhole: k − 1 + √(k(k−2))."""
         return self.k - 1.0 + self._s
 
     @property
@@ -144,16 +144,16 @@ class HyperbolicMirror:
 
     @property
     def rim_radius_m(self) -> float:
-        """Radius of the rim's circle."""
+        """Radius of the rim."""
         return float(self.rho_m(self.theta_max_rad)) * math.sin(self.theta_max_rad)
 
     @property
     def rim_height_m(self) -> float:
-        """Height z of the rim's circle, negative when the mirror sees above the horizon."""
+        """Height z of the rim; negative if the mirror sees above the horizon."""
         return float(self.rho_m(self.theta_max_rad)) * math.cos(self.theta_max_rad)
 
     def rho_m(self, theta_rad: ArrayLike) -> NDArray[np.float64]:
-        """Distance (...,) from the effective viewpoint to the surface; NaN past the asymptote.
+        """Distance (...,) from the effective viewpoint to the surface; NaN beyond the asymptote.
 
         Source: polar form of Eq. 1 about the focus, ρ = c/(√(k(k−2)) + k cos θ).
         """
@@ -167,7 +167,7 @@ class HyperbolicMirror:
     def surface_points(self, theta_rad: ArrayLike, azimuth_rad: ArrayLike) -> SurfacePoints:
         """Points (..., 3) in the mirror frame; θ and azimuth (...,) broadcast.
 
-        Azimuth turns from the mirror's +x to its +y. Valid where 0 ≤ θ ≤ θ_max.
+        Azimuth is counted from the mirror's +x towards its +y. Valid for 0 ≤ θ ≤ θ_max.
         """
         theta, azimuth = np.broadcast_arrays(
             np.asarray(theta_rad, dtype=np.float64), np.asarray(azimuth_rad, dtype=np.float64)
@@ -186,17 +186,18 @@ class HyperbolicMirror:
         return SurfacePoints(positions, valid)
 
     def height_from_radius_m(self, radius_m: ArrayLike) -> NDArray[np.float64]:
-        """Height z (...,) of the surface at a distance (...,) in meters from the axis."""
+        """Height z (...,) of the surface at a distance (...,) from the axis, in meters."""
         radius = np.asarray(radius_m, dtype=np.float64)
         a = self.semi_major_axis_m
         # c/2 − √(a² + r²(k/2 − 1)), on the branch of the effective viewpoint
         return 0.5 * self.c_m - np.sqrt(a * a + radius * radius * (0.5 * self.k - 1.0))
 
     def tangent_from_theta(self, theta_rad: ArrayLike) -> NDArray[np.float64]:
-        """Tangent (...,) of the angle β at the pinhole under which incidence θ (...,) appears.
+        """Tangent (...,) of the angle β at the pinhole that corresponds to incidence θ (...,).
 
-        The exact image radius is the focal length times this. Infinite or negative where no ray
-        of the pinhole can see θ; the rim bounds the domain, see `theta_max_rad`.
+        The exact image radius is this tangent times the focal length. The tangent is infinite or
+        negative where no ray of the pinhole can see θ; the rim bounds the domain, see
+        `theta_max_rad`.
 
         Source: tan(β/2) = tan(θ/2)/K with K = k − 1 + √(k(k−2)), from the polar forms of Eq. 1
         about its two foci; the same relation as tan β = sin θ/(√(k(k−2)) + (k−1) cos θ).
@@ -206,7 +207,7 @@ class HyperbolicMirror:
         return 2.0 * half / (1.0 - half * half)
 
     def theta_from_tangent(self, tangent: ArrayLike) -> NDArray[np.float64]:
-        """Incidence θ (...,) of the pinhole's ray whose angle to the axis has this tangent (...,).
+        """Incidence θ (...,) of the pinhole ray whose angle to the axis has this tangent (...,).
 
         Source: the inverse of `tangent_from_theta`.
         """
@@ -224,8 +225,8 @@ class HyperbolicMirror:
     def normals(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """Unit normals (..., 3) on the reflecting side, at points (..., 3) of the surface.
 
-        Source: the gradient of Eq. 1, oriented towards the pinhole. For the plane mirror, whose
-        gradient vanishes, +z.
+        Source: the gradient of Eq. 1, oriented towards the pinhole. The gradient of the plane
+            mirror vanishes; its normal is +z.
         """
         positions = np.asarray(positions_m, dtype=np.float64) / self.c_m
         gradient = np.empty_like(positions)

@@ -1,4 +1,4 @@
-"""The mesh of a mirror, and its texture coordinates on the unfolded cube (the paper's Fig. 6)."""
+"""Mesh of a mirror, and its texture coordinates on the unfolded cube (the paper's Fig. 6)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from omnisim.core.short_repr import short_repr
 
 @dataclass(frozen=True)
 class MirrorMesh:
-    """Triangles whose vertices lie on the mirror, in the mirror frame.
+    """Triangles with vertices on the mirror, in the mirror frame.
 
     Attributes:
         vertices_m: (n, 3) float64, meters.
         normals: (n, 3) float64, unit, on the reflecting side.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
-        polygons: polygons in the paper's sense: a triangle next to the vertex counts as one, so
-            do the two triangles of a cell in the other rings.
-        sectors: polygons around the axis.
-        rings: polygons from the vertex to the rim.
+        polygons: number of polygons as the paper counts them: a triangle at the vertex is one
+            polygon, and in the other rings so are the two triangles of a cell.
+        sectors: number of polygons around the axis.
+        rings: number of polygons from the vertex to the rim.
     """
 
     vertices_m: NDArray[np.float64]
@@ -37,20 +37,20 @@ class MirrorMesh:
 
     @property
     def edge_middles_m(self) -> NDArray[np.float64]:
-        """Middles (n, 3) of all edges: seen from the viewpoint they reach past the mirror's rim."""
+        """Midpoints (n, 3) of all edges, which reach beyond the rim as seen from the viewpoint."""
         corners = self.vertices_m[self.triangles]
         return (0.5 * (corners + np.roll(corners, 1, axis=1))).reshape(-1, 3)
 
     @property
     def rim_middles_m(self) -> NDArray[np.float64]:
-        """Middles (sectors, 3) of the edges on the rim."""
+        """Midpoints (sectors, 3) of the rim edges."""
         rim = self.vertices_m[-self.sectors :]
         return 0.5 * (rim + np.roll(rim, 1, axis=0))
 
 
 @dataclass(frozen=True)
 class UnfoldedMirrorMesh:
-    """A mirror mesh clipped along the edges of the cube, one copy of each vertex for each face.
+    """Mirror mesh clipped along the cube edges, with one copy of each vertex per face.
 
     Attributes:
         vertices_m: (n, 3) float64, mirror frame, meters.

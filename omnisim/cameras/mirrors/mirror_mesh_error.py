@@ -1,9 +1,9 @@
-"""Distortion of the image by a mirror's mesh, computed without rendering.
+"""Image distortion caused by a mirror's mesh, computed without rendering.
 
-Each flat triangle shows the direction of its own point instead of the mirror's. Its points, the
-pinhole and the effective viewpoint share a plane through the axis: the error is along the radius,
-f |tan β(θ) − ρ/(c − z)| for a point at a distance ρ from the axis and a height z. It is 0 at the
-vertices, of one sign, and largest near the middle of a cell.
+Each flat triangle shows the direction of its own point instead of the mirror's. That point, the
+pinhole and the effective viewpoint lie in a plane through the axis. The error is therefore radial:
+f |tan β(θ) − ρ/(c − z)| for a point at distance ρ from the axis and height z. It is 0 at the
+vertices, does not change sign, and is largest near the middle of a cell.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
 from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS, sector_triangles_m, sectors_and_rings
 
-# Steps of the samples between two corners of a triangle, for the largest error, where what is near
+# Sampling steps between two corners of a triangle: for the largest error, where the neighborhood of
 # the largest sample is sampled again, and for means.
 _STEPS, _FINE_STEPS = 16, 64
 _MAX_RINGS = math.isqrt(MAX_POLYGONS // 4)
 
 
 class MeshError(NamedTuple):
-    """Distance between where the mesh shows a direction and where the mirror would, in pixels."""
+    """Distance in pixels between the mesh's and the mirror's image of a direction."""
 
     mean_px: float
     percentile_95_px: float
@@ -35,7 +35,7 @@ class MeshError(NamedTuple):
 
 
 class Annulus(NamedTuple):
-    """Part of the mirror's image between two circles, in tangents at the pinhole."""
+    """Part of the mirror's image between two circles, as tangents at the pinhole."""
 
     inner: float
     outer: float
@@ -45,7 +45,7 @@ WHOLE_MIRROR = Annulus(0.0, math.inf)
 
 
 def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) -> MeshError:
-    """Error of a mesh, over its area, in an image whose rim has a radius of `rim_radius_px`.
+    """Error of a mesh over its area, in an image whose rim has a radius of `rim_radius_px`.
 
     Raises:
         OpticsError: see `sectors_and_rings`.
@@ -65,9 +65,9 @@ def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) ->
 def largest_error(
     mirror: HyperbolicMirror, sectors: int, rings: int, shown: Annulus = WHOLE_MIRROR
 ) -> float:
-    """Largest error of a mesh in a part of the image, in tangents at the pinhole.
+    """Largest error of a mesh within a part of the image, in tangents at the pinhole.
 
-    Its straight edges lie inside of the round rim: that distance is an error, too.
+    The mesh's straight edges lie inside the round rim; that gap counts as an error, too.
     """
     corners = _sector(mirror, sectors, rings)
     lattice = _lattice(_STEPS).coordinates
@@ -76,7 +76,7 @@ def largest_error(
         samples.radii.min(axis=1) <= shown.outer
     )
     peaks = np.where(is_shown, samples.errors.max(axis=1), 0.0)
-    high = np.flatnonzero(peaks > 0.9 * peaks.max())  # all that may have the largest error
+    high = np.flatnonzero(peaks > 0.9 * peaks.max())  # candidates for the largest error
     around = lattice[samples.errors[high].argmax(axis=1)][:, None]
     near = np.maximum(around + 3.0 / _STEPS * (lattice - 1.0 / 3.0), 0.0)  # a step to each side
     near /= near.sum(axis=-1, keepdims=True)
@@ -89,15 +89,15 @@ def largest_error(
 def needed_polygons(
     mirror: HyperbolicMirror, max_error: float, shown: Annulus = WHOLE_MIRROR
 ) -> int | None:
-    """Fewest polygons, four sectors a ring, that keep the largest error in bounds.
+    """Smallest polygon count, with four sectors per ring, that keeps the largest error in bounds.
 
     Args:
-        mirror: the mirror.
-        max_error: in tangents at the pinhole: pixels over the focal length.
-        shown: part of the mirror in the image.
+        mirror: mirror shape.
+        max_error: tolerance in tangents at the pinhole: pixels over the focal length.
+        shown: visible part of the mirror.
 
     Returns:
-        None: no mesh of `MAX_POLYGONS` does.
+        Number of polygons, or None if `MAX_POLYGONS` are not enough.
     """
 
     def suffices(rings: int) -> bool:
@@ -107,7 +107,7 @@ def needed_polygons(
 
 
 def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int | None:
-    """Fewest polygons, four sectors a ring, by the rings that suffice; None: no number does."""
+    """Smallest sufficient polygon count, with four sectors per ring, or None if there is none."""
     doubled = [2**n for n in range(1, largest_rings.bit_length())]
     enough = next(filter(suffices, doubled), None)
     if enough is None:
@@ -130,11 +130,12 @@ class _Samples(NamedTuple):
 
 
 class _Lattice(NamedTuple):
-    """Samples all over a triangle, its edges too.
+    """Sample points across a triangle, edges included.
 
     Attributes:
         coordinates: (samples, 3), barycentric.
-        weights: (samples,) in a mean: as many triangles of the lattice as meet there.
+        weights: (samples,) weights of a mean: the number of lattice triangles that meet at a
+            sample.
     """
 
     coordinates: NDArray[np.float64]
@@ -151,15 +152,15 @@ def _lattice(steps: int) -> _Lattice:
 
 
 def _sector(mirror: HyperbolicMirror, sectors: int, rings: int) -> NDArray[np.float64]:
-    """Corners (triangles, 3, 3) of a sector's triangles, in units of c: the pinhole is at 1."""
+    """Corners (triangles, 3, 3) of one sector, in units of c: the pinhole is at z = 1."""
     return sector_triangles_m(mirror, sectors, rings) / mirror.c_m
 
 
 def _sample(
     mirror: HyperbolicMirror, corners: NDArray[np.float64], coordinates: NDArray[np.float64]
 ) -> _Samples:
-    """Sample triangles at barycentric coordinates (samples, 3), or (triangles, samples, 3)."""
-    # evenly in the image: perspective interpolation, as rasterizers do it
+    """Sample triangles at barycentric coordinates (samples, 3) or (triangles, samples, 3)."""
+    # evenly spaced in the image: perspective interpolation, as in a rasterizer
     weights = coordinates / (1.0 - corners[:, None, :, 2])
     points = (weights @ corners) / weights.sum(axis=-1, keepdims=True)
     across = np.hypot(points[..., 0], points[..., 1])
@@ -169,7 +170,7 @@ def _sample(
 
 
 def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Areas (triangles,) in the image."""
+    """Image areas (triangles,) of triangles."""
     seen = corners[..., :2] / (1.0 - corners[..., 2:])
     (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
     areas: NDArray[np.float64] = 0.5 * np.abs(x1 * y2 - x2 * y1)

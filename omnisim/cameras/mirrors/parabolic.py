@@ -1,18 +1,18 @@
-"""The orthographic camera that looks up at a parabolic mirror: the paper's Eq. 2, exactly.
+"""Parabolic mirror with an orthographic camera below it: the paper's Eq. 2, exactly.
 
     r = h tan(θ/2) = h sin θ/(1 + cos θ)
 
-θ is measured at the mirror's focus from its axis: 0 looks down at the camera, 90° is the horizon,
-of radius h in the image. The mirror z = (h_m² − r²)/(2 h_m) and its camera of p pixels to a meter
-have h = p h_m; nothing else of either shows in the image. A pixel's ray is
-(sin θ cos φ, sin θ sin φ, −cos θ), as the hyperbolic mirror's, of which this is the limit ξ = 1.
+θ is measured at the mirror's focus from its axis: 0 looks down at the camera, and 90° is the
+horizon, with the radius h in the image. A mirror z = (h_m² − r²)/(2 h_m) and a camera with p pixels
+per meter give h = p h_m; nothing else about them affects the image. The ray of a pixel is (sin θ
+cos φ, sin θ sin φ, −cos θ), as for the hyperbolic mirror, whose limit ξ = 1 this is.
 
 Domain: 0 ≤ θ ≤ θ_max < 180°; in the image r ≤ h tan(θ_max/2).
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | horizon_radius_px | px | 100 to 500 |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | theta_max_deg | degrees | 90 to 110 |
 
 GLSL twin: `shaders/camera/parabolic.glsl`. Source: Baker & Nayar 1999, section 2.2 (the
@@ -36,17 +36,17 @@ from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 @dataclass(frozen=True)
 class ParabolicCamera(RadialCamera):
-    """An image of a parabolic mirror.
+    """Camera that looks at a parabolic mirror.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         horizon_radius_px: h, radius of the 90° circle.
         principal_point_px: (u, v) of the mirror's axis in the image.
         theta_max_rad: angle of incidence of the rim.
 
     Raises:
-        OpticsError: a size or radius that is not positive, a center that is not finite, or a rim
-            that is not between 0 and 179°.
+        OpticsError: a size or radius is not positive, a center is not finite, or a rim is not
+            between 0 and 179°.
     """
 
     horizon_radius_px: float
@@ -62,7 +62,7 @@ class ParabolicCamera(RadialCamera):
 
     @property
     def pixels_per_plane(self) -> float:
-        """Pixels to a unit of the plane, h."""
+        """Pixels per unit of the normalized plane, h."""
         return self.horizon_radius_px
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

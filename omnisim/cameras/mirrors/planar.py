@@ -1,16 +1,16 @@
-"""The pinhole camera that looks up at a plane mirror: perspective, with z reflected.
+"""Plane mirror with a pinhole camera below it: perspective, with z reflected.
 
     (u, v) = f (x, y)/(−z) + (u0, v0)
 
-The effective viewpoint is the pinhole's image behind the mirror. It is the hyperbolic mirror's
-limit k = 2, without a rim.
+The effective viewpoint is the mirror image of the pinhole. The model is the limit k = 2 of the
+hyperbolic mirror, without a rim.
 
 Domain: z < 0, all pixels.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 
 GLSL twin: `shaders/camera/planar.glsl`. Source: Baker & Nayar 1999, section 2.2 (the plane).
 """
@@ -30,7 +30,7 @@ from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 @dataclass(frozen=True)
 class PlanarCamera(PerspectiveCamera):
-    """An image of a plane mirror; see `PerspectiveCamera` for its attributes."""
+    """Camera that looks at a plane mirror; see `PerspectiveCamera` for its attributes."""
 
     model_name = "planar"
     _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP

@@ -14,22 +14,23 @@ from omnisim.core.errors import OpticsError
 PAPER_POLYGON_COUNTS = (16, 64, 256, 1024, 4096)
 MIN_POLYGONS = 8
 MAX_POLYGONS = 1 << 20
-# A cell is as tall as wide for about four sectors a ring; up to this factor off is accepted.
+# A cell is as tall as wide for about four sectors per ring; up to this factor off is accepted.
 MAX_STRETCH = 4.0
 # Ring j of R stands at (j/R)^0.7 of the rim's radius in the image. Equal spacing (exponent 1)
-# wastes rings on the middle, where cells are narrow anyway. Swept from 0.5 to 1.3 over five mesh
+# wastes rings near the center, where cells are narrow anyway. Swept from 0.5 to 1.3 over five mesh
 # sizes for the paper's mirror: 0.7 has the smallest mean error and 8 to 14 % less maximum.
 RING_EXPONENT = 0.7
 
 
 def sectors_and_rings(polygons: int) -> tuple[int, int]:
-    """Split a polygon count into sectors around the axis and rings, as near 4 : 1 as it goes.
+    """Split a polygon count into sectors around the axis and rings, as close to 4 : 1 as possible.
 
-    The sectors are a multiple of four, so that the four quadrants are equal. For 2ⁿ polygons
-    with n even this is the paper's 2^(n/2+1) × 2^(n/2−1).
+    The number of sectors is a multiple of four, so all four quadrants are equal. For 2ⁿ polygons
+    with even n, the split is the paper's 2^(n/2+1) × 2^(n/2−1).
 
     Raises:
-        OpticsError: a count that has no such split; the message names the nearest that have.
+        OpticsError: the count has no such split; the message names the nearest counts that have
+            one.
     """
     if not MIN_POLYGONS <= polygons <= MAX_POLYGONS:
         limits = f"{MIN_POLYGONS} to {MAX_POLYGONS}"
@@ -46,7 +47,7 @@ def sectors_and_rings(polygons: int) -> tuple[int, int]:
 
 
 def tessellate(mirror: HyperbolicMirror, polygons: int) -> MirrorMesh:
-    """Mesh of a mirror: every vertex on the surface, the last ring on the rim.
+    """Tessellate a mirror: every vertex is on the surface, the last ring on the rim.
 
     Raises:
         OpticsError: see `sectors_and_rings`.
@@ -68,9 +69,9 @@ def tessellate(mirror: HyperbolicMirror, polygons: int) -> MirrorMesh:
 
 
 def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> NDArray[np.float64]:
-    """Corners (2 rings − 1, 3, 3) of the triangles of the mesh's first sector, mirror frame.
+    """Corners (2 rings − 1, 3, 3) of the triangles in the mesh's first sector, mirror frame.
 
-    All sectors are equal but for a turn about the axis.
+    All sectors are equal up to a rotation about the axis.
     """
     theta = np.concatenate(([0.0], _ring_angles_rad(mirror, rings)))
     azimuth = np.array([0.0, 2.0 * math.pi / sectors])
@@ -78,14 +79,14 @@ def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> ND
     inner, outer = points[:-1], points[1:]
     lower = np.stack((inner[:, 0], outer[:, 0], outer[:, 1]), axis=1)
     upper = np.stack((inner[:, 0], outer[:, 1], inner[:, 1]), axis=1)
-    return np.concatenate((lower, upper[1:]))  # at the vertex of the mirror there is no upper one
+    return np.concatenate((lower, upper[1:]))  # the cell at the mirror's vertex has no upper one
 
 
 def _ring_angles_rad(mirror: HyperbolicMirror, rings: int) -> NDArray[np.float64]:
-    """Incidences (rings,) of the rings, the last one on the rim."""
+    """Angles of incidence (rings,) of the rings; the last one is the rim's."""
     share = (np.arange(1, rings + 1) / rings) ** RING_EXPONENT
     theta = mirror.theta_from_tangent(share * mirror.tangent_from_theta(mirror.theta_max_rad))
-    theta[-1] = mirror.theta_max_rad  # free of rounding
+    theta[-1] = mirror.theta_max_rad  # without rounding errors
     return theta
 
 
@@ -102,7 +103,7 @@ def _best_split(polygons: int) -> tuple[int, int] | None:
 
 
 def _triangles(sectors: int, rings: int) -> NDArray[np.int64]:
-    """Triangles (m, 3) over vertex 0 at the axis and `rings` circles of `sectors` vertices."""
+    """Triangles (m, 3) over vertex 0 on the axis and `rings` circles of `sectors` vertices."""
     here = np.arange(sectors, dtype=np.int64)
     there = (here + 1) % sectors
     fan = np.stack((np.zeros_like(here), 1 + here, 1 + there), axis=-1)

@@ -1,9 +1,9 @@
-"""Clipping of a mirror's mesh along the edges of the cube, for texture coordinates (Fig. 6).
+"""Clipping of a mirror's mesh along the cube edges, for texture coordinates (Fig. 6).
 
-Inside one face of the cube, point projection gives a polygon its texture coordinates. A polygon
-that an edge of the cube crosses belongs to two faces; it is clipped there, and the new vertices
-are put on the mirror, where the same direction meets it. Both neighbors of a clipped edge share
-the new vertex, so the mesh has no cracks.
+Within one cube face, point projection gives a polygon its texture coordinates. A polygon crossed by
+a cube edge belongs to two faces. It is clipped at the edge, and the new vertices are placed on the
+mirror in the same direction. Both neighbors of a clipped edge share the new vertex, so the mesh has
+no cracks.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from omnisim.core.cube import (
 )
 
 RIG_FROM_MIRROR: NDArray[np.float64] = RIG_FROM_OPTICAL_LOOKING_UP @ MIRROR_FROM_OPTICAL.T
-# A vertex this near to an edge of the cube, as a share of its distance, lies on it: the meridians
-# at 45° do but for rounding.
+# A vertex this close to a cube edge, relative to its distance, lies on it: the meridians at 45° do,
+# up to rounding.
 _ON_EDGE = 1e-12
 
 
 def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
-    """Clip a mesh along the cube's edges and give it texture coordinates.
+    """Clip a mesh along the cube edges and compute its texture coordinates.
 
     Args:
-        mirror: the mirror that `mesh` is of.
-        mesh: its mesh.
+        mirror: mirror shape.
+        mesh: tessellation of that mirror.
     """
     clipper = _Clipper(mirror, mesh.vertices_m)
     parts = [clipper.clip_to_face(face, mesh.triangles) for face in range(len(FACE_NAMES))]
@@ -64,10 +64,10 @@ def _texture_coordinates(positions: NDArray[np.float64], face: int) -> NDArray[n
 
 
 class _Clipper:
-    """Clips triangles to the cells of the cube's faces, and shares the new vertices.
+    """Clips triangles to the cells of the cube faces, and shares new vertices.
 
     Attributes:
-        positions: (3,) of all vertices, mirror frame, the new ones after the old.
+        positions: (3,) mirror-frame position of each vertex, new vertices last.
     """
 
     def __init__(self, mirror: HyperbolicMirror, positions: NDArray[np.float64]):
@@ -77,7 +77,7 @@ class _Clipper:
         self._fixed = _edge_distances(positions)
 
     def clip_to_face(self, face: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Parts (m, 3) of triangles in the cell of one face."""
+        """Parts (m, 3) of triangles inside the cell of one face."""
         limits = _edge_planes(face)
         distances = self._fixed[face][triangles]  # (n, 3 corners, 4 planes)
         outside = np.any(np.all(distances <= 0.0, axis=1), axis=1)
@@ -111,9 +111,9 @@ class _Clipper:
         return 0.0 if abs(distance) <= _ON_EDGE * float(np.linalg.norm(position)) else distance
 
     def _crossing(self, one: int, other: int, plane: NDArray[np.float64]) -> int:
-        """Vertex where an edge crosses a plane."""
+        """Index of the vertex where an edge crosses a plane."""
         low, high = min(one, other), max(one, other)
-        # the two faces at an edge of the cube see its plane from opposite sides
+        # the two faces at a cube edge see its plane from opposite sides
         sign = 1.0 if tuple(plane) > tuple(-plane) else -1.0
         key = (low, high, tuple((sign * plane).tolist()))
         if key not in self._crossings:

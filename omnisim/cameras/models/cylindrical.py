@@ -1,13 +1,13 @@
-"""The cylindrical panorama: upright lines stay straight, and a turn of the camera is a shift.
+"""Cylindrical panorama: vertical lines stay straight, and turning the camera shifts the image.
 
     (u, v) = (f atan2(x, z) + u0, f y/√(x² + z²) + v0)
 
-Domain: azimuths from −180° to 180°; all directions but the cylinder's own axis, ±y.
+Domain: azimuths from −180° to 180°; all directions except ±y, the cylinder's axis.
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| focal_length_px | px/rad | a turn is 2π f wide: 100 for 628 px |
-| principal_point_px | px | the image's middle |
+| focal_length_px | px/rad | a full turn is 2π f wide: 100 for 628 px |
+| principal_point_px | px | image center |
 
 GLSL twin: `shaders/camera/cylindrical.glsl`. Source: Szeliski, "Computer vision", section 8.2.
 """
@@ -28,16 +28,16 @@ from omnisim.cameras.focal_camera import FocalCamera
 class CylindricalCamera(FocalCamera):
     """An image on a cylinder around the y axis of the optical frame.
 
-    A column is an azimuth from the z axis towards x, (u − u0)/f in radians; a row is the tangent
-    of an elevation, (v − v0)/f downwards. Azimuths run from −180° to 180°.
+    A column is an azimuth from the z axis towards x, (u − u0)/f in radians. A row is the tangent of
+    an elevation, (v − v0)/f downwards. Azimuths run from −180° to 180°.
 
     Attributes:
-        width_px, height_px: size of the image.
-        focal_length_px: pixels in a radian of azimuth, and in a tangent of 1.
+        width_px, height_px: image size.
+        focal_length_px: pixels per radian of azimuth, and per unit tangent of elevation.
         principal_point_px: (u, v) of the z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a center that is not finite.
+        OpticsError: a size or focal length is not positive, or a center is not finite.
     """
 
     model_name = "cylindrical"

@@ -1,21 +1,20 @@
-"""The double sphere model of Usenko, Demmel and Cremers.
+"""Double sphere model of Usenko, Demmel and Cremers.
 
     d1 = √(x² + y² + z²),  d2 = √(x² + y² + (ξ d1 + z)²)
     (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d2 + (1 − α)(ξ d1 + z)
 
-Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: ξ d1 + z > −w d2, which is
-z > −w' d1 with w' = w t + ξ, t = √(1 − ξ²(1 − w²)) − w ξ. For α > 0.5 the image ends at
-m_x² + m_y² = 1/(2α − 1) on the normalized plane. For |ξ| < 1 the shift of the first sphere turns
-every direction into another one, so nothing else can fold. The paper and Basalt take t = 1, which
-ends the projection, but not its inverse, a degree or more too early: 125.2° instead of 126.1° for
-TUM-VI's camera.
+Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: ξ d1 + z > −w d2, which is z > −w'
+d1 with w' = w t + ξ, t = √(1 − ξ²(1 − w²)) − w ξ. For α > 0.5 the image ends at m_x² + m_y² = 1/(2α
+− 1) on the normalized plane. For |ξ| < 1 the shift of the first sphere maps directions one to one,
+so nothing else can fold. The paper and Basalt use t = 1. This ends the projection, but not its
+inverse, at least a degree too early: at 125.2° instead of 126.1° for TUM-VI's camera.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | xi | – | −1 < ξ < 1; −0.2 for a fisheye |
 | alpha | – | 0 to 1; 0.6 for a fisheye |
 | focal_lengths_px | px | fx, fy |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 
 GLSL twin: `shaders/camera/double_sphere.glsl`. Source: "The double sphere camera model", 2018,
 Eq. 40 to 51; names as in Basalt and Kalibr.
@@ -39,18 +38,18 @@ from omnisim.core.errors import OpticsError
 
 @dataclass(frozen=True)
 class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
-    """A wide lens as two projections onto unit spheres whose centers are ξ apart.
+    """Wide-angle lens as two projections onto unit spheres whose centers are ξ apart.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_lengths_px: (fx, fy).
         principal_point_px: (cx, cy).
-        xi: ξ, distance of the spheres' centers, between −1 and 1.
+        xi: ξ, distance between the sphere centers, between −1 and 1.
         alpha: α, from 0 to 1.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, numbers that are not finite, or
-            ξ or α outside its limits.
+        OpticsError: a size or focal length is not positive, a number is not finite, or ξ or α is
+            outside its limits.
     """
 
     xi: float

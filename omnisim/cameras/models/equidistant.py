@@ -1,11 +1,11 @@
-"""The equidistant fisheye, r = f θ: as many pixels to a degree all along a radius.
+"""Equidistant fisheye, r = f θ: a constant number of pixels per degree along a radius.
 
 Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the image r ≤ f θ_max.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px/rad | 100 to 1000 |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | theta_max_deg | degrees | 90 to 110; 180 sees everything |
 
 GLSL twin: `shaders/camera/equidistant.glsl`. Source: Kannala & Brandt 2006, Eq. 3.
@@ -24,7 +24,7 @@ from omnisim.cameras.fisheye import FisheyeCamera
 
 @dataclass(frozen=True)
 class EquidistantCamera(FisheyeCamera):
-    """The fisheye r = f θ; see `FisheyeCamera` for its attributes."""
+    """Fisheye with r = f θ; see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = math.pi
     model_name = "equidistant"

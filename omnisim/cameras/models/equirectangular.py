@@ -1,6 +1,6 @@
-"""The equirectangular panorama: all directions, a column a longitude, a row a latitude.
+"""Equirectangular panorama of all directions: columns are longitudes, rows are latitudes.
 
-    longitude = 2π (u + 0.5)/width − π, from +z (the image's middle) towards +x (right)
+        longitude = 2π (u + 0.5)/width − π, from +z (the image center) towards +x (right)
     latitude = π/2 − π (v + 0.5)/height, from the horizon upwards (−y)
     (x, y, z) = (cos lat sin lon, −sin lat, cos lat cos lon)
 
@@ -10,8 +10,8 @@ Domain: −0.5 ≤ u ≤ width − 0.5 and −0.5 ≤ v ≤ height − 0.5; all 
 | --- | --- | --- |
 | width_px, height_px | px | 2 : 1 for square pixels at the horizon |
 
-GLSL twin: `shaders/camera/equirectangular.glsl`. Source: the plate carrée of cartography; the same
-as COLMAP's EQUIRECTANGULAR but for its pixels, which begin at 0.
+GLSL twin: `shaders/camera/equirectangular.glsl`. Source: the plate carrée of cartography; equal to
+COLMAP's EQUIRECTANGULAR except that the first pixel's center is 0 here.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from omnisim.cameras.parametric_camera import ParametricCamera
 
 @dataclass(frozen=True)
 class EquirectangularCamera(ParametricCamera):
-    """An image of everything, longitude by latitude.
+    """Image of all directions, longitude by latitude.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
 
     Raises:
-        OpticsError: a size that is not positive.
+        OpticsError: a size is not positive.
     """
 
     model_name = "equirectangular"
 
     @property
     def principal_point_px(self) -> tuple[float, float]:
-        """Middle of the image."""
+        """Center of the image."""
         return 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
 
     @property
     def radians_per_pixel(self) -> tuple[float, float]:
-        """Longitude of a column and latitude of a row."""
+        """Longitude per column and latitude per row."""
         return 2.0 * math.pi / self.width_px, math.pi / self.height_px
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
@@ -56,7 +56,7 @@ class EquirectangularCamera(ParametricCamera):
         offset = pixels - self.principal_point_px
         valid = np.all(np.abs(offset) <= 0.5 * size, axis=-1)
         angles = offset * self.radians_per_pixel
-        # rounding must not carry the last column's edge over to the first's
+        # rounding must not move the edge of the last column to that of the first
         limits = (math.pi, 0.5 * math.pi)
         longitude, down = np.moveaxis(np.clip(angles, np.negative(limits), limits), -1, 0)
         level = np.cos(down)

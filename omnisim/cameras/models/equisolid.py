@@ -1,11 +1,11 @@
-"""The equisolid fisheye, r = 2 f sin(θ/2): equal solid angles have equal areas.
+"""Equisolid fisheye, r = 2 f sin(θ/2): equal solid angles have equal areas.
 
 Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the image r ≤ 2 f sin(θ_max/2).
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | theta_max_deg | degrees | 90 to 110; 180 sees everything |
 
 GLSL twin: `shaders/camera/equisolid.glsl`. Source: Kannala & Brandt 2006, Eq. 4.
@@ -24,7 +24,7 @@ from omnisim.cameras.fisheye import FisheyeCamera
 
 @dataclass(frozen=True)
 class EquisolidCamera(FisheyeCamera):
-    """The fisheye r = 2 f sin(θ/2); see `FisheyeCamera` for its attributes."""
+    """Fisheye with r = 2 f sin(θ/2); see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = math.pi
     model_name = "equisolid"

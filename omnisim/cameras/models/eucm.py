@@ -1,18 +1,18 @@
-"""The enhanced unified model, EUCM.
+"""Enhanced unified camera model (EUCM).
 
     d = √(β (x² + y²) + z²)
     (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d + (1 − α) z
 
-Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: z > −w d. Up to α = 0.5 that is
-q > 0; above, the image would fold over, and ends at m_x² + m_y² = 1/(β (2α − 1)) on the
-normalized plane. Exact, because (√β x, √β y, z) turns it into the unified model.
+Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: z > −w d. Up to α = 0.5 this is q >
+0. Above, the image would fold over; it ends at m_x² + m_y² = 1/(β (2α − 1)) on the normalized
+plane. The limits are exact, because (√β x, √β y, z) turns the model into the unified model.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | alpha | – | 0 (perspective) to 1; 0.6 for a fisheye |
-| beta | – | > 0; 1 is the unified model, 1.1 |
+| beta | – | > 0, 1.1; 1 is the unified model |
 | focal_lengths_px | px | fx, fy |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 
 GLSL twin: `shaders/camera/eucm.glsl`. Source: Khomutenko, Garcia & Martinet, "An enhanced unified
 camera model", 2016, Eq. 12 and 17; names as in Kalibr and Basalt.
@@ -35,18 +35,18 @@ from omnisim.core.errors import OpticsError
 
 @dataclass(frozen=True)
 class EucmCamera(TwoFocalCamera, PlaneCamera):
-    """A wide lens with the shape parameters α and β.
+    """Wide-angle lens with the shape parameters α and β.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_lengths_px: (fx, fy).
         principal_point_px: (cx, cy).
         alpha: α, from 0 to 1.
         beta: β, positive.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, numbers that are not finite, or
-            α or β outside its limits.
+        OpticsError: a size or focal length is not positive, a number is not finite, or α or β is
+            outside its limits.
     """
 
     alpha: float

@@ -1,13 +1,13 @@
-"""The f-theta lens: the radius in pixels is a polynomial of the angle.
+"""F-theta lens: the radius in pixels is a polynomial of the angle.
 
-    r = k1 θ + k2 θ² + … + kn θⁿ, in pixels along u; along v times the aspect ratio
+        r = k1 θ + k2 θ² + … + kn θⁿ, in pixels along u; along v times the aspect ratio
 
-Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), θ_fold the first θ > 0 with dr/dθ = 0. The other direction,
-θ as a polynomial of r, is `f_theta_inverse`.
+Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), θ_fold the first θ > 0 with dr/dθ = 0. `f_theta_inverse` is the
+opposite model, with θ as a polynomial of r.
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | coefficients_px | px/radⁿ | k1 … kn, at most 8; k1 > 0 is the focal length |
 | theta_max_deg | degrees | 95 to 110 |
 | aspect_ratio | – | 1: square pixels |
@@ -32,18 +32,18 @@ MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 
 @dataclass(frozen=True)
 class FThetaCamera(PolynomialLens):
-    """A fisheye lens with a polynomial from angle to radius.
+    """Fisheye lens whose radius is a polynomial of the angle.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         principal_point_px: (u, v) of the optical axis in the image.
         coefficients_px: k1 … kn.
-        theta_max_rad: angle from the axis where the domain ends, if the fold is not before it.
+        theta_max_rad: angle from the axis where the domain ends, unless the fold comes first.
         aspect_ratio: pixels along v per pixel along u at the same radius.
 
     Raises:
-        OpticsError: a size that is not positive, numbers that are not finite, no or too many
-            coefficients, k1 ≤ 0, θ_max outside 0 to 180°, or an aspect ratio outside 0.1 to 10.
+        OpticsError: a size is not positive, a number is not finite, the coefficients are missing or
+            too many, k1 ≤ 0, θ_max is outside 0 to 180°, or an aspect ratio is outside 0.1 to 10.
     """
 
     principal_point_px: tuple[float, float]
@@ -65,7 +65,7 @@ class FThetaCamera(PolynomialLens):
 
     @property
     def pixels_per_plane(self) -> tuple[float, float]:
-        """Pixels per unit of the plane, which is in pixels along u."""
+        """Pixels per unit of the plane, which is measured in pixels along u."""
         return 1.0, self.aspect_ratio
 
     @property

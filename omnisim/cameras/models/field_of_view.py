@@ -1,6 +1,6 @@
-"""Field of view of an image: angles, share of valid pixels, edge of the valid domain.
+"""Field of view of an image: angles, share of valid pixels, and edge of the valid domain.
 
-All of it follows from the camera's rays alone, so that it holds for every model.
+All values are computed from the camera's rays alone, so they apply to every model.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.camera import CentralCamera
 
-SAMPLES = 129  # along a line out of the middle
-HALVINGS = 60  # from a sample's distance to the last bit of a pixel
-MAX_PIXELS = 1 << 19  # are counted: a share to some hundredths of a per cent, at once
+SAMPLES = 129  # per line from the image center
+HALVINGS = 60  # from the distance between samples to the last bit of a pixel
+MAX_PIXELS = 1 << 19  # evaluated at once; gives a share to a few hundredths of a percent
 
 
 @dataclass(frozen=True)
 class FieldOfView:
     """Field of view of an image.
 
-    Angles of view are those that a ray sweeps through the axis, from one edge of the valid pixels
-    to the other; they may be more than 180°.
+    An angle of view is swept by a ray through the axis, from one edge of the valid pixels to the
+    other; it may exceed 180°.
 
     Attributes:
-        covered: share of the valid pixels.
-        axis: (3,) origin of the angles: +z of the optical frame, −z for a mirror.
+        covered: share of valid pixels.
+        axis: (3,) zero direction of the angles: +z of the optical frame, −z for a mirror.
         theta_max_rad: largest angle from the axis in the image.
-        theta_limit_rad: largest angle from the axis in an image without edges: by θ_max, a fold
-            or the model's nature; π without a limit.
+        theta_limit_rad: largest angle from the axis if the image had no edges: limited by θ_max, a
+            fold or the model itself; π without a limit.
         horizontal_rad, vertical_rad: angles of view along the row and the column of the axis.
-        diagonal_rad: the larger one from corner to corner.
+        diagonal_rad: larger of the two angles of view from corner to corner.
     """
 
     covered: float
@@ -65,7 +65,7 @@ def optical_axis(camera: CentralCamera) -> float:
 
 
 def covered_share(camera: CentralCamera) -> float:
-    """Share of the valid pixels in an image; every n-th is counted of a large one."""
+    """Share of valid pixels in an image; a large image is subsampled."""
     skip = math.ceil(math.sqrt(camera.width_px * camera.height_px / MAX_PIXELS))
     columns = np.arange(0, camera.width_px, skip, dtype=np.float64)
     rows = np.arange(0, camera.height_px, skip, dtype=np.float64)
@@ -88,19 +88,20 @@ def angles_from_axis(directions: NDArray[np.float64], axis: float) -> NDArray[np
 def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> NDArray[np.float64]:
     """Positions (n, 2) on the edge of the valid pixels.
 
-    To the last bit where the domain ends in the image, else on the image's own border, half a
-    pixel outside the outermost pixels.
+    Positions are exact to the last bit where the domain ends in the image. Elsewhere they lie on
+    the image border, half a pixel outside the outermost pixel centers.
 
     Args:
-        camera: the camera.
-        count: lines out of the middle, evenly all around; one without a valid pixel is left out.
-        phase: share of the angle between two lines to rotate them by.
+        camera: camera model.
+        count: number of lines from the center, evenly spaced in angle; lines without a valid pixel
+            give no position.
+        phase: rotation of the lines, as a share of the angle between two of them.
     """
     angles = (np.arange(count) + phase) * (2.0 * math.pi / count)
     outwards = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     start = _start(camera)
-    # the nearest border that each line meets
-    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0: along a border, from it
+    # the nearest border in each line's direction
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0: a line along a border it starts on
         to_border = np.where(outwards > 0.0, _last(camera) - start, -0.5 - start) / outwards
     length = np.where(outwards == 0.0, np.inf, to_border).min(axis=-1)
     return _last_seen(camera, start, start + outwards * length[:, None])
@@ -126,7 +127,7 @@ def _last_seen(
 
 
 def _start(camera: CentralCamera) -> NDArray[np.float64]:
-    """Principal point (2,), or the nearest point of the image."""
+    """Principal point (2,), or the nearest point in the image."""
     return np.clip(np.asarray(camera.principal_point_px, dtype=np.float64), -0.5, _last(camera))
 
 
@@ -141,7 +142,7 @@ def corner_pixels(camera: CentralCamera) -> NDArray[np.float64]:
 
 
 def _sweeps(camera: CentralCamera) -> list[float]:
-    """Angles that a ray sweeps from the axis to the left, right, up, down, and to the corners."""
+    """Angles swept by a ray from the axis to the left, right, up, down, and to the corners."""
     start = _start(camera)
     (u, v), (last_u, last_v) = start, _last(camera)
     ends = np.array([[-0.5, v], [last_u, v], [u, -0.5], [u, last_v], *corner_pixels(camera)])

@@ -1,17 +1,17 @@
 """Gazebo's custom wide-angle lens.
 
-    r = c1 f fun(θ/c2 + c3), fun one of sin, tan, id
+        r = c1 f fun(θ/c2 + c3), fun one of sin, tan, id
 
-Domain: θ_min ≤ θ ≤ θ_edge. θ_min = max(0, −c2 c3): before it r would be negative. θ_edge is θ_max,
-or for sin c2 (90° − c3), where the image would fold over, or for tan c2 (89.9° − c3), before it
-is infinitely far away.
+Domain: θ_min ≤ θ ≤ θ_edge. θ_min = max(0, −c2 c3): below it, r would be negative. θ_edge is θ_max
+or a smaller limit of the function: for sin c2 (90° − c3), where the image would fold over; for tan
+c2 (89.9° − c3), before r becomes infinite.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | c1, c2 | – | > 0; 2, 2 with tan: stereographic; 1, 1 with id: equidistant |
-| c3 | – | ≤ 0; above, the image would have a hole |
+| c3 | – | ≤ 0; a positive value would leave a hole in the image |
 | function | – | "sin", "tan" or "id" |
 | theta_max_deg | degrees | 90 to 110 |
 
@@ -45,19 +45,19 @@ _INVERSES = {"sin": np.arcsin, "tan": np.arctan, "id": np.positive}
 
 @dataclass(frozen=True)
 class GazeboCamera(FocalCamera, RadialCamera):
-    """A fisheye lens by a function and three constants.
+    """Fisheye lens given by a function and three constants.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_length_px: f.
         principal_point_px: (u, v) of the optical axis in the image.
-        c1, c2, c3: constants; c1 and c2 positive, c3 not.
+        c1, c2, c3: constants; c1 and c2 are positive, c3 is not.
         function: "sin", "tan" or "id".
-        theta_max_rad: angle from the axis where the domain ends at the latest.
+        theta_max_rad: upper limit of the angle from the axis at which the domain ends.
 
     Raises:
-        OpticsError: a size, focal length, c1 or c2 that is not positive, numbers that are not
-            finite, another function, θ_max outside 0 to 180°, or an empty domain.
+        OpticsError: a size, focal length, c1 or c2 is not positive, c3 is positive, a number is not
+            finite, the function is unknown, θ_max is outside 0 to 180°, or the domain is empty.
     """
 
     c1: float

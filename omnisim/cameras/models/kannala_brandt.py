@@ -1,18 +1,19 @@
-"""The polynomial fisheye of Kannala and Brandt, as OpenCV's `fisheye` and Kalibr's `equidistant`.
+"""Polynomial fisheye of Kannala and Brandt: OpenCV's `fisheye`, Kalibr's `equidistant`.
 
     θ = atan2(√(x² + y²), z)
     θ_d = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)
     (u, v) = (fx θ_d cos φ + cx, fy θ_d sin φ + cy)
 
 Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), where θ_fold is the first θ > 0 with dθ_d/dθ = 0: there the
-image would fold over itself. Right beyond 90°, where OpenCV's own is not: it takes θ from x/z.
+image would fold over itself. The model is right beyond 90°; OpenCV's own is not, because it takes θ
+from x/z.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_lengths_px | px/rad | fx, fy: 190 for 512 px and 195° |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | coefficients | – | k1 … k4, each below 0.1 |
-| theta_max_deg | degrees | 100; 180 leaves it to the fold |
+| theta_max_deg | degrees | 100; with 180 only the fold limits θ |
 
 GLSL twin: `shaders/camera/kannala_brandt.glsl`. Source: Kannala & Brandt, "A generic camera model
 and calibration method for conventional, wide-angle, and fish-eye lenses", 2006; OpenCV's module
@@ -32,18 +33,18 @@ from omnisim.core.errors import OpticsError
 
 @dataclass(frozen=True)
 class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
-    """A fisheye lens with an odd polynomial of θ.
+    """Fisheye lens with an odd polynomial of θ.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_lengths_px: (fx, fy).
         principal_point_px: (cx, cy).
         coefficients: k1, k2, k3, k4.
-        theta_max_rad: angle from the axis where the domain ends, if the fold is not before it.
+        theta_max_rad: angle from the axis where the domain ends, unless the fold comes first.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, numbers that are not finite, not
-            four coefficients, or θ_max outside 0 to 180°.
+        OpticsError: a size or focal length is not positive, a number is not finite, there are not
+            four coefficients, or θ_max is outside 0 to 180°.
     """
 
     coefficients: tuple[float, ...]

@@ -1,20 +1,21 @@
-"""Scaramuzza's polynomial model, as OCamCalib's calib_results.txt states it.
+"""Scaramuzza's polynomial model, as in OCamCalib's calib_results.txt.
 
-With x' rows down and y' columns right, ρ = √(x'² + y'²) and F(ρ) = a0 + a1 ρ + … + aN ρᴺ:
+With x' down along rows, y' right along columns, ρ = √(x'² + y'²) and F(ρ) = a0 + a1 ρ + … + aN ρᴺ:
 
     (row, column) = [[c, d], [e, 1]] (x', y') + (center's row, column)
-    the toolbox's ray is (x', y', F(ρ)) and looks along −z, so ours is (y', x', −F(ρ))
+        the toolbox's ray is (x', y', F(ρ)) and looks along −z, so omnisim's is (y', x', −F(ρ))
     θ = atan2(ρ, −F(ρ))
 
-The principal point here is (column, row). Beware: the file counts rows and columns from 1 in
-MATLAB's version and from 0 in C's; ours begin at 0.
+The principal point here is (column, row), counted from 0. Files count rows and columns from 1 if
+MATLAB wrote them, and from 0 if the C version did.
 
-Domain: 0 ≤ θ ≤ θ_max, and ρ before the first ρ where dθ/dρ = (ρ F' − F)/(ρ² + F²) has fallen to
-a thousandth of the axis's −1/a0: there many pixels see nearly one ray. The way back is numerical.
+Domain: 0 ≤ θ ≤ θ_max, and ρ before the first ρ where dθ/dρ = (ρ F' − F)/(ρ² + F²) has fallen to a
+thousandth of the axis's −1/a0. Beyond it, many pixels share nearly the same ray. The inverse is
+numerical.
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | polynomial | px^(1−n) | a0 < 0 (−200), a1 = 0, a2 (1e-3) … aN, N at most 7 |
 | affine | – | c, d, e: 1, 0, 0 |
 | theta_max_deg | degrees | 90 to 110 |
@@ -41,23 +42,23 @@ from omnisim.core.errors import OpticsError
 
 MAX_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
 MAX_COEFFICIENT = 1e9  # far beyond any lens, and its products stay finite
-MIN_SLOPE = 1e-3  # of the slope at the axis
+MIN_SLOPE = 1e-3  # share of the slope at the axis
 
 
 @dataclass(frozen=True)
 class OcamcalibCamera(RadialCamera):
-    """A mirror or fisheye lens with a polynomial along the axis.
+    """Mirror or fisheye lens with a polynomial along the axis.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         principal_point_px: (u, v), that is (column, row), of the axis.
         polynomial: a0 … aN.
         affine: c, d, e.
-        theta_max_rad: angle from the axis where the domain ends at the latest.
+        theta_max_rad: upper limit of the angle from the axis at which the domain ends.
 
     Raises:
-        OpticsError: a size that is not positive, numbers that are not finite, no or too many
-            coefficients, a0 ≥ 0, an affine map that cannot be undone, or θ_max outside 0 to 180°.
+        OpticsError: a size is not positive, a number is not finite, the coefficients are missing or
+            too many, a0 ≥ 0, the affine map is not invertible, or θ_max is outside 0 to 180°.
     """
 
     principal_point_px: tuple[float, float]
@@ -133,7 +134,7 @@ class OcamcalibCamera(RadialCamera):
         return plane @ self._pixels_from_axes.T + self.principal_point_px
 
     def uniforms(self) -> Uniforms:
-        """Values for `shaders/camera/ocamcalib.glsl`, per ρ_max to keep floats small."""
+        """Values for `shaders/camera/ocamcalib.glsl`, scaled to ρ/ρ_max for precision."""
         scale = self.radius_max_px
         coefficients = self.polynomial + (0.0,) * (MAX_COEFFICIENTS - len(self.polynomial))
         axes_from_pixels = np.linalg.inv(self._pixels_from_axes)

@@ -1,11 +1,11 @@
-"""The orthographic fisheye, r = f sin θ: a sphere seen from far away, dense at the rim.
+"""Orthographic fisheye, r = f sin θ: a sphere seen from far away, compressed at the rim.
 
-Domain: 0 ≤ θ ≤ θ_max ≤ 90°; in the image r ≤ f sin θ_max. Past 90° the image would fold over.
+Domain: 0 ≤ θ ≤ θ_max ≤ 90°; in the image r ≤ f sin θ_max. Beyond 90° the image would fold over.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | theta_max_deg | degrees | 70 to 90 |
 
 GLSL twin: `shaders/camera/orthographic.glsl`. Source: Kannala & Brandt 2006, Eq. 5.
@@ -24,7 +24,7 @@ from omnisim.cameras.fisheye import FisheyeCamera
 
 @dataclass(frozen=True)
 class OrthographicCamera(FisheyeCamera):
-    """The fisheye r = f sin θ; see `FisheyeCamera` for its attributes."""
+    """Fisheye with r = f sin θ; see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = 0.5 * math.pi
     model_name = "orthographic"

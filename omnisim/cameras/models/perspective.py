@@ -1,4 +1,4 @@
-"""The pinhole camera: straight lines stay straight.
+"""Pinhole camera: straight lines stay straight.
 
     (u, v) = f (x, y)/z + (u0, v0)
 
@@ -7,7 +7,7 @@ Domain: z > 0, all pixels.
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | half the width for 90° |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 
 GLSL twin: `shaders/camera/perspective.glsl`. Source: Hartley & Zisserman, "Multiple view geometry
 in computer vision", section 6.1.
@@ -28,15 +28,15 @@ from omnisim.core.errors import OpticsError
 
 @dataclass(frozen=True)
 class PerspectiveCamera(FocalCamera):
-    """A camera without a mirror or distortion: (u, v) = f (x, y)/z + center, for z > 0.
+    """Camera without a mirror or distortion: (u, v) = f (x, y)/z + center, for z > 0.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_length_px: focal length.
         principal_point_px: (u, v) of the optical axis in the image.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, or a center that is not finite.
+        OpticsError: a size or focal length is not positive, or a center is not finite.
     """
 
     model_name = "perspective"
@@ -45,10 +45,10 @@ class PerspectiveCamera(FocalCamera):
     def with_field_of_view(
         cls, width_px: int, height_px: int, field_of_view_rad: float
     ) -> PerspectiveCamera:
-        """Camera whose image is `field_of_view_rad` wide, its axis in the middle.
+        """Camera with a horizontal field of view of `field_of_view_rad`, centered on its axis.
 
         Raises:
-            OpticsError: a field of view that is not between 0 and 180°, or a size below 1.
+            OpticsError: a field of view is not between 0 and 180°, or a size is below 1.
         """
         if not 0.0 < field_of_view_rad < math.pi:
             raise OpticsError(
@@ -68,7 +68,7 @@ class PerspectiveCamera(FocalCamera):
         return Rays(directions, np.ones(pixels.shape[:-1], dtype=bool))
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
-        """Pixels of directions (..., 3) in the optical frame; valid in front."""
+        """Pixels of directions (..., 3) in the optical frame; valid in front of the camera."""
         rays = as_directions(directions)
         # at 90° from the axis the image is infinitely far away
         valid = rays[..., 2] > 1e-12 * np.hypot(rays[..., 0], rays[..., 1])

@@ -15,7 +15,7 @@ from omnisim.cameras.plane_camera import RadialCamera
 
 
 class PolynomialLens(RadialCamera):
-    """r(θ) = Σ aₙ θⁿ with r(0) = 0, increasing from 0 to the fold, the first θ where dr/dθ = 0.
+    """Lens r(θ) = Σ aₙ θⁿ with r(0) = 0, increasing up to the fold, the first θ where dr/dθ = 0.
 
     Domain: 0 ≤ θ ≤ min(θ_max, θ_fold).
     """
@@ -29,7 +29,7 @@ class PolynomialLens(RadialCamera):
 
     @cached_property
     def fold_rad(self) -> float:
-        """Angle of the fold, 2π where there is none before it."""
+        """Angle of the fold; 2π if there is none below."""
         return first_root(polynomial.polyder(self.theta_polynomial), math.tau)
 
     @property

@@ -1,15 +1,15 @@
-"""A measured lens: radii in pixels at some angles, and a smooth monotone curve through them.
+"""Measured lens: radii in pixels at given angles, and a smooth monotone curve through them.
 
-The curve is a cubic on each interval, with the slopes of Fritsch and Butland (PCHIP): it rises
-where the table rises, and has no waves between.
+The curve is a cubic on each interval, with the slopes of Fritsch and Butland (PCHIP): it rises with
+the table, without ripples in between.
 
 Domain: 0 ≤ θ ≤ the table's last angle.
 
 | parameter | unit | typical |
 | --- | --- | --- |
-| principal_point_px | px | the image's middle |
-| thetas_deg | degrees | 0, 5, …, 100; rising, 2 to 64 of them, the first 0 |
-| radii_px | px | 0 …; rising, as many |
+| principal_point_px | px | image center |
+| thetas_deg | degrees | 0, 5, …, 100; 2 to 64 angles, increasing from 0 |
+| radii_px | px | one radius per angle, increasing from 0 |
 
 GLSL twin: `shaders/camera/radial_table.glsl`. Source: Fritsch & Butland, "A method for constructing
 local monotone piecewise cubic interpolants", 1984.
@@ -29,22 +29,22 @@ from omnisim.cameras.monotone import solve_increasing
 from omnisim.cameras.plane_camera import RadialCamera
 from omnisim.core.errors import OpticsError
 
-MAX_NODES = 64  # arrays of the GLSL twin
+MAX_NODES = 64  # array size in the GLSL twin
 
 
 @dataclass(frozen=True)
 class RadialTableCamera(RadialCamera):
-    """A lens as a table of angles and radii.
+    """Lens given by a table of angles and radii.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         principal_point_px: (u, v) of the optical axis in the image.
-        thetas_rad: angles from the axis, rising from 0.
-        radii_px: their radii, rising from 0.
+        thetas_rad: angles from the axis, increasing from 0.
+        radii_px: radii at these angles, increasing from 0.
 
     Raises:
-        OpticsError: a size that is not positive, numbers that are not finite, or a table that does
-            not rise from 0, goes past 180°, or has too few or too many entries.
+        OpticsError: a size is not positive, a number is not finite, or the table does not increase
+            from 0, goes beyond 180°, or has too few or too many entries.
     """
 
     principal_point_px: tuple[float, float]
@@ -70,15 +70,15 @@ class RadialTableCamera(RadialCamera):
 
     @property
     def theta_edge_rad(self) -> float:
-        """Angle from the axis where the domain ends: the table's last."""
+        """Angle from the axis where the domain ends: the last of the table."""
         return self.thetas_rad[-1]
 
     @cached_property
     def slopes_px(self) -> NDArray[np.float64]:
         """Slopes dr/dθ (n,) at the table's angles.
 
-        Source: weighted harmonic means inside; at the ends three points' parabola, kept monotone
-        (Moler, "Numerical computing with MATLAB", section 3.6).
+        Source: weighted harmonic means inside; at the ends, the parabola through three points, kept
+            monotone (Moler, "Numerical computing with MATLAB", section 3.6).
         """
         steps = np.diff(self.thetas_rad)
         chords = np.diff(self.radii_px) / steps
@@ -91,7 +91,7 @@ class RadialTableCamera(RadialCamera):
         return np.array([first, *inner, last])
 
     def _local(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Share t of the interval, its width, both radii, and both slopes times the width."""
+        """Position t in an interval, interval width, end radii, and end slopes times width."""
         nodes, radii = np.array(self.thetas_rad), np.array(self.radii_px)
         left = np.clip(np.searchsorted(nodes, theta, side="right") - 1, 0, len(nodes) - 2)
         width = nodes[left + 1] - nodes[left]
@@ -119,7 +119,7 @@ class RadialTableCamera(RadialCamera):
         )
 
     def uniforms(self) -> Uniforms:
-        """Values for `shaders/camera/radial_table.glsl`; the last entry fills the arrays."""
+        """Values for `shaders/camera/radial_table.glsl`; the last entry pads the arrays."""
         fill = MAX_NODES - len(self.thetas_rad)
         slopes = tuple(self.slopes_px.tolist())
         return {
@@ -132,5 +132,5 @@ class RadialTableCamera(RadialCamera):
 
 def _end_slope(step: float, next_step: float, chord: float, next_chord: float) -> float:
     slope = ((2.0 * step + next_step) * chord - step * next_chord) / (step + next_step)
-    # chords are positive, so the parabola's slope has to be kept from falling and from overshooting
+    # chords are positive, but the parabola's slope could fall or overshoot: it is limited
     return float(min(max(slope, 0.0), 3.0 * chord))

@@ -4,11 +4,11 @@
     x' = a x + 2 p1 x y + p2 (r² + 2 x²)
     y' = a y + p1 (r² + 2 y²) + 2 p2 x y
 
-The map is the gradient of r²/2 + k1 r⁴/4 + k2 r⁶/6 + k3 r⁸/8 + (p2 x + p1 y) r², so its
-Jacobian is symmetric, and where it is positive definite all over a disc no two points of the disc
-meet. The radial part has the eigenvalues a(r) and b(r) = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶, the
-tangential part none below −6 |p| r with |p| = √(p1² + p2²). Domain: the disc up to the first r with
-min(a, b) = 6 |p| r; without tangential distortion that is exactly the fold.
+The map is the gradient of r²/2 + k1 r⁴/4 + k2 r⁶/6 + k3 r⁸/8 + (p2 x + p1 y) r². Its Jacobian is
+therefore symmetric, and on a disc where it is positive definite the map is one to one. The radial
+part has the eigenvalues a(r) and b(r) = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶. The tangential part has
+none below −6 |p| r with |p| = √(p1² + p2²). The domain is the disc up to the first r with min(a, b)
+= 6 |p| r; without tangential distortion this is exactly the fold.
 
 Source: Brown, "Close-range camera calibration", 1971; OpenCV's module calib3d.
 """
@@ -25,7 +25,7 @@ from omnisim.cameras.distortion_inverse import undistort
 from omnisim.cameras.monotone import first_root, solve_polynomial
 from omnisim.cameras.plane_camera import PlanePoints, unit_vectors
 
-ROUNDING = 1e-14  # of the distance between a point and the distorted inverse of it
+ROUNDING = 1e-14  # tolerance between a distorted point and the distortion of its inverse
 
 
 class RadialTangential(NamedTuple):
@@ -56,9 +56,9 @@ class RadialTangential(NamedTuple):
         return distorted
 
     def undistort(self, distorted: NDArray[np.float64], limit: float) -> PlanePoints:
-        """Points (..., 2) within `limit` that `distort` takes to `distorted` (..., 2).
+        """Points (..., 2) within `limit` that `distort` maps to `distorted` (..., 2).
 
-        Valid where there is one; elsewhere a point at the limit.
+        Valid where such a point exists; elsewhere a point at the limit.
         """
         radius = np.hypot(distorted[..., 0], distorted[..., 1])
         radial = np.array([0.0, 1.0, 0.0, self.k1, 0.0, self.k2, 0.0, self.k3])
@@ -72,8 +72,8 @@ class RadialTangential(NamedTuple):
     def _newton_step(
         self, plane: NDArray[np.float64], error: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The Jacobian's inverse times an error (..., 2)."""
-        # coefficients may be so large that far points are no numbers: no pixel sees those
+        """Inverse Jacobian times an error (..., 2)."""
+        # with very large coefficients, far points are not finite: no pixel sees those
         with np.errstate(over="ignore", invalid="ignore"):
             x, y = plane[..., 0], plane[..., 1]
             squared = x * x + y * y

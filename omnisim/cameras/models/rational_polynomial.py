@@ -1,4 +1,4 @@
-"""OpenCV's pinhole lens with all of its coefficients: rational radial, thin prism, tilted sensor.
+"""OpenCV's pinhole lens with all coefficients: rational radial, thin prism, tilted sensor.
 
     x = X/Z, y = Y/Z, r² = x² + y², g = (1 + k1 r² + k2 r⁴ + k3 r⁶)/(1 + k4 r² + k5 r⁴ + k6 r⁶)
     x' = g x + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴
@@ -9,15 +9,15 @@
 T is the perspective map onto a sensor that is tilted by τx about x, then by τy about y.
 
 Domain: Z > 0, x² + y² ≤ r_max², and x' and y' in front of the tilted sensor. On the disc of r_max
-no two points meet: the Jacobian's symmetric part is positive definite, since g and d(g r)/dr exceed
-6 |p| r + 2 |(s1, s3)| r + 4 |(s2, s4)| r³, which bounds the other terms. Where nothing else ends
-it, r_max is 50 (88.9°).
+the map is one to one: the Jacobian's symmetric part is positive definite, since g and d(g r)/dr
+exceed 6 |p| r + 2 |(s1, s3)| r + 4 |(s2, s4)| r³, which bounds the other terms. Unless something
+else limits it, r_max is 50 (88.9°).
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_lengths_px | px | fx, fy |
 | principal_point_px | px | u0, v0 |
-| distortion | – | k1, k2, p1, p2, k3, k4, k5, k6, and perhaps s1, s2, s3, s4, τx, τy |
+| distortion | – | k1, k2, p1, p2, k3, k4, k5, k6, optionally s1, s2, s3, s4, then τx, τy |
 
 GLSL twin: `shaders/camera/rational_polynomial.glsl`. Source: OpenCV's module calib3d; ROS's
 distortion model of the same name; Azure Kinect's and OAK-D's calibrations.
@@ -43,22 +43,22 @@ from omnisim.core.errors import OpticsError
 MAX_RADIUS = 50.0
 MAX_TILT_RAD = math.radians(80.0)
 COEFFICIENT_COUNTS = (8, 12, 14)
-ROUNDING = 1e-13  # of the distance between a point and the distorted inverse of it
+ROUNDING = 1e-13  # tolerance between a distorted point and the distortion of its inverse
 
 
 @dataclass(frozen=True)
 class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
-    """A pinhole camera with OpenCV's rational distortion, thin prism and tilt.
+    """Pinhole camera with OpenCV's rational distortion, thin prism and sensor tilt.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_lengths_px: (fx, fy).
         principal_point_px: (u0, v0).
         distortion: k1, k2, p1, p2, k3, k4, k5, k6, and optionally s1, s2, s3, s4, then τx, τy.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, numbers that are not finite,
-            another number of coefficients, a tilt past 80°, or a lens that folds at its axis.
+        OpticsError: a size or focal length is not positive, a number is not finite, the number of
+            coefficients is wrong, a tilt exceeds 80°, or the lens folds at its axis.
     """
 
     distortion: tuple[float, ...]
@@ -85,7 +85,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
 
     @property
     def tilt_rad(self) -> tuple[float, float]:
-        """Angles τx, τy of the sensor."""
+        """Sensor tilt angles τx and τy."""
         x, y = (*self.distortion[12:], 0.0, 0.0)[:2]
         return x, y
 
@@ -137,7 +137,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         squared = radius * radius
         n, slope_n = _even_polynomial(k1, k2, k3, squared)
         d, slope_d = _even_polynomial(k4, k5, k6, squared)
-        d = np.maximum(d, 1e-12)  # past the pole, outside of the domain
+        d = np.maximum(d, 1e-12)  # beyond the pole, outside the domain
         return n / d, 2.0 * radius * (slope_n * d - n * slope_d) / (d * d)
 
     def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -152,7 +152,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         return np.asarray(plane * (growth + 2.0 * along) + offset)
 
     def _undistort(self, distorted: NDArray[np.float64]) -> PlanePoints:
-        """Points (..., 2) of the domain that `distort` takes to distorted ones (..., 2)."""
+        """Points (..., 2) of the domain that `distort` maps to `distorted` (..., 2)."""
         radius = np.hypot(distorted[..., 0], distorted[..., 1])
 
         def grown(radii: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -173,7 +173,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
     def _newton_step(
         self, plane: NDArray[np.float64], error: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The Jacobian's inverse times an error (n, 2)."""
+        """Inverse Jacobian times an error (n, 2)."""
         x, y = plane.T
         squared = x * x + y * y
         radius = np.sqrt(squared)
@@ -231,13 +231,13 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
 def _even_polynomial(
     first: float, second: float, third: float, squared: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Values 1 + k1 s + k2 s² + k3 s³ and slopes by s at s (...,)."""
+    """Values 1 + k1 s + k2 s² + k3 s³ and slopes with respect to s, at s (...,)."""
     value = 1.0 + squared * (first + squared * (second + squared * third))
     return value, first + squared * (2.0 * second + squared * (3.0 * third))
 
 
 def _mapped(matrix: NDArray[np.float64], plane: NDArray[np.float64]) -> PlanePoints:
-    """Points (..., 2) by a homography (3, 3); valid on the side of the axis."""
+    """Map points (..., 2) by a homography (3, 3); valid on the same side as the axis."""
     homogeneous = plane @ matrix[:, :2].T + matrix[:, 2]
     valid = homogeneous[..., 2] > 1e-9
     depth = np.where(valid, homogeneous[..., 2], 1.0)[..., None]

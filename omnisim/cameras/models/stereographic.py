@@ -1,12 +1,12 @@
-"""The stereographic fisheye, r = 2 f tan(θ/2): small shapes keep their angles (conformal).
+"""Stereographic fisheye, r = 2 f tan(θ/2): small shapes keep their angles (conformal).
 
-Domain: 0 ≤ θ ≤ θ_max ≤ 179°; in the image r ≤ 2 f tan(θ_max/2). At 180° the image is
-infinitely far away.
+Domain: 0 ≤ θ ≤ θ_max ≤ 179°; in the image r ≤ 2 f tan(θ_max/2). At 180° the image radius is
+infinite.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | the image's middle |
+| principal_point_px | px | image center |
 | theta_max_deg | degrees | 90 to 120 |
 
 GLSL twin: `shaders/camera/stereographic.glsl`. Source: Kannala & Brandt 2006, Eq. 2.
@@ -25,7 +25,7 @@ from omnisim.cameras.fisheye import FisheyeCamera
 
 @dataclass(frozen=True)
 class StereographicCamera(FisheyeCamera):
-    """The fisheye r = 2 f tan(θ/2); see `FisheyeCamera` for its attributes."""
+    """Fisheye with r = 2 f tan(θ/2); see `FisheyeCamera` for its attributes."""
 
     theta_max_rad: float = math.radians(150.0)
     model_name = "stereographic"

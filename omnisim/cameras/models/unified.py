@@ -1,19 +1,20 @@
-"""The unified model of Geyer and Mei with distortion: OpenCV's `omnidir`, Kalibr's `omni`.
+"""Unified model of Geyer and Mei with distortion: OpenCV's `omnidir`, Kalibr's `omni`.
 
     (x_n, y_n) = (x, y)/(z + ξ d),  d = √(x² + y² + z²)
     (x_d, y_d) = distorted by k1, k2, p1, p2, k3, see `radial_tangential`
     (u, v) = (γu x_d + s y_d + u0, γv y_d + v0)
 
-Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the image would fold over; and
-x_n² + y_n² ≤ r_max², the disc on which the distortion does not fold. For ξ > 1 the first is
-x_n² + y_n² ≤ 1/(ξ² − 1). Where nothing else ends it, r_max is 1000: nearly the first's limit.
+Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the image would fold over; and x_n²
++ y_n² ≤ r_max², the disc on which the distortion does not fold. For ξ > 1 the first condition is
+x_n² + y_n² ≤ 1/(ξ² − 1). Unless something else limits it, r_max is 1000: almost the limit of the
+first condition.
 
 | parameter | unit | typical |
 | --- | --- | --- |
 | xi | – | ≥ 0: 0 perspective, 1 paraboloid, 1.5 to 2.5 a fisheye |
 | focal_lengths_px | px | γu, γv: (1 + ξ) times the focal length at the axis |
 | principal_point_px | px | u0, v0 |
-| distortion | – | k1, k2, p1, p2, and perhaps k3 |
+| distortion | – | k1, k2, p1, p2, optionally k3 |
 | skew_px | px | s, 0 |
 
 GLSL twin: `shaders/camera/unified.glsl`. Source: Mei & Rives, "Single view point omnidirectional
@@ -40,19 +41,19 @@ MAX_RADIUS = 1000.0
 
 @dataclass(frozen=True)
 class UnifiedCamera(TwoFocalCamera, PlaneCamera):
-    """A mirror or fisheye lens as a projection from a point ξ above a unit sphere's center.
+    """Mirror or fisheye lens as a projection from a point ξ above a unit sphere's center.
 
     Attributes:
-        width_px, height_px: size of the image.
+        width_px, height_px: image size.
         focal_lengths_px: (γu, γv).
         principal_point_px: (u0, v0).
         xi: ξ, not negative.
-        distortion: k1, k2, p1, p2, and perhaps k3, which pinhole cameras (ξ = 0) have.
+        distortion: k1, k2, p1, p2, and optionally k3, as pinhole cameras (ξ = 0) have it.
         skew_px: s.
 
     Raises:
-        OpticsError: a size or focal length that is not positive, numbers that are not finite,
-            ξ < 0, or not four or five coefficients.
+        OpticsError: a size or focal length is not positive, a number is not finite, ξ < 0, or there
+            are not four or five coefficients.
     """
 
     xi: float
@@ -72,7 +73,7 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
 
     @property
     def k3(self) -> float:
-        """The fifth coefficient, 0 where there are four."""
+        """Fifth coefficient, or 0 if there are only four."""
         return (*self.distortion, 0.0)[4]
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Calibration files of other tools: a module a format, a subclass of `Format` in each.
+"""Calibration files of other tools: one module per format, each with a subclass of `Format`.
 
-`omnisim.cameras.calibration.calibration_formats` lists them; the README has how to add one.
+`omnisim.cameras.calibration.calibration_formats` lists them; the README explains how to add one.
 """

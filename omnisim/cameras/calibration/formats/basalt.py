@@ -1,4 +1,4 @@
-"""Basalt's calibration json.
+"""Basalt's calibration JSON.
 
 | camera_type | intrinsics | model |
 | --- | --- | --- |
@@ -8,8 +8,9 @@
 | ds | … xi alpha | double_sphere |
 | kb4 | … k1 k2 k3 k4 | kannala_brandt |
 
-`T_imu_cam` takes the camera to the IMU; where it is unknown the first camera stands for the IMU,
-which a key of omnisim's states. Pixels count from the first one's center, as ours.
+`T_imu_cam` maps the camera frame to the IMU frame. If the pose is unknown, the first camera stands
+in for the IMU, and an omnisim key in the file says so. Pixel (0, 0) is the center of the first
+pixel, as in omnisim.
 
 Source: basalt-headers, calibration and camera models; Usenko et al. 2018.
 """
@@ -88,7 +89,7 @@ class _Value(ForeignTable):
 
 
 class Basalt(Format[BasaltLens]):
-    """The format of Basalt's calibration tool."""
+    """Format of Basalt's calibration tool."""
 
     name = "basalt"
     title = "Basalt: calibration json"
@@ -123,7 +124,7 @@ class Basalt(Format[BasaltLens]):
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[BasaltLens]]) -> str:
-        """Text with `value0`."""
+        """Text with the key `value0`."""
         poses = [pose for camera in cameras for pose in camera.poses]
         has_imu = any("imu" in (pose.target, pose.source) for pose in poses)
         body = "imu" if has_imu else cameras[0].name
@@ -145,13 +146,13 @@ class Basalt(Format[BasaltLens]):
         return json.dumps(data, indent=4) + "\n"
 
     def unsupported(self, lens: BasaltLens) -> str | None:
-        """Refuses pinhole cameras with distortion."""
+        """Rejects pinhole cameras with distortion."""
         if isinstance(lens, UnifiedCamera) and (any(lens.distortion) or lens.skew_px or lens.xi):
             return "its pinhole camera has no distortion, no skew and no ξ"
         return None
 
     def camera_name(self, index: int, name: str) -> str:
-        """Name by the index alone."""
+        """Name made from the index alone."""
         return f"cam{index}"
 
 

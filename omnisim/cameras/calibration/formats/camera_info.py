@@ -1,4 +1,4 @@
-"""Lenses of ROS's CameraInfo, in its YAML files and in Foxglove's JSON.
+"""ROS CameraInfo lenses, in YAML files and in Foxglove's JSON.
 
 | distortion_model | D | model |
 | --- | --- | --- |
@@ -6,8 +6,8 @@
 | rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | rational_polynomial, or as plumb_bob |
 | equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4 | kannala_brandt |
 
-Pixels count from the first one's center, as ours. There is no model for rays at or past 90° from
-the axis: `P` and every rectified image are a plane's.
+Pixel (0, 0) is the center of the first pixel, as in omnisim. Rays at or beyond 90° from the axis
+have no model: `P` and every rectified image lie in a plane.
 
 Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
 """
@@ -42,7 +42,7 @@ class CameraInfo(Format[CameraInfoLens]):
 
     Attributes:
         distortion_models: names of Brown's distortion models.
-        fisheye_models: names of Kannala and Brandt's.
+        fisheye_models: names of the Kannala-Brandt models.
     """
 
     models = (UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera)
@@ -60,10 +60,10 @@ class CameraInfo(Format[CameraInfoLens]):
         source: str,
         keys: tuple[str, str],
     ) -> CentralCamera:
-        """Lens of an image's size, distortion model, K and D, whose keys are in messages.
+        """Lens from an image size, distortion model, K and D; `keys` name K and D in messages.
 
         Raises:
-            CalibrationError: another model, or numbers that do not fit it.
+            CalibrationError: the model is unknown, or the numbers do not fit it.
         """
         intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
         check_no_skew(skew_px, f"{source}: {keys[0]}")
@@ -76,7 +76,7 @@ class CameraInfo(Format[CameraInfoLens]):
 
 
 class CameraInfoFields(NamedTuple):
-    """Distortion model in ROS's words, D, K and P."""
+    """Distortion model in ROS's terms, D, K and P."""
 
     distortion_model: str
     d: list[float]

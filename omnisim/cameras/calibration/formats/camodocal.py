@@ -1,4 +1,4 @@
-"""KITTI-360's fisheye yaml, which is camodocal's, and VINS's too.
+"""KITTI-360's fisheye YAML, shared with camodocal and VINS.
 
 | model_type | parameters | model |
 | --- | --- | --- |
@@ -6,7 +6,7 @@
 | PINHOLE | k1 k2 p1 p2; fx fy cx cy | perspective, unified with ξ = 0 |
 | KANNALA_BRANDT | k2 k3 k4 k5 mu mv u0 v0 | kannala_brandt, k1 … k4 |
 
-Pixels count from the first one's center, as ours. There are no poses.
+Pixel (0, 0) is the center of the first pixel, as in omnisim. The format has no poses.
 
 Source: camodocal's camera_models; KITTI-360's documentation, "2D fisheye images".
 """
@@ -98,7 +98,7 @@ class _Fisheye(_Head):
 
 
 class Camodocal(Format[CamodocalLens]):
-    """The format of KITTI-360 and camodocal."""
+    """Format of KITTI-360 and camodocal."""
 
     name = "kitti360"
     title = "KITTI-360 and camodocal: MEI yaml"
@@ -109,9 +109,9 @@ class Camodocal(Format[CamodocalLens]):
     unified_terms = frozenset({"ξ"})
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """The camera."""
+        """Parse the camera."""
         data = parse_yaml(text, source)
-        if not isinstance(data.get("camera_name", ""), str):  # KITTI-360's is a word, 00 is not
+        if not isinstance(data.get("camera_name", ""), str):  # KITTI-360's is a string, 00 is not
             data["camera_name"] = str(data["camera_name"])
         head = parse(data, _Head, source)
         with error_context(source):

@@ -1,4 +1,4 @@
-"""COLMAP's cameras.txt: a camera a line, `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…`.
+"""COLMAP's cameras.txt: one camera per line, `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…`.
 
 | MODEL | model |
 | --- | --- |
@@ -11,8 +11,8 @@
 | EUCM | eucm |
 | EQUIRECTANGULAR | equirectangular |
 
-COLMAP's first pixel has its center at (0.5, 0.5), ours at (0, 0). There are no poses: they are in
-images.txt. COLMAP's own projection of fisheyes ends at 90°.
+The center of COLMAP's first pixel is (0.5, 0.5); omnisim's is (0, 0). The file has no poses: they
+are in images.txt. COLMAP's own fisheye projection ends at 90°.
 
 Source: COLMAP's documentation, "Camera Models" and "Output Format".
 """
@@ -66,7 +66,7 @@ MODELS = {
     "EQUIRECTANGULAR": "w h",
 }
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
-CENTER_PX = 0.5  # of the first pixel
+CENTER_PX = 0.5  # center of the first pixel
 ColmapLens = (
     UnifiedCamera
     | RationalPolynomialCamera
@@ -77,7 +77,7 @@ ColmapLens = (
 
 
 class Colmap(Format[ColmapLens]):
-    """The format of COLMAP's list of cameras."""
+    """Format of COLMAP's list of cameras."""
 
     name = "colmap"
     title = "COLMAP: cameras.txt"
@@ -96,7 +96,7 @@ class Colmap(Format[ColmapLens]):
     several = True
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Cameras of all lines."""
+        """Parse one camera per line."""
         cameras = []
         for number, line in enumerate(text.splitlines(), start=1):
             words = line.split()
@@ -128,7 +128,7 @@ class Colmap(Format[ColmapLens]):
         return text
 
     def camera_name(self, index: int, name: str) -> str:
-        """Name in COLMAP's way: a number."""
+        """Number, as COLMAP names its cameras."""
         return name if name.isascii() and name.isdecimal() else str(index + 1)
 
 
@@ -160,7 +160,7 @@ def _lens(model: str, size: tuple[int, int], values: list[float], place: str) ->
 
 
 def parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:
-    """COLMAP's model and its parameters."""
+    """COLMAP's model name and its parameters."""
     if isinstance(lens, EquirectangularCamera):
         return "EQUIRECTANGULAR", (lens.width_px, lens.height_px)
     u, v = lens.principal_point_px

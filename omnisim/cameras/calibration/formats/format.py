@@ -1,4 +1,4 @@
-"""Base of the file formats."""
+"""Base of the calibration file formats."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ LensT_co = TypeVar("LensT_co", bound=CentralCamera, covariant=True)
 Fixed = Mapping[str, Any]
 ANY: Fixed = {}
 PINHOLE: Fixed = {"xi": 0.0}  # makes the unified model a pinhole camera with distortion
-NO_SKEW: Fixed = {"skew_px": 0.0}  # leaves skew and k3 out, which most formats have not
+NO_SKEW: Fixed = {"skew_px": 0.0}  # drops skew and k3, which most formats lack
 
 
 class MetadataPlace(Enum):
-    """Place for omnisim's own metadata in a format; see `omnisim.cameras.calibration.metadata`."""
+    """Where a format keeps omnisim's metadata; see `omnisim.cameras.calibration.metadata`."""
 
     LINES = "# omnisim {…}"
     XML = "<!-- omnisim {…} -->"
@@ -38,10 +38,10 @@ class ParsedCamera(Generic[LensT_co]):
     """One camera as its file describes it.
 
     Attributes:
-        name: of the camera in the file.
-        lens: looks along +z of the file's frame.
-        poses: of the camera.
-        time_shift_s: from the camera's stamps to the times of the IMU.
+        name: camera name in the file.
+        lens: camera model that looks along +z of the file frame.
+        poses: camera poses in the file.
+        time_shift_s: offset from camera timestamps to IMU timestamps.
     """
 
     name: str
@@ -51,23 +51,23 @@ class ParsedCamera(Generic[LensT_co]):
 
 
 class Format(ABC, Generic[LensT]):
-    """A file format of lenses `LensT`.
+    """File format for lenses of the models `LensT`.
 
     Attributes:
-        name: on the command line.
-        title: whose it is, for lists.
-        suffix: of its files.
-        models: models that it represents exactly.
-        fits: models to fit other lenses by, each with the parameters that the format fixes.
-        signature: pattern in the text by which a file of the format is known, a broken one too.
-        metadata_place: of omnisim's own metadata.
-        max_theta_rad: angle from the axis at which rays cannot be represented any more.
-        caveat: for the reader of a file of a lens that sees further than caveat_theta_rad.
-        centered: the axis is in the image's middle always.
-        several: a file holds more than one camera.
-        has_names: cameras have names in the file.
-        unified_terms: those of "ξ", "skew", "k3" and "thin prism or tilt" that its unified or
-            pinhole camera has.
+        name: name on the command line.
+        title: tool and file, for lists.
+        suffix: file suffix.
+        models: models that the format represents exactly.
+        fits: models to fit to other lenses, each with the parameters that the format fixes.
+        signature: text pattern that identifies the format, even in a broken file.
+        metadata_place: where a file keeps omnisim's metadata.
+        max_theta_rad: angle from the axis at and beyond which rays cannot be represented.
+        caveat: note for the user about a lens that sees farther than caveat_theta_rad.
+        centered: True if the axis is always at the image center.
+        several: True if a file can hold several cameras.
+        has_names: True if cameras have names in the file.
+        unified_terms: terms among "ξ", "skew", "k3" and "thin prism or tilt" that the format's
+            unified or pinhole camera has.
     """
 
     name: ClassVar[str]
@@ -86,27 +86,27 @@ class Format(ABC, Generic[LensT]):
     unified_terms: ClassVar[frozenset[str]] = frozenset({"k3"})
 
     def looks_like(self, text: str) -> bool:
-        """True for the text of a file of the format."""
+        """True if the text looks like a file of this format."""
         return bool(self.signature.search(text))
 
     def ambiguity(self, text: str, source: str) -> str | None:
-        """Reason why a text needs the user to name the format, or None."""
+        """Reason why the user has to name the format, or None."""
         return None
 
     @abstractmethod
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Cameras of a text; `source` names the file in messages.
+        """Parse the cameras of a text; `source` names the file in messages.
 
         Raises:
-            CalibrationError: naming file, key, the expected value and the one found.
+            CalibrationError: naming file, key, the expected value and the actual one.
         """
 
     @abstractmethod
     def encode(self, cameras: Sequence[ParsedCamera[LensT]]) -> str:
-        """Text of a file of the cameras, which are one if the format holds no more."""
+        """Text of a file with the cameras; only one if the format holds no more."""
 
     def unsupported(self, lens: LensT) -> str | None:
-        """Reason why the format cannot represent a lens of its models, or None."""
+        """Reason why the format cannot represent a lens of one of its models, or None."""
         if isinstance(lens, RationalPolynomialCamera):
             is_simple = not any(lens.distortion[8:]) or "thin prism or tilt" in self.unified_terms
             return None if is_simple else "it has no thin prism or tilt"
@@ -117,23 +117,23 @@ class Format(ABC, Generic[LensT]):
         return next((f"it has no {term}" for term in missing), None)
 
     def native(self, camera: CentralCamera) -> LensT | None:
-        """The camera itself, where the format represents mirrors as mirrors, or None."""
+        """The camera itself if the format represents mirrors as mirrors, or None."""
         return None
 
     def camera_name(self, index: int, name: str) -> str:
-        """Name in the file of a camera, by its index in the file and its name so far."""
+        """Camera name in the file, from its index there and its previous name."""
         return name if self.has_names else "camera"
 
 
 @contextmanager
 def error_context(source: str) -> Iterator[None]:
-    """Names the place in a file whose numbers make no camera.
+    """Prefix errors about invalid camera numbers with their place in a file.
 
     Raises:
-        CalibrationError: the block's error, with `source` before it.
+        CalibrationError: the error raised in the block, prefixed with `source`.
     """
     try:
-        # squares of what is much too large are not worth a warning: what follows is refused
+        # squares of far too large numbers need no warning: the camera is rejected below
         with np.errstate(all="ignore"):
             yield
     except OpticsError as reason:

@@ -1,6 +1,6 @@
-"""Foxglove's CameraCalibration as json: ROS's CameraInfo with other names; see `camera_info`.
+"""Foxglove's CameraCalibration as JSON: ROS's CameraInfo with other names; see `camera_info`.
 
-`kannala_brandt` is ROS's `equidistant`; `fisheye62` has no model of ours.
+`kannala_brandt` is ROS's `equidistant`; omnisim has no model for `fisheye62`.
 
 Source: Foxglove's schemas, foxglove.CameraCalibration.
 """
@@ -33,7 +33,7 @@ class _Camera(ForeignTable):
 
 
 class Foxglove(CameraInfo):
-    """The format of Foxglove's CameraCalibration."""
+    """Format of Foxglove's CameraCalibration."""
 
     name = "foxglove"
     title = "Foxglove: CameraCalibration json"
@@ -44,7 +44,7 @@ class Foxglove(CameraInfo):
     fisheye_models = ("kannala_brandt",)
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """The camera."""
+        """Parse the camera."""
         fields = parse(parse_json(text, source), _Camera, source)
         size_px = fields.width, fields.height
         lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))

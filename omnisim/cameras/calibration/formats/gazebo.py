@@ -1,4 +1,4 @@
-"""Gazebo's cameras in SDF: `<camera>` with `<horizontal_fov>`, `<image>` and perhaps `<lens>`.
+"""Gazebo's cameras in SDF: `<camera>` with `<horizontal_fov>`, `<image>` and an optional `<lens>`.
 
 | type | r = c1 f fun(θ/c2 + c3) | model |
 | --- | --- | --- |
@@ -9,10 +9,10 @@
 | orthographic | f sin θ | orthographic |
 | custom | by `<custom_function>` | gazebo |
 
-Radii are counted in half widths of the image. With `scale_to_hfov` f follows from
-`horizontal_fov`: its half reaches the left and right edges; without, f is the custom function's.
-`cutoff_angle` is θ_max. The axis is in the image's middle; `<intrinsics>`, which pinhole cameras
-may have, count pixels from the first one's corner.
+Radii are in half widths of the image. With `scale_to_hfov`, f follows from `horizontal_fov`, half
+of which reaches the left and right edges; without it, f is that of the custom function.
+`cutoff_angle` is θ_max. The axis is at the image center. `<intrinsics>`, allowed for pinhole
+cameras, counts pixels from the corner of the first pixel.
 
 Source: SDFormat's specification, camera/lens; Gazebo's wide-angle camera.
 """
@@ -60,7 +60,7 @@ GazeboLens = PerspectiveCamera | GazeboCamera
 
 
 class Gazebo(Format[GazeboLens]):
-    """The format of Gazebo's cameras."""
+    """Format of Gazebo's cameras."""
 
     name = "gazebo"
     title = "Gazebo: SDF camera with lens"
@@ -72,7 +72,7 @@ class Gazebo(Format[GazeboLens]):
     centered = True
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """All cameras with a field of view."""
+        """Parse all cameras that have a field of view."""
         root = parse_xml(text, source)
         parents = {child: parent for parent in root.iter() for child in parent}
         elements = [one for one in root.iter("camera") if one.find("horizontal_fov") is not None]
@@ -116,7 +116,7 @@ class Gazebo(Format[GazeboLens]):
 """
 
     def unsupported(self, lens: GazeboLens) -> str | None:
-        """Refuses a wide lens whose axis is beside the image's middle."""
+        """Rejects a wide lens whose axis is not at the image center."""
         if isinstance(lens, PerspectiveCamera):
             return None
         u, v = lens.principal_point_px
@@ -128,7 +128,7 @@ class Gazebo(Format[GazeboLens]):
 
 
 def _names(cameras: Sequence[Element], parents: Mapping[Element, Element]) -> list[str]:
-    """Distinct names: the cameras' own, their sensors', or numbers where both do not suffice."""
+    """Distinct camera names: their own, else with their sensors' names, else numbered."""
     if len(cameras) == 1:
         sensor = parents.get(cameras[0], cameras[0])
         return [cameras[0].get("name") or sensor.get("name") or "camera"]
@@ -143,7 +143,7 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
     """Lens of a `<camera>`.
 
     Raises:
-        CalibrationError: naming place, expected and found value.
+        CalibrationError: naming the place, the expected value and the actual one.
     """
     size = _size(camera, "image/width", place), _size(camera, "image/height", place)
     fov = _number(camera, "horizontal_fov", None, place)
@@ -180,7 +180,7 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
 def _focal_from_fov(
     fov: float, c1: float, c2: float, c3: float, function: str, place: str
 ) -> float:
-    """f in half widths, with which half the field of view reaches the image's edge."""
+    """f in half widths for which half the field of view reaches the image edge."""
     if c2 == 0.0:
         raise unexpected(f"{place}: c2", "more than 0", c2)
     radius = c1 * FUNCTIONS[function](0.5 * fov / c2 + c3)

@@ -4,14 +4,15 @@
 | --- | --- | --- | --- |
 | pinhole | fu fv pu pv | radtan, none | perspective, unified with ξ = 0 |
 | pinhole | fu fv pu pv | equidistant | kannala_brandt |
-| pinhole | fu fv pu pv | fov | fitted: no model of ours is it |
+| pinhole | fu fv pu pv | fov | fitted: omnisim has no such model |
 | omni | xi fu fv pu pv | radtan, none | unified |
 | ds | xi alpha fu fv pu pv | none | double_sphere |
 | eucm | alpha beta fu fv pu pv | none | eucm |
 
-Pixels count from the first one's center, as ours. `T_cn_cnm1` takes the camera before to this one,
-`T_cam_imu` the IMU to it; a camera's stamp plus `timeshift_cam_imu` is the IMU's time. Kalibr reads
-floats only, so that all numbers are written with a point.
+Pixel (0, 0) is the center of the first pixel, as in omnisim. `T_cn_cnm1` maps the previous camera's
+frame to this camera's frame, and `T_cam_imu` maps the IMU frame to it. A camera timestamp plus
+`timeshift_cam_imu` is IMU time. Kalibr reads only floats, so all numbers are written with a decimal
+point.
 
 Source: Kalibr's wiki, "YAML formats" and "Supported models".
 """
@@ -81,7 +82,7 @@ class _Camera(ForeignTable):
 
 
 class Kalibr(Format[KalibrLens]):
-    """The format of Kalibr's camera chains."""
+    """Format of Kalibr's camera chains."""
 
     name = "kalibr"
     title = "Kalibr: camchain.yaml"
@@ -143,7 +144,7 @@ class Kalibr(Format[KalibrLens]):
         return text
 
     def camera_name(self, index: int, name: str) -> str:
-        """Name in Kalibr's way: cam0, cam1, …"""
+        """Name as Kalibr writes it: cam0, cam1, …"""
         return name if re.fullmatch(r"cam\d+", name, re.ASCII) else f"cam{index}"
 
 

@@ -1,4 +1,4 @@
-"""Nerfstudio's transforms.json, for all frames or frame by frame.
+"""Nerfstudio's transforms.json, with intrinsics for all frames or for each frame.
 
 | camera_model | parameters | model |
 | --- | --- | --- |
@@ -6,9 +6,10 @@
 | OPENCV_FISHEYE, FISHEYE | fl_x fl_y cx cy k1 k2 k3 k4 | kannala_brandt |
 | EQUIRECTANGULAR | | equirectangular |
 
-Its rays go through (u + 0.5, v + 0.5): the first pixel's center is at (0.5, 0.5), ours at (0, 0).
-`transform_matrix` takes the camera to the world, in OpenGL's axes (y up, z back): half a turn about
-x from ours. A frame's pose is named world_from_<its file_path>.
+Rays pass through (u + 0.5, v + 0.5): the center of the first pixel is (0.5, 0.5); omnisim's is (0,
+0). `transform_matrix` maps the camera frame to the world. The camera frame has OpenGL's axes (y up,
+z back), rotated by half a turn about x from omnisim's. A frame's pose is named world_from_<its
+file_path>.
 
 Source: nerfstudio's documentation, "Data conventions"; its module cameras.
 """
@@ -48,7 +49,7 @@ from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
-CENTER_PX = 0.5  # of the first pixel
+CENTER_PX = 0.5  # center of the first pixel
 OPENGL_FROM_OPENCV = np.array([1.0, -1.0, -1.0, 1.0])
 PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
 FISHEYES = ("OPENCV_FISHEYE", "FISHEYE")
@@ -82,7 +83,7 @@ class _File(ForeignTable):
 
 
 class Nerfstudio(Format[NerfstudioLens]):
-    """The format of nerfstudio's data sets."""
+    """Format of nerfstudio's data sets."""
 
     name = "nerfstudio"
     title = "Nerfstudio: transforms.json"
@@ -94,7 +95,7 @@ class Nerfstudio(Format[NerfstudioLens]):
     has_names = False
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """A camera for each set of intrinsics, with the poses of its frames."""
+        """Parse one camera per set of intrinsics, with the poses of its frames."""
         data = parse_json(text, source)
         frames = parse(data, _File, source).frames
         keys = _Intrinsics.model_fields
@@ -120,7 +121,7 @@ class Nerfstudio(Format[NerfstudioLens]):
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[NerfstudioLens]]) -> str:
-        """Text with the camera and a frame for each of its poses in the world."""
+        """Text with the camera and one frame for each of its poses in the world."""
         (camera,) = cameras
         frames = [
             {
@@ -163,7 +164,7 @@ def _lens(part: _Intrinsics, place: str) -> CentralCamera:
 
 
 def intrinsics(lens: NerfstudioLens) -> dict[str, Any]:
-    """Keys of the intrinsics of a lens."""
+    """Keys that describe a lens's intrinsics."""
     size = {"w": lens.width_px, "h": lens.height_px}
     if isinstance(lens, EquirectangularCamera):
         return {

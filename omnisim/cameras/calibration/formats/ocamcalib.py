@@ -6,9 +6,9 @@
     c d e                    the affine map
     height width
 
-The toolbox's x is down, y to the right, and it looks along −z; see `cameras/models/ocamcalib.py`
-for the rotation to our axes, the same for lenses and mirrors: only our metadata tell them apart.
-The inverse is fitted here, as the toolbox does it.
+In the toolbox, x points down, y points right, and the camera looks along −z.
+`cameras/models/ocamcalib.py` has the rotation to omnisim's axes. Lenses and mirrors share it; only
+omnisim's metadata tells them apart. The inverse is fitted here, as in the toolbox.
 
 Source: Scaramuzza's toolbox, its C functions and calib_results.txt.
 """
@@ -29,14 +29,14 @@ from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera
 from omnisim.core.errors import CalibrationError
 
 BLOCKS = ("polynomial", "inverse polynomial", "center", "affine parameters", "image size")
-COUNTS = (0, 0, 2, 3, 2)  # of numbers; 0: the first number is the count of the others
-INVERSE_WITHIN_PX = 0.01  # as the toolbox's findinvpoly
+COUNTS = (0, 0, 2, 3, 2)  # numbers per block; 0: the first number counts the others
+INVERSE_WITHIN_PX = 0.01  # as in the toolbox's findinvpoly
 MAX_INVERSE_COEFFICIENTS = 25
 _FROM_ONE = re.compile(r"^[ \t]*#.*(starting from 1|matlab convention)", re.M | re.I)
 
 
 class Ocamcalib(Format[OcamcalibCamera]):
-    """The format of Scaramuzza's toolbox."""
+    """Format of Scaramuzza's toolbox."""
 
     name = "ocamcalib"
     title = "OCamCalib: calib_results.txt"
@@ -47,7 +47,7 @@ class Ocamcalib(Format[OcamcalibCamera]):
     has_names = False
 
     def looks_like(self, text: str) -> bool:
-        """True for the toolbox's comments, or for blocks of the right lengths without them."""
+        """True for the toolbox's comments, or for blocks of the right lengths without comments."""
         if super().looks_like(text):
             return True
         lines = _lines(text)
@@ -55,7 +55,7 @@ class Ocamcalib(Format[OcamcalibCamera]):
         return len(lines) == 5 and counts[2:] == [2, 3, 2] and all(map(_is_number, lines[2][1]))
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """The camera."""
+        """Parse the camera."""
         lines = _lines(text)
         if len(lines) != len(BLOCKS):
             blocks_named = f"{len(BLOCKS)} lines of numbers: {', '.join(BLOCKS)}"
@@ -106,7 +106,7 @@ class Ocamcalib(Format[OcamcalibCamera]):
 
 
 def _lines(text: str) -> list[tuple[int, list[str]]]:
-    """Numbers and words of the lines that are no comments."""
+    """Line numbers and words of the lines that are not comments."""
     split = ((number, line.split()) for number, line in enumerate(text.splitlines(), start=1))
     return [(number, words) for number, words in split if words and not words[0].startswith("#")]
 
@@ -124,9 +124,9 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
-    """Fewest coefficients of ρ by atan(F(ρ)/ρ) that come within a hundredth of a pixel.
+    """Shortest inverse polynomial, ρ by atan(F(ρ)/ρ), accurate to a hundredth of a pixel.
 
-    Over the angles that the image shows; the toolbox's world2cam needs them.
+    It covers the angles in the image; the toolbox's world2cam needs it.
     """
     u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
     rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))

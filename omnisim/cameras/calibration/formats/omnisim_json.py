@@ -1,9 +1,9 @@
-"""omnisim's own json: every camera's parameters by name, mirrors as mirrors, and poses.
+"""omnisim's own JSON: all camera parameters by name, mirrors as mirrors, and poses.
 
     {"omnisim_calibration": 1, "cameras": [{"name": "cam0", "camera": {"model": …}, "poses": […]}]}
 
-A camera's bare `parameters()`, and the `calibration.json` of a run, are read too. Angles are in
-degrees, a pose is `{"target": …, "source": …, "target_from_source": 4 × 4}`.
+A single camera's `parameters()` and the `calibration.json` of a run can be read too. Angles are in
+degrees; a pose is `{"target": …, "source": …, "target_from_source": 4 × 4}`.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class _RunFile(ForeignTable):
 
 
 class OmnisimJson(Format[CentralCamera]):
-    """The format of `calibration.json`."""
+    """Format of `calibration.json`."""
 
     name = "omnisim"
     title = "omnisim: calibration json"
@@ -67,7 +67,7 @@ class OmnisimJson(Format[CentralCamera]):
     several = True
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Cameras of a calibration, a run, or bare parameters."""
+        """Parse the cameras of a calibration, a run, or a camera's bare parameters."""
         data = parse_json(text, source)
         if "cameras" in data or "omnisim_calibration" in data:
             file = parse(data, _File, source)
@@ -110,7 +110,7 @@ class OmnisimJson(Format[CentralCamera]):
         return camera
 
     def unsupported(self, lens: CentralCamera) -> None:
-        """None: it represents every lens."""
+        """None, because the format represents every lens."""
 
 
 def _parsed(part: dict[str, Any], place: str) -> ParsedCamera[CentralCamera]:

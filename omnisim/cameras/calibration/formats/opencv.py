@@ -8,11 +8,12 @@
 | | K, D = k1 k2 p1 p2 k3 k4 k5 k6 (s1 s2 s3 s4 (τx τy)) | rational_polynomial |
 
 The matrices are `camera_matrix` and `distortion_coefficients`, or `K` and `D`; the size is
-`image_width` and `image_height`, or `image_size`. Pixels count from the first one's center, as
-ours. Four coefficients without xi may be a fisheye's or a pinhole's: `fisheye_model` states which,
-as OpenCV's own calibration program writes it, or the named format.
+`image_width` and `image_height`, or `image_size`. Pixel (0, 0) is the center of the first pixel, as
+in omnisim. Four coefficients without xi fit a fisheye or a pinhole: `fisheye_model`, which OpenCV's
+own calibration program writes, or the format's name decides.
 
-Beware: cv2.fisheye is wrong past 90°, and cv2.omnidir projects rays past the fold silently.
+Limitations: cv2.fisheye is wrong beyond 90°, and cv2.omnidir silently projects rays beyond the
+fold.
 
 Source: OpenCV's modules calib3d and ccalib, and their calibration programs.
 """
@@ -87,7 +88,7 @@ class _Xi(ForeignTable):
 
 
 class _File(NamedTuple):
-    """Contents of a file: all of it, and the parts that each kind has."""
+    """Contents of a file: all its data, and the parts shared by all kinds of cameras."""
 
     data: dict[str, Any]
     source: str
@@ -109,7 +110,7 @@ class _Opencv(Format[LensT]):
         return is_opencv and _kind(text) is type(self)
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """The camera."""
+        """Parse the camera."""
         data = parse_yaml(text, source)
         if "image_size" in data and "image_width" not in data:
             size = data["image_size"]
@@ -129,11 +130,11 @@ class _Opencv(Format[LensT]):
 
     @abstractmethod
     def _lens(self, file: _File) -> CentralCamera:
-        """Lens of a file."""
+        """Lens in a file."""
 
 
 class OpencvOmnidir(_Opencv[UnifiedCamera]):
-    """The format of `cv2.omnidir`."""
+    """Format of `cv2.omnidir`."""
 
     name = "opencv_omnidir"
     title = "OpenCV: omnidir yaml"
@@ -158,7 +159,7 @@ class OpencvOmnidir(_Opencv[UnifiedCamera]):
 
 
 class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
-    """The format of `cv2.fisheye`."""
+    """Format of `cv2.fisheye`."""
 
     name = "opencv_fisheye"
     title = "OpenCV: fisheye yaml"
@@ -176,7 +177,7 @@ class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
 
 
 class OpencvPinhole(_Opencv[OpencvPinholeLens]):
-    """The format of `cv2.calibrateCamera`."""
+    """Format of `cv2.calibrateCamera`."""
 
     name = "opencv_pinhole"
     title = "OpenCV: pinhole yaml"
@@ -186,7 +187,7 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
     max_theta_rad = 0.5 * math.pi
 
     def ambiguity(self, text: str, source: str) -> str | None:
-        """Four coefficients may be a fisheye's or a pinhole's."""
+        """Reason for naming the format: four coefficients fit a fisheye and a pinhole camera."""
         key, coefficients = _matrix(parse_yaml(text, source), DISTORTION_KEYS, source)
         if len(coefficients) != 4 or IS_PINHOLE.search(text):
             return None
@@ -205,7 +206,7 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
 
 
 def _kind(text: str) -> type[_Opencv[Any]]:
-    """Format of an OpenCV text."""
+    """Format of a text written by OpenCV."""
     if HAS_XI.search(text):
         return OpencvOmnidir
     return OpencvFisheye if IS_FISHEYE.search(text) else OpencvPinhole

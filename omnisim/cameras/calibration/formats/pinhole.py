@@ -1,4 +1,4 @@
-"""Pinhole cameras with Brown's distortion, and camera matrices, which many formats share."""
+"""Parts shared by many formats: camera matrices, and pinhole cameras with Brown's distortion."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from omnisim.cameras import (
 from omnisim.cameras.calibration.equivalents import equivalent
 from omnisim.cameras.calibration.fields import counted, unexpected
 
-COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # OpenCV's
+COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # allowed by OpenCV
 
 
 class Intrinsics(NamedTuple):
-    """First parameters of all models with two focal lengths."""
+    """Leading parameters of all models with two focal lengths."""
 
     width_px: int
     height_px: int
@@ -30,10 +30,10 @@ class Intrinsics(NamedTuple):
 def matrix_intrinsics(
     size_px: tuple[int, int], matrix: Sequence[float], place: str
 ) -> tuple[Intrinsics, float]:
-    """Intrinsics and skew of a camera matrix K, row by row; `place` names it in messages.
+    """Intrinsics and skew of a row-major camera matrix K; `place` names it in messages.
 
     Raises:
-        CalibrationError: not nine numbers, or not those of a camera matrix.
+        CalibrationError: the list does not have nine numbers, or is not a camera matrix.
     """
     fx, skew, cx, zero, fy, cy, *last_row = counted(matrix, "fx s cx 0 fy cy 0 0 1", place)
     if [zero, *last_row] != [0.0, 0.0, 0.0, 1.0]:
@@ -42,10 +42,10 @@ def matrix_intrinsics(
 
 
 def check_no_skew(skew_px: float, place: str) -> None:
-    """Refuse a skew.
+    """Reject a skew.
 
     Raises:
-        CalibrationError: naming the camera matrix.
+        CalibrationError: the skew is not 0; the message names the camera matrix.
     """
     if skew_px:
         raise unexpected(place, "no skew", skew_px)
@@ -54,11 +54,11 @@ def check_no_skew(skew_px: float, place: str) -> None:
 def fisheye(
     intrinsics: Intrinsics, coefficients: Sequence[float], place: str
 ) -> KannalaBrandtCamera:
-    """Kannala-Brandt lens of k1, k2, k3, k4; `place` names these in messages.
+    """Kannala-Brandt lens with k1, k2, k3, k4; `place` names these in messages.
 
     Raises:
-        CalibrationError: not four coefficients.
-        OpticsError: numbers that no camera has.
+        CalibrationError: the list does not have four coefficients.
+        OpticsError: the numbers do not make a valid camera.
     """
     four = counted(coefficients, "k1 k2 k3 k4", place)
     return KannalaBrandtCamera(*intrinsics, tuple(four))
@@ -67,10 +67,10 @@ def fisheye(
 def pinhole(
     intrinsics: Intrinsics, distortion: Sequence[float] = (0.0,) * 4, skew_px: float = 0.0
 ) -> CentralCamera:
-    """Pinhole camera with k1, k2, p1, p2 (k3): unified with ξ = 0, or the perspective one.
+    """Pinhole camera with k1, k2, p1, p2 (k3): unified with ξ = 0, or the perspective model.
 
     Raises:
-        OpticsError: numbers that no camera has.
+        OpticsError: the numbers do not make a valid camera.
     """
     unified = UnifiedCamera(*intrinsics, 0.0, tuple(distortion), skew_px)
     return equivalent(unified, PerspectiveCamera) or unified
@@ -79,16 +79,16 @@ def pinhole(
 def brown_pinhole(
     intrinsics: Intrinsics, coefficients: Sequence[float], place: str
 ) -> CentralCamera:
-    """Pinhole camera with OpenCV's coefficients, in the simplest model that has them.
+    """Pinhole camera with OpenCV's coefficients, in the simplest model that supports them.
 
     Args:
         intrinsics: size, focal lengths and principal point.
-        coefficients: none, k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, τx τy, in OpenCV's order.
-        place: file and key for messages.
+        coefficients: empty, or k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, τx τy, in OpenCV's order.
+        place: file and key, for messages.
 
     Raises:
-        CalibrationError: another number of coefficients.
-        OpticsError: numbers that no camera has.
+        CalibrationError: OpenCV does not allow this number of coefficients.
+        OpticsError: the numbers do not make a valid camera.
     """
     if len(coefficients) not in COEFFICIENT_COUNTS:
         expected = "k1, k2, p1, p2, k3 and optionally k4, k5, k6, s1, s2, s3, s4, τx, τy"

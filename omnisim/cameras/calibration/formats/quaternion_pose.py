@@ -15,10 +15,10 @@ from omnisim.core.poses import pose_from_rotation, rotation_from_quaternion
 def pose_from_quaternion(
     position_m: Sequence[float], quaternion: Sequence[float], place: str
 ) -> NDArray[np.float64]:
-    """Pose (4, 4); the quaternion may be of any length but 0.
+    """Pose (4, 4) from a position and a quaternion of any length except 0.
 
     Raises:
-        CalibrationError: it is 0, or far too long.
+        CalibrationError: the quaternion is 0, or far too long.
     """
     length = float(np.linalg.norm(np.clip(quaternion, -1e100, 1e100)))
     if not 1e-9 < length < 1e99:
@@ -27,5 +27,5 @@ def pose_from_quaternion(
 
 
 def position_and_quaternion(pose: NDArray[np.float64]) -> tuple[list[float], list[float]]:
-    """Position, and quaternion x, y, z, w of either sign, of a pose (4, 4)."""
+    """Position and quaternion x, y, z, w (of either sign) of a pose (4, 4)."""
     return pose[:3, 3].tolist(), Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()

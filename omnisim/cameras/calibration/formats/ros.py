@@ -1,4 +1,4 @@
-"""ROS's CameraInfo as camera_info_manager keeps it in yaml files; see `camera_info`."""
+"""ROS CameraInfo as camera_info_manager stores it in YAML files; see `camera_info`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class _Camera(ForeignTable):
 
 
 class Ros(CameraInfo):
-    """The format of ROS's camera_info_manager."""
+    """Format of ROS's camera_info_manager."""
 
     name = "ros"
     title = "ROS: CameraInfo yaml"
@@ -54,7 +54,7 @@ class Ros(CameraInfo):
         )
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """The camera."""
+        """Parse the camera."""
         fields = parse(parse_yaml(text, source), _Camera, source)
         lens = self._lens(
             (fields.image_width, fields.image_height),

@@ -1,12 +1,13 @@
-"""WoodScape's calibration json.
+"""WoodScape's calibration JSON.
 
     ρ = k1 θ + k2 θ² + k3 θ³ + k4 θ⁴ in pixels
     u = ρ X/χ + cx_offset + width/2 − 0.5,  v = a ρ Y/χ + cy_offset + height/2 − 0.5
 
-a is `aspect_ratio`, 1 in all of the data set. Pixels count from the first one's center, as ours.
-`extrinsic` takes the camera to the vehicle (x forward, y left, z up); its quaternion is x, y, z, w.
+a is `aspect_ratio`, 1 in the whole data set. Pixel (0, 0) is the center of the first pixel, as in
+omnisim. `extrinsic` maps the camera frame to the vehicle frame (x forward, y left, z up); its
+quaternion is x, y, z, w.
 
-Source: WoodScape's repository, calibration and its example of a projection.
+Source: the WoodScape repository, calibration and projection example.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class _File(ForeignTable):
 
 
 class Woodscape(Format[FThetaCamera]):
-    """The format of the WoodScape data set."""
+    """Format of the WoodScape data set."""
 
     name = "woodscape"
     title = "WoodScape: calibration json"
@@ -79,7 +80,7 @@ class Woodscape(Format[FThetaCamera]):
     metadata_place = MetadataPlace.KEY
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """The camera."""
+        """Parse the camera."""
         file = parse(parse_json(text, source), _File, source)
         place = f"{source}: intrinsic"
         intrinsic = parse(file.intrinsic, _Intrinsic, place)
@@ -123,7 +124,7 @@ class Woodscape(Format[FThetaCamera]):
         return json.dumps(data, indent=2) + "\n"
 
     def unsupported(self, lens: FThetaCamera) -> str | None:
-        """Refuses more than four coefficients."""
+        """Rejects more than four coefficients."""
         return "it has four coefficients" if len(lens.coefficients_px) > 4 else None
 
 

@@ -1,4 +1,4 @@
-"""Numbers and matrices in YAML, so that every reader takes them for floats of the same bits."""
+"""Numbers and matrices in YAML that every reader parses as identical floats."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 
 def yaml_float(value: float) -> str:
-    """Float with a point always, as YAML 1.1 takes 1e-05 for a word."""
+    """Float that always has a decimal point: YAML 1.1 parses 1e-05 as a string."""
     text = repr(float(value))
     return text if "." in text else text.replace("e", ".0e")
 
@@ -19,7 +19,7 @@ def yaml_floats(values: Iterable[float]) -> str:
 def yaml_matrix(
     key: str, rows: int, columns: int, values: Sequence[float], opencv: bool = False
 ) -> str:
-    """Matrix under a key, row by row; `opencv`: as `cv2.FileStorage` writes it."""
+    """Row-major matrix under a key; `opencv`: in the format of `cv2.FileStorage`."""
     tag, indent, kind = (" !!opencv-matrix", "   ", "   dt: d\n") if opencv else ("", "  ", "")
     return (
         f"{key}:{tag}\n{indent}rows: {rows}\n{indent}cols: {columns}\n{kind}"
