@@ -146,7 +146,7 @@ def _surface_samples(
 def illuminance(
     light: Light, centers: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Illuminance (n,), lx, of either side of surfaces; reference for `shaders/scene/lighting.glsl`."""
+    """Illuminance (n,), lx, of surfaces from either side; reference for `lighting.glsl`."""
     level = light.intensity * max(light.color)
     falloff: NDArray[np.float64]
     if light.kind is LightKind.DIRECTIONAL:

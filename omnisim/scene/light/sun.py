@@ -76,7 +76,7 @@ def sun_illuminance_lx(elevation_deg: float) -> float:
 
 
 def _ecliptic(centuries: float) -> tuple[float, float]:
-    """Apparent solar longitude and obliquity of the ecliptic, rad; time in centuries since J2000."""
+    """Apparent solar longitude and obliquity of the ecliptic, rad, from centuries since J2000."""
     mean_deg = 280.46646 + centuries * (36000.76983 + 0.0003032 * centuries)
     anomaly = math.radians(357.52911 + centuries * (35999.05029 - 0.0001537 * centuries))
     center_deg = (1.914602 - centuries * (0.004817 + 0.000014 * centuries)) * math.sin(anomaly)
