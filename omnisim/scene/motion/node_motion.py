@@ -23,8 +23,8 @@ class AnimatedNode:
 
     Attributes:
         parent: nearest moving ancestor; None: no moving ancestor.
-        parent_from_node: (4, 4) constant transform from the node's own to the parent's frame, or to the
-            world without a parent.
+        parent_from_node: (4, 4) constant part of the transform to the parent's frame, or to the
+            world's without a parent.
         translation, rotation, scale: keyframes, or constants (3,), (4,) and (3,).
         period_s: period of the animation; 0: static.
     """
