@@ -111,7 +111,7 @@ def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np
     if not is_cut.any():
         return corners
     tri, side = corners[is_cut], sides[is_cut]
-    # Rotates the corner alone on its side to the front; with a corner on the edge, the positive one.
+    # Rotates the corner alone on its side to the front; if one is on the edge, the positive one.
     signs = np.sign(side)
     alone = np.argmax(signs * np.sign(signs.sum(axis=1, keepdims=True)) < 0.0, axis=1)
     on_edge = (signs == 0.0).any(axis=1)
