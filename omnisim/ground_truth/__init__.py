@@ -1,4 +1,4 @@
-"""Ground truth of each pixel: channels, labels of classes and instances, and their files."""
+"""Per-pixel ground truth: channels, labels of classes and instances, and their files."""
 
 from omnisim.ground_truth.channels import CHANNELS, Channel, check_channels, parse_channels
 from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels

@@ -1,4 +1,4 @@
-"""Oriented 3-D boxes of instances: of the whole surface, and of its visible points."""
+"""Oriented 3-D boxes of instances: around the whole surface, and around its visible points."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _ABOUT = (
 
 @dataclass(frozen=True, eq=False)
 class OrientedBox:
-    """Oriented bounding box in some frame.
+    """Oriented bounding box in a reference frame.
 
     Attributes:
-        center_m: (3,), in the frame.
-        rotation: (3, 3) frame_from_box: its columns are the box's axes.
-        size_m: (3,) along its axes, edge to edge.
+        center_m: (3,) center in the reference frame.
+        rotation: (3, 3) frame_from_box; the columns are the box's axes.
+        size_m: (3,) edge lengths along the box's axes.
     """
 
     center_m: NDArray[np.float64]
@@ -43,7 +43,7 @@ class OrientedBox:
     def of_points(
         cls, points_m: NDArray[np.floating[Any]], rotation: NDArray[np.float64]
     ) -> OrientedBox:
-        """Box of points (n, 3), at least one, along the axes of a rotation (3, 3)."""
+        """Bounding box of at least one point (n, 3), along the axes of a rotation (3, 3)."""
         along = points_m @ rotation
         low, high = along.min(axis=0), along.max(axis=0)
         return cls(rotation @ (0.5 * (low + high)), rotation, high - low)
@@ -54,13 +54,13 @@ class OrientedBox:
         return short_repr(self, f"{size} m", f"at ({center}) m")
 
     def transformed(self, pose: NDArray[np.float64]) -> OrientedBox:
-        """Box in another frame, by the pose (4, 4) other_from_frame."""
+        """Box in another frame, given the pose (4, 4) other_from_frame."""
         rotation = pose[:3, :3]
         center_m = rotation @ self.center_m + pose[:3, 3]
         return OrientedBox(center_m, rotation @ self.rotation, self.size_m)
 
     def within(self, outer: OrientedBox) -> OrientedBox:
-        """Part inside of another box of the same axes."""
+        """Intersection with another box that has the same axes."""
         offset_m = (self.center_m - outer.center_m) @ self.rotation
         half_m = 0.5 * outer.size_m
         low = np.clip(offset_m - 0.5 * self.size_m, -half_m, half_m)
@@ -70,7 +70,7 @@ class OrientedBox:
 
     @property
     def corners_m(self) -> NDArray[np.float64]:
-        """Corners (8, 3); those of the numbers i and j share an edge where i ^ j is 1, 2 or 4."""
+        """Corners (8, 3); corners i and j share an edge if i ^ j is 1, 2 or 4."""
         signs = np.array(list(product((-0.5, 0.5), repeat=3)))
         return self.center_m + (signs * self.size_m) @ self.rotation.T
 
@@ -80,10 +80,10 @@ class InstanceBox:
     """Boxes of an instance in an image, world frame.
 
     Attributes:
-        label: of the instance.
-        pixels: that show it.
+        label: label of the instance.
+        pixels: number of pixels that show the instance.
         full: box of its whole surface.
-        visible: box of the points that the pixels' rays hit, along the same axes.
+        visible: box of the points hit by the pixels' rays, along the same axes.
     """
 
     label: InstanceLabel
@@ -101,12 +101,12 @@ def visible_boxes(
     labels: Labels,
     full: Mapping[int, OrientedBox],
 ) -> tuple[InstanceBox, ...]:
-    """Boxes of the instances in an image, by rising ID.
+    """Boxes of the instances in an image, in order of ID.
 
     Args:
-        positions_m: (height, width, 3), the channel `position`.
-        instances: (height, width), the channel `instance`.
-        labels: of the instances.
+        positions_m: (height, width, 3) channel `position`.
+        instances: (height, width) channel `instance`.
+        labels: labels of the instances.
         full: boxes of the whole instances by ID, world frame.
     """
     ids = instances.ravel()
@@ -117,7 +117,7 @@ def visible_boxes(
     for number, rows in zip(present.tolist(), np.split(order, starts[1:]), strict=True):
         if number == 0:
             continue
-        # a ray that narrowly misses an edge may count as a hit, beside it
+        # a ray that narrowly misses an edge may count as a hit just outside the box
         visible = OrientedBox.of_points(points_m[rows], full[number].rotation)
         label = labels.instances[number - 1]
         found.append(InstanceBox(label, len(rows), full[number], visible.within(full[number])))
@@ -130,13 +130,13 @@ def boxes_json(
     file_name: str,
     metadata: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Boxes of one image in both frames, as JSON can hold them.
+    """JSON content with the boxes of one image in the world and camera frames.
 
     Args:
-        boxes: world frame.
-        labels: names of the classes.
-        file_name: of the image.
-        metadata: of the image, with the camera's pose.
+        boxes: boxes in the world frame.
+        labels: labels with the class names.
+        file_name: file name of the image.
+        metadata: metadata of the image, with the camera's pose.
     """
     world_from_optical = np.array(metadata["world_from_optical"])
     names = {label.id: label.name for label in labels.classes}

@@ -1,22 +1,22 @@
-"""Sidecar files of an 8-bit image: one file per channel, in standard formats.
+"""Sidecar files of an 8-bit image: one file per channel in standard formats, and descriptions.
 
-    frame.range.png             16 bits: 0 outside of the camera, 65535: nothing is hit; a step is
-                                1 mm, or, to hold what is beyond 65.534 m, 2, 5, 10 mm …: see JSON
+    frame.range.png             16 bits: 0 outside the camera, 65535: no hit; a step is 1 mm, or
+                                2, 5, 10 mm … for ranges beyond 65.534 m, as stated in the JSON
     frame.z.exr, frame.position.exr            as in the EXR of all channels
-    frame.scene_flow.exr, frame.scene_flow_camera.exr    likewise
-    frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: nothing is hit
+    frame.scene_flow.exr, frame.scene_flow_camera.exr    as in the EXR of all channels
+    frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: no hit
     frame.albedo.png            8 bits, sRGB
-    frame.roughness.png, frame.metallic.png    16 bits, 1 + 65534 x; 0: nothing is hit
+    frame.roughness.png, frame.metallic.png    16 bits, 1 + 65534 x; 0: no hit
     frame.emissive.exr          as in the EXR of all channels
-    frame.semantic.png          8 bits, or 16 where a class has a number above 255
+    frame.semantic.png          8 bits, or 16 if a class ID exceeds 255
     frame.instance.png          16 bits
-    frame.flow.flo, frame.flow.png             Middlebury's and KITTI's format
-    frame.occluded.png          8 bits: 0 visible, 1 hidden, 2 outside, 255 nothing is seen
-    frame.flow_backward.flo, frame.flow_backward.png, frame.occluded_backward.png    likewise
+    frame.flow.flo, frame.flow.png             formats of Middlebury and KITTI
+    frame.occluded.png          8 bits: 0 visible, 1 occluded, 2 outside, 255 no ray
+    frame.flow_backward.flo, frame.flow_backward.png, frame.occluded_backward.png    as forward
     frame.valid.png             8 bits: 0 or 255
-    frame.range.npy ...         any channel, by the format npy: its array, see `CHANNELS`
+    frame.range.npy ...         any channel as an array, in the format npy, see `CHANNELS`
     frame.channels.json         units, scales, labels, camera and pose
-    frame.coco.json             boxes of the instances, with the channel instance
+    frame.coco.json             boxes and masks of the instances, with the channel instance
     frame.boxes_3d.json         oriented 3-D boxes of the instances
 """  # fmt: skip
 
@@ -42,7 +42,7 @@ from omnisim.ground_truth.npy import ChannelFormat, write_npy
 from omnisim.ground_truth.previews import preview
 
 BOXES_3D = "boxes_3d.json"
-_SIDECARS = ("channels.json", "coco.json", BOXES_3D)  # beside those of single channels
+_SIDECARS = ("channels.json", "coco.json", BOXES_3D)  # in addition to the channels' own files
 _MAX_ID = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _MAX_ID
@@ -60,18 +60,18 @@ def write_sidecars(
     has_ray: NDArray[np.bool_],
     channel_format: ChannelFormat = ChannelFormat.AUTO,
 ) -> None:
-    """Write files for each channel beside the image, and their description.
+    """Write a file per channel next to the image, and their description.
 
     Args:
-        image: its path.
-        channels: by name.
-        labels: of the IDs of classes and instances.
-        metadata: the image's.
-        has_ray: (height, width), false outside of the lens or the mirror.
-        channel_format: of the files; those of an EXR's layers are not written here.
+        image: path of the image.
+        channels: channels by name.
+        labels: labels of the class and instance IDs; None: no labels.
+        metadata: metadata of the image.
+        has_ray: (height, width) mask, false outside the lens or the mirror.
+        channel_format: format of the channel files; layers of an EXR are not written here.
 
     Raises:
-        OutputError: a file cannot be written, or numbers that 16 bits do not hold.
+        OutputError: a file cannot be written, or values exceed 16 bits.
     """
     described: dict[str, Any] = {}
     for name, values in channels.items():
@@ -99,7 +99,7 @@ def write_sidecars(
 
 
 def write_boxes(image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
-    """Write the instances' boxes beside the image, where there is the channel instance.
+    """Write the instances' boxes next to the image if there is an instance channel.
 
     Raises:
         OutputError: the file cannot be written.
@@ -110,12 +110,12 @@ def write_boxes(image: Path, channels: Mapping[str, NDArray[Any]], labels: Label
 
 
 def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> None:
-    """Add visible shares to the boxes beside an image, and leave out those beyond limits.
+    """Add visible shares to the boxes next to an image, and remove boxes beyond the limits.
 
     Args:
-        image: its path.
-        limits: of the boxes that stay.
-        shares: of the instances by ID; empty: they are not known.
+        image: path of the image.
+        limits: limits for the boxes to keep.
+        shares: visible shares of the instances by ID; empty: unknown.
 
     Raises:
         OutputError: the file cannot be written.
@@ -133,7 +133,7 @@ def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> 
 def write_previews(
     image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None
 ) -> list[Path]:
-    """Write false-color images of the channels beside the image, and return their paths.
+    """Write false-color images of the channels next to the image, and return their paths.
 
     Raises:
         OutputError: a file cannot be written.
@@ -146,12 +146,12 @@ def write_previews(
 
 
 def sidecar_path(image: Path, ending: str) -> Path:
-    """Path of a sidecar: `frame.png` and `range.png` make `frame.range.png`."""
+    """Path of a sidecar file: `frame.png` and `range.png` yield `frame.range.png`."""
     return image.with_name(f"{image.stem}.{ending}")
 
 
 def is_sidecar_name(image: Path, path: Path) -> bool:
-    """Tell whether the channels of an image may write a file of this name."""
+    """True if the sidecar files of an image may use this file name."""
     if path.resolve().parent != image.resolve().parent:
         return False
     stem, _, ending = path.name.partition(f"{image.stem}.")
@@ -160,7 +160,7 @@ def is_sidecar_name(image: Path, path: Path) -> bool:
 
 
 def range_steps_per_m(ranges_m: NDArray[Any]) -> float:
-    """Finest scale 1000, 500, 200, 100, 50 … whose 16-bit numbers hold all finite ranges."""
+    """Finest scale among 1000, 500, 200, 100, 50 … at which all finite ranges fit in 16 bits."""
     farthest_m = float(np.max(ranges_m, where=np.isfinite(ranges_m), initial=0.0))
     decade = 1
     while True:
@@ -174,11 +174,11 @@ def range_steps_per_m(ranges_m: NDArray[Any]) -> float:
 def _write_ranges(
     image: Path, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
 ) -> tuple[list[str], dict[str, Any]]:
-    """Write ranges as a PNG; return its name, and the scale and meaning of its numbers."""
+    """Write ranges as a PNG; return its file name, and the scale and meaning of its values."""
     steps_per_m = range_steps_per_m(ranges_m)
     hit = np.isfinite(ranges_m)
     steps = np.rint(steps_per_m * np.where(hit, ranges_m, 0.0))
-    # 0 stands for outside: what is hit is at least a step away
+    # 0 means outside the camera, so a hit is at least one step away
     steps = np.where(hit, np.maximum(steps, 1), np.where(has_ray, _NOTHING_HIT, 0))
     path = sidecar_path(image, "range.png")
     write_numbers(path, steps.astype(np.uint16))
@@ -200,7 +200,7 @@ def _share_steps(shares: NDArray[Any]) -> NDArray[np.uint16]:
     return np.where(np.isnan(shares), 0.0, steps).astype(np.uint16)
 
 
-# Values as the numbers of a PNG file, and the scale that its description states.
+# Encodings of channels as PNG values, and the scales stated in the description.
 _SHARE_SCALE = {"zero": 1, "steps_per_unit": _MAX_ID - 1}
 _NORMAL_SCALE = {"zero": 32768, "steps_per_unit": 32767}
 _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]]] = {
@@ -221,7 +221,7 @@ def _write(
     labels: Labels | None,
     metadata: Mapping[str, Any],
 ) -> tuple[list[str], dict[str, Any]]:
-    """Write one channel; return its files' names, and the scale of their numbers."""
+    """Write one channel; return its file names, and the scale of the stored values."""
     path = sidecar_path(image, f"{name}.png")
     scale: dict[str, int] = {}
     if name in _NUMBERS:
@@ -247,6 +247,6 @@ def _ids(
 ) -> NDArray[np.uint8 | np.uint16]:
     if ids.max(initial=0) > _MAX_ID:
         raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_MAX_ID}: expected .exr")
-    # by the scene's labels, not the image's: all images of a scene have the same depth
+    # by the scene's labels, not by this image's: all images of a scene get the same bit depth
     few = name == "semantic" and labels is not None and labels.classes[-1].id < 256
     return ids.astype(np.uint8 if few else np.uint16)

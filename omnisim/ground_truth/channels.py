@@ -1,10 +1,10 @@
-"""Channels of ground truth by name: contents, units, and layers in files.
+"""Ground-truth channels by name: contents, units, and layers in files.
 
-Each belongs to the ray of the pixel's center, from the effective viewpoint: exactly, never averaged
-over the pixel, never blended with its neighbors. The image's own colors are averages.
+Each value belongs to the ray of the pixel's center, from the effective viewpoint. It is exact,
+never averaged over the pixel and never blended with its neighbors, unlike the image's colors.
 
-A masked surface counts where it is not a hole, a blended one where its alpha is at least 0.5:
-behind clear glass the channels show what is behind it.
+A masked surface counts except at its holes, and a blended one where its alpha is at least 0.5:
+behind clear glass the channels show the surface behind it.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ ChannelName = Literal[
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel.
+    """One ground-truth channel.
 
     Attributes:
-        name: of the channel.
-        layers: in an EXR file, one for each number of a pixel.
-        dtype: of the array.
-        unit: of the numbers; empty: none.
-        about: its contents, also where nothing is hit.
-        empty: number where the pixel has no ray.
-        other: image that it also depends on: "next", "previous", or empty.
+        name: channel name.
+        layers: layer names in an EXR file, one per component.
+        dtype: data type of the array.
+        unit: unit of the values; empty: no unit.
+        about: description of the contents, including values without a hit.
+        empty: value of pixels without a ray.
+        other: other image that the channel depends on: "next", "previous" or empty.
     """
 
     name: ChannelName
@@ -161,9 +161,9 @@ CHANNELS: dict[str, Channel] = {
         ),
     )
 }  # fmt: skip
-# Optical flow comes with its occlusion.
+# Optical flow always comes with its occlusion channel.
 FLOWS = {"flow": "occluded", "flow_backward": "occluded_backward"}
-# Other usual names.
+# Alternative names.
 _SYNONYMS = {
     "depth": "range",
     "normal": "normals",
@@ -178,10 +178,10 @@ _SYNONYMS = {
 
 
 def parse_channels(text: str) -> tuple[str, ...]:
-    """Names from a list with commas, such as "range,normals"; "all" stands for all of them.
+    """Channel names from a comma-separated list such as "range,normals"; "all" selects every one.
 
     Raises:
-        OutputError: an unknown name, with the nearest right one; or none at all.
+        OutputError: an unknown name, with the nearest valid one, or an empty list.
     """
     names = [name.strip().lower() for name in text.split(",") if name.strip()]
     if not names:
@@ -193,12 +193,12 @@ def parse_channels(text: str) -> tuple[str, ...]:
 
 
 def check_channels(names: Iterable[str]) -> tuple[str, ...]:
-    """The channels of these names in the order of `CHANNELS`, each once; flow has its occlusion.
+    """Distinct channels by name, in the order of `CHANNELS`; flow adds its occlusion.
 
     Raises:
-        OutputError: an unknown name, with the nearest right one; or a text in place of names.
+        OutputError: an unknown name, with the nearest valid one, or a text instead of names.
     """
-    if isinstance(names, str):  # which would be taken letter by letter
+    if isinstance(names, str):  # iterating would split it into letters
         raise OutputError(f"channels {names!r}: expected a list of names, such as ['range']")
     wanted = set(names)
     for name in sorted(wanted - CHANNELS.keys()):

@@ -1,4 +1,4 @@
-"""Boxes and masks of visible instances in COCO's format."""
+"""Boxes and masks of visible instances in COCO format."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ _ABOUT = (
     "image that goes all around has a box as wide as the image. Box: x, y, width, height in "
     "pixels from the corner of the first one."
 )
-VISIBLE_SHARE = "visible_share"  # of an annotation, where it is known
+VISIBLE_SHARE = "visible_share"  # key of an annotation, if the share is known
 
 
 @dataclass(frozen=True)
 class BoxLimits:
-    """Limits of the objects that are annotated.
+    """Limits for annotated objects.
 
     Attributes:
-        min_area_px: visible pixels.
-        min_visible: visible share of the pixels that the object would cover alone, 0 to 1; None:
-            any, known or not.
+        min_area_px: minimum number of visible pixels.
+        min_visible: minimum visible share, 0 to 1, of the pixels that the object would cover alone;
+            None: no limit, and the share may be unknown.
     """
 
     min_area_px: int = 1
     min_visible: float | None = None
 
     def keeps(self, annotation: Mapping[str, Any]) -> bool:
-        """Tell whether an annotation is within the limits.
+        """True if an annotation is within the limits.
 
         Raises:
-            KeyError: its visible share is needed and not known.
+            KeyError: the visible share is required but unknown.
         """
         if annotation["area"] < self.min_area_px:
             return False
@@ -55,10 +55,10 @@ def coco_image(
     """COCO data of one image.
 
     Args:
-        instances: (height, width), the channel.
-        labels: of the instances.
-        file_name: of the image.
-        image_id: its number.
+        instances: (height, width) channel `instance`.
+        labels: labels of the instances.
+        file_name: file name of the image.
+        image_id: ID of the image.
     """
     height, width = instances.shape
     annotations = []
@@ -87,7 +87,7 @@ def coco_image(
 
 
 def _runs(instances: NDArray[np.integer[Any]]) -> dict[int, list[int]]:
-    """Run lengths of each instance's mask, column by column, beginning with the background."""
+    """Run lengths of each instance's mask, in column-major order, starting with the background."""
     flat = instances.T.ravel()
     ends = np.append(np.flatnonzero(np.diff(flat.astype(np.int64))) + 1, flat.size)
     starts = np.concatenate(([0], ends[:-1]))
@@ -104,7 +104,7 @@ def _runs(instances: NDArray[np.integer[Any]]) -> dict[int, list[int]]:
 
 
 def _box(instances: NDArray[np.integer[Any]], number: int, counts: list[int]) -> NDArray[np.bool_]:
-    """Mask of an instance in its own columns."""
+    """Mask of an instance, cropped to its columns."""
     height = instances.shape[0]
     last = sum(counts[: len(counts) - len(counts) % 2]) - 1
     mask: NDArray[np.bool_] = instances[:, counts[0] // height : last // height + 1] == number
@@ -126,7 +126,7 @@ def _whole(
 
 
 def merged(parts: Sequence[Mapping[str, Any]], labels: Labels) -> dict[str, Any]:
-    """COCO data of several images in one; their image IDs have to differ."""
+    """COCO data of several images combined; their image IDs must be unique."""
     return _whole(
         labels,
         [image for part in parts for image in part["images"]],
@@ -135,7 +135,7 @@ def merged(parts: Sequence[Mapping[str, Any]], labels: Labels) -> dict[str, Any]
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON.
+    """Write content as JSON.
 
     Raises:
         OutputError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""All channels in one EXR file, beside the image's colors if there are any."""
+"""All channels in one EXR file, together with the image's colors if there are any."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def write_exr(
     metadata: Mapping[str, Any],
     linear: NDArray[Any] | None = None,
 ) -> None:
-    """Write channels under the names of `Channel.layers`, and colors as R, G, B, and A if any.
+    """Write channels under the names of `Channel.layers`, and optional colors as R, G, B, A.
 
-    All are 32-bit floats, which hold whole numbers exactly up to 2^24; a position is counted from
-    the world's origin, so far from it a float32 rounds: to 0.1 mm at 1 km. The attributes
-    `omnisim:<channel>` describe each; the label table is in the metadata.
+    All layers are 32-bit floats, which are exact for integers up to 2^24. Positions are relative to
+    the world's origin, so float32 rounds distant ones: to 0.1 mm at 1 km. The attributes
+    `omnisim:<channel>` describe the channels; the label table is in the metadata.
 
     Raises:
         OutputError: the file cannot be written.

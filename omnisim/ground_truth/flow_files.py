@@ -1,4 +1,4 @@
-"""Optical flow in two usual formats: Middlebury's .flo and KITTI's PNG."""
+"""Optical flow in two common formats: Middlebury's .flo and KITTI's PNG."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KITTI_STEPS_PER_PX, _KITTI_ZERO = 64.0, 2**15
 
 
 def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
-    """Write flow (height, width, 2); 1e10 where it is NaN.
+    """Write flow (height, width, 2), with 1e10 in place of NaN.
 
     Source: Baker et al., "A database and evaluation methodology for optical flow", flow-code.
 
@@ -35,10 +35,10 @@ def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
 
 
 def read_flo(path: Path) -> NDArray[np.float32]:
-    """Read flow (height, width, 2) from Middlebury's format; NaN where it is unknown.
+    """Read flow (height, width, 2) from Middlebury's format, with NaN for unknown flow.
 
     Raises:
-        OutputError: the file cannot be read, or is not one.
+        OutputError: the file cannot be read, or has another format.
     """
     try:
         data = path.read_bytes()
@@ -54,9 +54,9 @@ def read_flo(path: Path) -> NDArray[np.float32]:
 
 
 def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
-    """Write flow (height, width, 2) as 16-bit RGB: 64 u + 2^15, 64 v + 2^15, and 1 where valid.
+    """Write flow (height, width, 2) as 16-bit RGB: 64 u + 2^15, 64 v + 2^15, and 1 if valid.
 
-    What is NaN, or does not fit in ±512 px, is not valid: 0, 0, 0. Occluded points are in it, as in
+    Flow that is NaN or beyond ±512 px is invalid: 0, 0, 0. Occluded points are included, as in
     KITTI's flow_occ.
 
     Source: KITTI, devkit of the flow benchmark 2015, readme.

@@ -1,4 +1,4 @@
-"""Frames: a rendered image with metadata and ground truth."""
+"""Rendered frames: images with metadata and ground truth."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from omnisim.ground_truth.npy import ChannelFormat
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """An image, first row at the top.
+    """Rendered image with metadata and ground truth, first row at the top.
 
     Attributes:
-        rgba: (height, width, 4) uint8, sRGB; alpha is 255 where the camera sees something.
-        linear: (height, width, 3) float32 linear RGB, where it was asked for.
-        metadata: camera, mirror, scene and pose, as JSON can hold them.
-        channels: ground truth by name, (height, width) or (height, width, n), where it was asked
-            for; see `omnisim.ground_truth.CHANNELS`. A notebook shows their previews.
-        labels: of the IDs of classes and instances, or None: no channels.
-        has_ray: (height, width), false where a pixel's center is outside of the lens or the mirror,
-            or None: no channels.
-        boxes_3d: oriented boxes of the visible instances, where they were asked for.
+        rgba: (height, width, 4) uint8, sRGB; alpha is 255 where the camera sees the scene.
+        linear: (height, width, 3) float32 linear RGB, if requested.
+        metadata: camera, mirror, scene and pose, as JSON-compatible values.
+        channels: requested ground truth by name, (height, width) or (height, width, n); see
+            `omnisim.ground_truth.CHANNELS`. Notebooks show previews.
+        labels: labels of the class and instance IDs; None: no channels.
+        has_ray: (height, width) mask, false where a pixel's center is outside the lens or the
+            mirror; None: no channels.
+        boxes_3d: oriented boxes of the visible instances, if requested.
     """
 
     rgba: NDArray[np.uint8]
@@ -68,7 +68,7 @@ class Frame:
         )
 
     def _repr_png_(self) -> bytes:
-        """PNG file of the image, as notebooks show it."""
+        """PNG file of the image, for display in notebooks."""
         return png_bytes(self.rgb)
 
     @property
@@ -78,25 +78,26 @@ class Frame:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Mask (height, width): the pixel shows the scene, with at least half of its samples."""
+        """Mask (height, width) of the pixels with at least half of their samples in the scene."""
         return self.rgba[..., 3] > 0
 
     def save(self, path: str | Path, previews: bool = False, channel_format: str = "auto") -> None:
-        """Write PNG, JPEG or TIFF (sRGB), or EXR (linear float), with the metadata inside.
+        """Write PNG, JPEG or TIFF (sRGB), or EXR (linear float), with embedded metadata.
 
-        Channels are layers of the EXR; beside the other formats they are files of their own, see
-        `omnisim.ground_truth.channel_files`. Boxes of the instances are in `<stem>.coco.json`
-        and `<stem>.boxes_3d.json`.
+        In an EXR file, channels are layers. With the other formats they are separate files, see
+        `omnisim.ground_truth.channel_files`. Boxes of the instances are in `<stem>.coco.json` and
+        `<stem>.boxes_3d.json`.
 
         Args:
-            path: of the image.
-            previews: also write the channels in colors, `<stem>.range.preview.png` and so on.
-            channel_format: "npy": each channel's array in `<stem>.range.npy` and so on, in place of
-                the files above, with `<stem>.channels.json`; "both"; or "auto": the files above.
+            path: path of the image.
+            previews: also write false-color images of the channels, such as
+                `<stem>.range.preview.png`.
+            channel_format: "npy": arrays such as `<stem>.range.npy` in place of the files above,
+                with `<stem>.channels.json`; "auto": the files above; "both".
 
         Raises:
-            OutputError: an unknown format, EXR without a linear image, or a file that cannot
-                be written.
+            OutputError: an unknown format, EXR without a linear image, or a file that cannot be
+                written.
         """
         path, files = Path(path), ChannelFormat.parse(channel_format)
         if not is_float_format(path):

@@ -1,4 +1,4 @@
-"""Channels of a frame by name, which notebooks show in false colors."""
+"""Channels of a frame by name, with false-color previews in notebooks."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from omnisim.ground_truth.previews import preview
 
 
 class FrameChannels(dict[str, NDArray[Any]]):
-    """Ground truth of a frame: (height, width) or (height, width, n) arrays by their names.
+    """Ground truth of a frame: arrays (height, width) or (height, width, n) by name.
 
     Args:
-        channels: the arrays.
-        labels: of classes and instances, for the colors of their previews.
+        channels: arrays by channel name.
+        labels: labels of classes and instances, for the preview colors; None: no labels.
     """
 
     def __init__(self, channels: Mapping[str, NDArray[Any]], labels: Labels | None = None):
@@ -39,7 +39,7 @@ class FrameChannels(dict[str, NDArray[Any]]):
         return short_repr(self, *self)
 
     def _repr_html_(self) -> str:
-        """Contact sheet of the previews, as notebooks show it."""
+        """Contact sheet of the previews, for display in notebooks."""
         figures = []
         for name, values in self.items():
             data = b64encode(png_bytes(preview(name, values, self._labels))).decode("ascii")

@@ -1,4 +1,4 @@
-"""Labels: names and colors of the IDs of classes and instances."""
+"""Labels: names and colors of class and instance IDs."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 from omnisim.core.short_repr import counted, short_repr
 
-if TYPE_CHECKING:  # the names of channels and classes alone need no NumPy
+if TYPE_CHECKING:  # channel and class names alone do not require NumPy
     import numpy as np
     from numpy.typing import NDArray
 
-NOTHING = 0  # ID of class and instance where nothing is hit
-_GOLDEN = 0.61803398875  # hues that far apart never come close to one another
-_MAX_ID = 2**32 - 1  # of the channels' type
+NOTHING = 0  # class and instance ID of pixels without a hit
+_GOLDEN = 0.61803398875  # hue step that keeps all hues well apart
+_MAX_ID = 2**32 - 1  # of uint32, the channels' type
 
 
 @dataclass(frozen=True)
 class ClassLabel:
-    """One class.
+    """Semantic class.
 
     Attributes:
-        id: in the channel.
-        name: of the class.
+        id: value in the channel.
+        name: class name.
         color: 8-bit sRGB, for images.
     """
 
@@ -35,13 +35,13 @@ class ClassLabel:
 
 @dataclass(frozen=True)
 class InstanceLabel:
-    """One instance: all parts of one name.
+    """Instance: all parts with the same name.
 
     Attributes:
-        id: in the channel.
-        name: of its node.
-        class_id: of its class.
-        object_name: dynamic object that it belongs to; None: the static scene.
+        id: value in the channel.
+        name: node name.
+        class_id: ID of the class.
+        object_name: dynamic object that contains the instance; None: the static scene.
     """
 
     id: int
@@ -52,13 +52,13 @@ class InstanceLabel:
 
 @dataclass(frozen=True)
 class Labels:
-    """All classes and instances of a scene.
+    """Classes and instances of a scene.
 
     Attributes:
-        classes: by rising id; without `NOTHING`.
-        instances: IDs 1, 2, and so on; without `NOTHING`.
-        source: of the classes: "table", or "names" of the instances.
-        unlabeled: names in no class of the table.
+        classes: classes in order of ID, without `NOTHING`.
+        instances: instances with IDs from 1 in order, without `NOTHING`.
+        source: origin of the classes: "table", or "names" of the instances.
+        unlabeled: names without a class in the table.
     """
 
     classes: tuple[ClassLabel, ...]
@@ -76,14 +76,14 @@ class Labels:
 
     @cached_property
     def class_of_instance(self) -> NDArray[np.uint16]:
-        """Class of each instance id (n + 1,), from `NOTHING` on."""
+        """Class ID of each instance ID (n + 1,), starting with `NOTHING`."""
         import numpy as np
 
         return np.array([NOTHING, *(i.class_id for i in self.instances)], dtype=np.uint16)
 
     @cached_property
     def class_colors(self) -> NDArray[np.uint8]:
-        """Colors (largest id + 1, 3) of the classes; black for unused ids."""
+        """Colors (largest ID + 1, 3) of the classes; black for unused IDs."""
         import numpy as np
 
         colors = np.zeros((max((c.id for c in self.classes), default=0) + 1, 3), dtype=np.uint8)
@@ -92,7 +92,7 @@ class Labels:
         return colors
 
     def notices(self) -> tuple[str, ...]:
-        """Lines about labels that a label table would improve."""
+        """Notices about labels that a label table would improve."""
         if self.source == "names":
             return (
                 "the scene has no labels: classes are the instances' names without numbers; "
@@ -105,10 +105,10 @@ class Labels:
 
     @classmethod
     def from_json(cls, content: Any) -> Labels:
-        """Labels of a table that `to_json` made.
+        """Labels from a table written by `to_json`.
 
         Raises:
-            KeyError, TypeError, ValueError: it is no such table.
+            KeyError, TypeError, ValueError: an invalid table.
         """
         classes = [
             ClassLabel(_id(one["id"]), str(one["name"]), _color(one["color"]))
@@ -124,7 +124,7 @@ class Labels:
         return cls(tuple(classes), tuple(instances), str(content["classes_from"]))
 
     def to_json(self) -> dict[str, Any]:
-        """Names and palette, as JSON can hold them."""
+        """Names and palette as JSON-compatible values."""
         return {
             "classes_from": self.source,
             "classes": [
@@ -151,7 +151,7 @@ def _color(values: Any) -> tuple[int, int, int]:
 
 
 def distinct_color(number: int) -> tuple[int, int, int]:
-    """A color, 8-bit sRGB, unlike those of the numbers beside it; always the same."""
+    """Deterministic 8-bit sRGB color, distinct from those of the neighboring numbers."""
     hue = (0.08 + number * _GOLDEN) % 1.0
     saturation, value = 0.55 + 0.15 * (number % 3), 0.95 - 0.18 * (number // 3 % 3)
     red, green, blue = colorsys.hsv_to_rgb(hue, saturation, value)

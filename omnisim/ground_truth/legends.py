@@ -1,4 +1,4 @@
-"""Legends of the false colors of channels."""
+"""Legends for the false colors of channels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.label_names import Labels, distinct_color
 from omnisim.ground_truth.previews import NEAR_TO_FAR, OCCLUSION, range_limits, signed_limit
 
-MAX_ITEMS = 14  # of a list, the largest first
+MAX_ITEMS = 14  # items in a list, largest areas first
 Legend = dict[str, Any]
 _AXES = {
     "position": "x, y, z modulo 1 m as red, green, blue",
@@ -27,10 +27,10 @@ _OCCLUSION_NAMES = {0: "visible", 1: "hidden", 2: "outside"}
 
 
 def legend(name: str, values: NDArray[Any], labels: Labels | None = None) -> Legend:
-    """Legend of a channel's preview, as JSON can hold it.
+    """Legend of a channel's preview, as JSON-compatible values.
 
     `kind` is "ramp", with `low`, `high`, `unit`, `colors` from low to high and `scale`; "list",
-    with `items` of a name and a color, the largest first; or "text".
+    with `items` of a name and a color, largest areas first; or "text".
     """
     if name == "range":
         near, far = range_limits(values)

@@ -1,4 +1,4 @@
-"""Beams of a spinning lidar, the slices of its revolution, and what its beams hit."""
+"""Beams of a spinning lidar, the slices of its revolution, and the beams' hits."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 
 class LidarBeams(NamedTuple):
-    """Directions of a lidar's beams.
+    """Beam directions of a lidar.
 
     Attributes:
-        elevations_rad: (rings,), rising.
-        azimuths_rad: (firings,), falling evenly from π by a whole turn.
-        max_range_m: surfaces farther away need not be found.
+        elevations_rad: (rings,), ascending.
+        azimuths_rad: (firings,), evenly descending from π over a full turn.
+        max_range_m: range beyond which surfaces may be omitted.
     """
 
     elevations_rad: NDArray[np.float64]
@@ -33,11 +33,11 @@ class LidarBeams(NamedTuple):
 
 
 class LidarPoses(NamedTuple):
-    """Poses of a lidar and of all that moves, at one time.
+    """Poses of a lidar and of all dynamic objects at one time.
 
     Attributes:
-        world_from_lidar: (4, 4).
-        world_from_objects: (4, 4) each, in the order of the stage's objects.
+        world_from_lidar: (4, 4) pose.
+        world_from_objects: (4, 4) poses, in the order of the stage's objects.
     """
 
     world_from_lidar: NDArray[np.float64]
@@ -45,17 +45,17 @@ class LidarPoses(NamedTuple):
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Origin of the beams (3,), world."""
+        """Origin of the beams (3,), world frame."""
         return self.world_from_lidar[:3, 3]
 
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """Part of a revolution; in it all points of the world move straight and evenly.
+    """Part of a revolution, in which all points of the world move straight at constant speed.
 
     Attributes:
-        first, last: firings; `last` is the first one of the next slice.
-        start, middle, end: poses.
+        first, last: range of firings; `last` is the first firing of the next slice.
+        start, middle, end: poses at these times of the slice.
     """
 
     first: int
@@ -66,16 +66,16 @@ class Slice:
 
     @property
     def path_m(self) -> NDArray[np.float64]:
-        """Motion (3,) of the lidar's origin from start to end, world."""
+        """Motion (3,) of the lidar's origin from start to end, world frame."""
         return self.end.origin_m - self.start.origin_m
 
 
 class Revolution(NamedTuple):
-    """Motion of a lidar's revolution.
+    """Motion during a lidar's revolution.
 
     Attributes:
-        slices: of as many firings each; the last may have fewer.
-        shares: (firings,) of its slice that has passed at each firing.
+        slices: slices with equal numbers of firings; the last may have fewer.
+        shares: (firings,) fraction of its slice elapsed at each firing.
         rotations: (firings, 3, 3) world_from_lidar at each firing.
     """
 
@@ -87,5 +87,5 @@ class Revolution(NamedTuple):
 class BeamHits(NamedTuple):
     """Hits of all beams of a revolution."""
 
-    ranges_m: NDArray[np.floating]  # (rings, firings); +inf: nothing is hit
-    draw_ids: NDArray[np.uint32]  # (rings, firings), 1 + draw item; 0: nothing is hit
+    ranges_m: NDArray[np.floating]  # (rings, firings); +inf: no hit
+    draw_ids: NDArray[np.uint32]  # (rings, firings), 1 + draw item; 0: no hit

@@ -1,29 +1,29 @@
-"""Masks as COCO's polygons, exact along the edges of pixels."""
+"""COCO polygons of masks, exact along pixel edges."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
-Loop = list[tuple[int, int]]  # corners x, y
+Loop = list[tuple[int, int]]  # corners (x, y)
 
 
 def mask_from_runs(height: int, width: int, counts: Sequence[int]) -> NDArray[np.bool_]:
-    """Mask (height, width) of COCO's run lengths, column by column from the background."""
+    """Mask (height, width) from COCO run lengths, column-major, starting with the background."""
     flat = np.repeat(np.arange(len(counts)) % 2 == 1, counts)
     return flat.reshape(width, height).T
 
 
 def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
-    """Polygons of a mask, x and y in turn from the corner of the first pixel, one a region.
+    """Polygons of a mask, one per region, with alternating x and y from the first pixel's corner.
 
-    A region's pixels share edges. A hole is cut out by a line to it and back.
+    Pixels of a region share edges. A hole is cut out by a line to it and back.
 
     Args:
-        mask: (height, width).
+        mask: (height, width) mask.
     """
     regions, count = scipy.ndimage.label(mask)
     polygons: list[list[float]] = []
@@ -41,16 +41,16 @@ def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
 
 
 def _loops(region: NDArray[np.bool_]) -> list[Loop]:
-    """Loops around a region and its holes, the outer one first; the region is on their right."""
+    """Loops around a region and its holes, outer loop first; the region is on their right."""
     edges = _edges(region)
     loops = []
     while edges:
-        start = next(iter(edges))  # of the first row, of what is left
+        start = next(iter(edges))  # in the first remaining row
         point, direction = start, edges[start][0]
         loop: Loop = []
         while True:
             ways = edges[point]
-            # where two pixels touch at a corner, around the same pixel: to the right
+            # where two pixels touch at a corner, turn right to stay on the same pixel
             turned = (-direction[1], direction[0])
             way = turned if turned in ways else ways[0]
             if way != direction or not loop:
@@ -66,11 +66,11 @@ def _loops(region: NDArray[np.bool_]) -> list[Loop]:
 
 
 def _edges(region: NDArray[np.bool_]) -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """Directions of the edges that leave each corner, row by row."""
+    """Directions of the edges that start at each corner, row by row."""
     padded = np.pad(region, 1)
     inside = padded[1:-1, 1:-1]
     sides = (
-        (padded[:-2, 1:-1], (0, 0), (1, 0)),  # above: from its left corner to the right
+        (padded[:-2, 1:-1], (0, 0), (1, 0)),  # top edge: from the left corner to the right
         (padded[1:-1, 2:], (1, 0), (0, 1)),
         (padded[2:, 1:-1], (1, 1), (-1, 0)),
         (padded[1:-1, :-2], (0, 1), (0, -1)),

@@ -1,4 +1,4 @@
-"""Channels as NumPy's .npy files."""
+"""Channels as NumPy .npy files."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from omnisim.core.files.atomic_file import atomic_write
 class ChannelFormat(StrEnum):
     """File formats of an image's channels."""
 
-    AUTO = "auto"  # layers of an EXR; beside other images PNG, EXR and FLO
+    AUTO = "auto"  # EXR: layers; other image formats: PNG, EXR and FLO files
     NPY = "npy"
     BOTH = "both"
 
     @classmethod
     def parse(cls, text: str | None) -> ChannelFormat:
-        """Format of a name; None: auto.
+        """Format by name; None: `AUTO`.
 
         Raises:
             OutputError: an unknown name.
@@ -37,7 +37,7 @@ class ChannelFormat(StrEnum):
 
 
 def write_npy(path: Path, values: NDArray[Any]) -> None:
-    """Write an array as it is, dtype and all.
+    """Write an array unchanged, including its dtype.
 
     Raises:
         OutputError: the file cannot be written.
@@ -47,14 +47,14 @@ def write_npy(path: Path, values: NDArray[Any]) -> None:
 
 
 def read_npy(path: Path) -> NDArray[Any]:
-    """Read an array of numbers.
+    """Read a numeric array.
 
     Raises:
-        OutputError: the file is missing, or damaged.
+        OutputError: the file is missing or damaged.
     """
     try:
-        # mapped, so that a damaged header cannot ask for more memory than the file has
-        with warnings.catch_warnings(action="ignore"):  # of headers of Python 2
+        # memory-mapped, so that a damaged header cannot request more memory than the file has
+        with warnings.catch_warnings(action="ignore"):  # about headers from Python 2
             values = np.array(np.load(path, mmap_mode="r", allow_pickle=False))
     except OSError as reason:
         raise OutputError(f"{path}: cannot be read: {reason.strerror or 'damaged'}") from None

@@ -1,4 +1,4 @@
-"""False colors of channels: for display, not for measuring."""
+"""False-color previews of channels, for display only, not for measurement."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ NEAR_TO_FAR = np.array(
     [[253, 250, 160], [251, 176, 51], [226, 84, 62], [142, 36, 106], [56, 22, 100], [12, 10, 44]]
 )
 OCCLUSION = {0: (60, 150, 90), 1: (220, 60, 50), 2: (235, 190, 60)}  # visible, occluded, outside
-_OFF_M = 0.37  # floors and walls like to be at whole meters, where the pattern jumps
+_OFF_M = 0.37  # offset of the pattern's jumps from whole meters, where floors and walls often are
 _HUES = np.array([colorsys.hsv_to_rgb(hue / 256, 1.0, 1.0) for hue in range(257)])
 
 
 def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> NDArray[np.uint8]:
-    """False colors (height, width, 3) uint8, sRGB, of a channel; black where there is nothing.
+    """False colors (height, width, 3) uint8, sRGB, of a channel; black without a value.
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
     and blue below. Position: a pattern of meters. Normals: x, y, z as red, green, blue. Roughness
-    and metalness: dark at 0, white at 1; light emitted as in the image, clipped. Flow:
-    direction as hue, root of the length as saturation, full at the 95th percentile. Scene
-    flow: x, y, z as red, green, blue, gray at rest, full at the 99th percentile. Occlusion: green
-    visible, red occluded, yellow outside.
+    and metalness: dark at 0, white at 1. Emitted light: as in the image, clipped. Flow: direction
+    as hue, square root of the length as saturation, full at the 95th percentile. Scene flow: x, y,
+    z as red, green, blue, gray at rest, full at the 99th percentile. Occlusion: green visible, red
+    occluded, yellow outside.
     """
     if name == "semantic" and labels is not None:
         return labels.class_colors.take(values, axis=0)
@@ -38,7 +38,7 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
 
 
 def range_limits(distances: NDArray[Any]) -> tuple[float, float]:
-    """Ranges in the brightest and the darkest color of their preview; 1 m where none is finite."""
+    """Ranges with the brightest and the darkest preview color; 1 m if none is finite."""
     near, far = np.exp(_log_limits(distances)).tolist()
     return near, far
 
@@ -53,7 +53,7 @@ def _log_limits(distances: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def signed_limit(values: NDArray[Any]) -> float:
-    """Size of the value in the full colors of the preview of z."""
+    """Magnitude shown at full color in the preview of z."""
     seen = np.isfinite(values)
     if not seen.any():
         return 1.0
@@ -99,7 +99,7 @@ def _normals(normals: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def _shares(shares: NDArray[Any]) -> NDArray[np.uint8]:
-    # black stands for nothing
+    # black is reserved for missing values
     gray = np.where(np.isnan(shares), 0.0, 40.0 + 215.0 * np.clip(shares, 0.0, 1.0))
     return np.repeat(np.rint(gray)[..., None], 3, axis=-1).astype(np.uint8)
 
@@ -128,10 +128,10 @@ def _vectors(vectors: NDArray[Any]) -> NDArray[np.uint8]:
     known = ~np.isnan(lengths)
     colors = np.zeros(vectors.shape, dtype=np.uint8)
     if known.any():
-        moving = lengths[known & (lengths > 0.0)]  # most is static
+        moving = lengths[known & (lengths > 0.0)]  # static points would dominate the percentile
         longest = float(np.percentile(moving, 99.0)) if moving.size else 1.0
         share = np.clip(vectors[known] / max(longest, 1e-6), -1.0, 1.0)
-        colors[known] = np.rint(127.5 + 112.0 * share)  # black stands for nothing
+        colors[known] = np.rint(127.5 + 112.0 * share)  # black is reserved for missing values
     return colors
 
 

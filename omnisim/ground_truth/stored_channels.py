@@ -1,4 +1,4 @@
-"""Channels read back from the files of an image: layers of EXR files, arrays and sidecars."""
+"""Channels read from the files of an image: EXR layers, arrays and sidecar files."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ from omnisim.ground_truth.flow_files import read_flo
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import read_npy
 
-# Values that two files of one image have in common.
+# Metadata that all files of one image share.
 _IDENTITY = ("scene", "camera", "world_from_base", "world_from_optical")
 
 
 class StoredChannels:
-    """Channels beside an image or inside of it, whichever way `Frame.save` or a drive wrote them.
+    """Channels next to an image or inside it, as written by `Frame.save` or a drive.
 
-    Arrays and EXR files have them exactly, PNG files in the steps that their description states.
+    Arrays and EXR files are exact; PNG files are quantized to the steps stated in their
+    description.
 
     Args:
-        image: its path.
-        metadata: the image's; files of another image are refused.
+        image: path of the image.
+        metadata: metadata of the image; files of another image are rejected.
 
     Attributes:
-        names: of the channels that are there, in their order.
+        names: names of the available channels, in the order of `CHANNELS`.
 
     Raises:
-        OutputError: a file that cannot be read, or of another image.
+        OutputError: an unreadable file, or a file of another image.
     """
 
     def __init__(self, image: Path, metadata: Mapping[str, Any]):
@@ -45,7 +46,7 @@ class StoredChannels:
         self._layers: dict[str, NDArray[np.float32]] = {}
         self._described: dict[str, dict[str, Any]] = {}
         self._tables: list[Any] = []
-        step = sidecar_path(image, "channels.exr")  # as a drive has it
+        step = sidecar_path(image, "channels.exr")  # file name in a drive
         for path in (image if is_float_format(image) else step,):
             if path.is_file() and path.suffix.lower() == ".exr":
                 found = read_channels(path)
@@ -73,7 +74,7 @@ class StoredChannels:
 
     @cached_property
     def labels(self) -> Labels | None:
-        """Labels of the IDs of classes and instances, or None: unknown.
+        """Labels of the class and instance IDs; None: unknown.
 
         Raises:
             OutputError: a damaged table.
@@ -85,14 +86,14 @@ class StoredChannels:
         return _labels(tables[0], self._image) if tables else None
 
     def _is_inside(self, name: str) -> bool:
-        """Layer of the image itself, which is never older than the image."""
+        """True for a layer of the image file itself, which is never older than the image."""
         return is_float_format(self._image) and CHANNELS[name].layers[0] in self._layers
 
     def read(self, names: Collection[str]) -> dict[str, NDArray[Any]]:
         """Read channels by name.
 
         Raises:
-            OutputError: one that is not there, naming those that are, or a damaged file.
+            OutputError: a missing channel, naming the available ones, or a damaged file.
         """
         for name in names:
             if name not in self.names:
@@ -124,7 +125,7 @@ class StoredChannels:
         return typed
 
     def _beside(self, name: object) -> Path:
-        """Path of a file beside the image; a ValueError, where that is no file's name."""
+        """Path of a file next to the image; raises a ValueError for an invalid file name."""
         if not isinstance(name, str) or not name.isprintable():
             raise ValueError(name)
         return self._image.with_name(name)
@@ -136,7 +137,7 @@ def _from_layers(name: str, layers: Mapping[str, NDArray[np.float32]]) -> NDArra
 
 
 def _decode(path: Path, name: str, described: Mapping[str, Any]) -> NDArray[Any]:
-    """Values of a sidecar file, by what its description says."""
+    """Values of a sidecar file, decoded by its description."""
     if path.suffix == ".exr":
         return _from_layers(name, read_channels(path).values)
     if name in FLOWS:

@@ -1,6 +1,6 @@
 """Scenes: plain data, and the readers of scene files (the only importer of trimesh).
 
-Readers raise a SceneError of one line for whatever is wrong with a file.
+Readers raise a one-line SceneError for any fault in a file.
 """
 
 from omnisim.scene.files.load import load_scene, read_scene

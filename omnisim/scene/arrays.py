@@ -1,4 +1,4 @@
-"""Checks of arrays given by Python code, and meshes and materials made of them."""
+"""Validation of arrays passed from Python, and the meshes and materials made from them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def import_arrays(
     base_color: ArrayLike | None,
     double_sided: bool,
 ) -> ImportedScene:
-    """Import one instance, see `Scene.from_arrays`."""
+    """Import one instance; the arguments are those of `Scene.from_arrays`."""
     vertices = _numbers(name, "vertices_m", vertices_m, ("n", 3))
     corners = _numbers(name, "triangles", triangles, ("m", 3))
     if not (len(corners) and (corners == np.floor(corners)).all()):
@@ -56,16 +56,16 @@ def import_arrays(
 def color_material(
     name: str, base_color: ArrayLike, texture: ArrayLike | None, like: Material
 ) -> Material:
-    """Material of a linear RGB or RGBA color, times a texture; sides and light as another's.
+    """Material of a linear RGB or RGBA color multiplied by a texture.
 
     Args:
-        name: of the instance, for errors.
+        name: instance name, for errors.
         base_color: (3,) or (4,), from 0 to 1.
-        texture: (height, width, 3 or 4) uint8 sRGB, or None.
-        like: another material.
+        texture: (height, width, 3 or 4) uint8 sRGB; None: no texture.
+        like: material that supplies the name, `double_sided` and `unlit`.
 
     Raises:
-        SceneError: naming the instance, what was expected and what was got.
+        SceneError: naming the instance, the expected and the actual value.
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:
@@ -91,10 +91,10 @@ def color_material(
 
 
 def instance_pose(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
-    """Pose (4, 4) of an instance.
+    """Checked pose (4, 4) of an instance.
 
     Raises:
-        SceneError: naming the instance, what was expected and what was got.
+        SceneError: naming the instance, the expected and the actual value.
     """
     checked = _numbers(name, "pose", matrix, (4, 4))
     try:
@@ -121,7 +121,7 @@ def _texture(name: str, texture: ArrayLike) -> Texture:
 
 
 def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float64]:
-    """Linear RGBA (n, 4) of bytes, which are sRGB, or of numbers from 0 to 1."""
+    """Linear RGBA (n, 4) from sRGB bytes or from linear numbers in [0, 1]."""
     width = 4 if np.shape(colors)[-1:] == (4,) else 3
     values = _numbers(name, "colors", colors, (count, width))
     if np.asarray(colors).dtype == _BYTE:
@@ -141,7 +141,7 @@ def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float
 def _numbers(
     name: str, key: str, values: ArrayLike, shape: tuple[str | int, ...] | None
 ) -> NDArray[np.float64]:
-    """Finite numbers of a shape, of which letters stand for any length."""
+    """Array of finite numbers, checked against a shape in which letters stand for any length."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,8 +1,8 @@
-"""Edits of a scene's content: instances added, removed, moved and recolored.
+"""Edits of a scene's content: add, remove, move and recolor instances.
 
-An instance is all parts of one name, as for ground truth. Content is never changed in place: an
-edit returns other content, which shares the arrays of whatever it leaves alone, so that a stage
-uploads only the rest.
+An instance consists of all parts with the same name, as in the ground truth. Content is never
+changed in place: an edit returns new content that shares all unchanged arrays, so that a stage
+uploads only the changes.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Content(NamedTuple):
 
 
 def find(content: Content, name: str) -> tuple[Instance, ...]:
-    """Parts of an instance.
+    """Parts of an instance, by its name.
 
     Raises:
-        SceneError: there is none of this name.
+        SceneError: unknown instance.
     """
     found = tuple(one for one in content.instances if one.name == name)
     if not found:
@@ -45,7 +45,7 @@ def pose_of(content: Content, name: str) -> NDArray[np.float64]:
     """Pose (4, 4) of an instance's frame, without the scale of its node.
 
     Raises:
-        SceneError: there is none of this name.
+        SceneError: unknown instance.
     """
     node = find(content, name)[0].world_from_node
     if is_pose(node):
@@ -54,16 +54,16 @@ def pose_of(content: Content, name: str) -> NDArray[np.float64]:
     left, _, right = np.linalg.svd(node[:3, :3])
     left[:, 2] *= np.sign(
         np.linalg.det(left @ right)
-    )  # the nearest rotation, of a mirror image too
+    )  # the nearest rotation, also for a mirrored frame
     pose[:3, :3], pose[:3, 3] = left @ right, node[:3, 3]
     return pose
 
 
 def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content:
-    """Put an instance's frame at a pose (4, 4).
+    """Move an instance's frame to a pose (4, 4).
 
     Raises:
-        SceneError: an unknown instance, or a matrix that is not a pose.
+        SceneError: an unknown instance or an invalid pose.
     """
     before = pose_of(content, name)
     displacement = instance_pose(name, world_from_instance) @ inverse(before)
@@ -72,7 +72,7 @@ def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content
             one,
             world_from_mesh=displacement @ one.world_from_mesh,
             world_from_node=displacement @ one.world_from_node,
-            light_rectangle=None,  # which was baked where it stood
+            light_rectangle=None,  # baked for the previous pose
             light_back_rectangle=None,
         )
         if one.name == name
@@ -86,7 +86,7 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
     """Add all instances of other content as one instance.
 
     Raises:
-        SceneError: a name that is taken or empty, or a matrix that is not a pose.
+        SceneError: an empty name, an existing name or an invalid pose.
     """
     if not isinstance(name, str) or not name:
         raise SceneError(f"instance: expected a name, got {name!r}")
@@ -94,7 +94,7 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
         raise SceneError(f"instance {name!r}: expected a new name, got that of another instance")
     pose = instance_pose(name, world_from_part)
     meshes, materials = list(content.meshes), list(content.materials)
-    # what another instance has already is shared
+    # meshes and materials that other instances already have are shared
     mesh_at = {_geometry(mesh, content.materials): i for i, mesh in enumerate(meshes)}
     material_at = {id(material): i for i, material in enumerate(materials)}
     instances = list(content.instances)
@@ -112,7 +112,7 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
 
 
 def free_name(content: Content, name: str) -> str:
-    """The name, lengthened where an instance has it."""
+    """Name with underscores appended until no instance has it."""
     taken = {one.name for one in content.instances}
     while name in taken:
         name += "_"
@@ -123,7 +123,7 @@ def remove(content: Content, name: str) -> Content:
     """Remove an instance.
 
     Raises:
-        SceneError: there is none of this name.
+        SceneError: unknown instance.
     """
     find(content, name)
     kept = tuple(one for one in content.instances if one.name != name)
@@ -133,7 +133,7 @@ def remove(content: Content, name: str) -> Content:
 def recolor(
     content: Content, name: str, base_color: ArrayLike, texture: ArrayLike | None
 ) -> Content:
-    """Give an instance one color, or a texture times a color, in place of what it had.
+    """Replace an instance's appearance by a color, or by a texture times a color.
 
     Raises:
         SceneError: an unknown instance, or an invalid color or texture.
@@ -161,13 +161,13 @@ def recolor(
 
 
 def _geometry(mesh: Mesh, materials: tuple[Material, ...]) -> tuple[int, ...]:
-    """Identity of a mesh's arrays and of its material."""
+    """Identity of a mesh: the IDs of its arrays and of its material."""
     arrays = (mesh.positions, mesh.triangles, mesh.normals, mesh.texture_coordinates, mesh.colors)
     return (*map(id, arrays), id(materials[mesh.material]))
 
 
 def _without_unused(before: Content, after: Content) -> Content:
-    """Content after an edit without meshes and materials that only the edited instance had used."""
+    """Edited content without the meshes and materials that only the edited instance used."""
     lost = {one.mesh for one in before.instances} - {one.mesh for one in after.instances}
     if not lost:
         return after
@@ -185,7 +185,7 @@ def _without_unused(before: Content, after: Content) -> Content:
 
 
 def _renumbered(count: int, dropped: set[int]) -> list[int]:
-    """New numbers of things, some of which are dropped."""
+    """New index of each item once the dropped ones are removed."""
     kept = np.ones(count, dtype=np.int64)
     kept[list(dropped)] = 0
     numbers: list[int] = (np.cumsum(kept) - kept).tolist()

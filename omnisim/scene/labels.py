@@ -1,19 +1,19 @@
 """Semantic classes and instance labels of a scene.
 
-Classes come from the `[[labels]]` tables of a scene's TOML, or of a label file:
+Classes come from the `[[labels]]` tables of a scene's TOML file or of a label file:
 
     [[labels]]
     name = "goal"
-    color = [250, 210, 0]       # 8-bit sRGB, for images; chosen where it is missing
-    nodes = ["goal_*"]          # names of nodes, * and ? stand for any letters
-    id = 3                      # 1 and up; the next free one where it is missing
+    color = [250, 210, 0]       # 8-bit sRGB, for images; by default chosen automatically
+    nodes = ["goal_*"]          # patterns of node names with the wildcards * and ?
+    id = 3                      # at least 1; default: the next free ID
 
-The first table that matches a name has it. The vehicle's body is "vehicle", names that no table
-matches are "unlabeled"; their ids follow the largest, unless a table has that name.
+The first table that matches a name decides. The vehicle's body is "vehicle", and names without a
+match are "unlabeled". Their IDs follow the largest one, unless a table has that name.
 
-Without tables, an instance's class is its name: up to the first "/", without numbers at its end,
-whatever joins them: chair_01, chair.002, chair-3 and "chair 4" are all chairs. Ids of those classes
-follow the alphabet.
+Without tables, the class is derived from the instance's name: the part before the first "/",
+without trailing numbers and their separator. So chair_01, chair.002, chair-3 and "chair 4" are all
+chairs. The IDs of these classes follow alphabetical order.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ from omnisim.scene.files.scene_file import LabelFile, LabelTable
 from omnisim.scene.model import LabelRule, Scene
 
 VEHICLE, UNLABELED = "vehicle", "unlabeled"
-BODY = "body"  # name of the dynamic object that is the vehicle's body
+BODY = "body"  # name of the vehicle's body among the dynamic objects
 _NUMBERS = re.compile(r"(?<=\D)(?:[ ._-]?\d+)+$")
 
 
 def class_name(instance: str) -> str:
-    """Class by an instance's name: `shelf_02` is a shelf."""
+    """Class derived from an instance's name: `shelf_02` is a shelf."""
     return _NUMBERS.sub("", instance.partition("/")[0]).rstrip(" ._-") or instance
 
 
 def read_label_file(path: Path) -> tuple[LabelRule, ...]:
-    """Label rules of a TOML file that has only `[[labels]]`.
+    """Read the label rules of a TOML file that contains only `[[labels]]`.
 
     Raises:
-        SceneError: naming file, key, value and what was expected.
+        SceneError: naming file, key, value and the expected value.
     """
     return label_rules(read_toml(path, LabelFile, SceneError).labels)
 
 
 def label_rules(tables: tuple[LabelTable, ...]) -> tuple[LabelRule, ...]:
-    """Rules of the tables; missing ids and colors are chosen."""
+    """Label rules of the tables, with missing IDs and colors assigned."""
     taken = {table.id for table in tables}
     free = (number for number in itertools.count(1) if number not in taken)
     ids = [next(free) if table.id is None else table.id for table in tables]
@@ -68,9 +68,9 @@ def find_labels(
     """Label all instances of a scene and its dynamic objects.
 
     Args:
-        scene: its label rules hold for the dynamic objects, too.
-        dynamic_objects: by name.
-        vehicles: names of those that are bodies of vehicles.
+        scene: scene whose label rules also apply to the dynamic objects.
+        dynamic_objects: scenes of the dynamic objects, by name.
+        vehicles: names of the dynamic objects that are vehicle bodies.
     """
     named: list[tuple[str | None, str]] = [(None, each.name) for each in scene.instances]
     for key, part in (dynamic_objects or {}).items():
@@ -101,13 +101,13 @@ def find_labels(
 
 
 def _rules_by_name(instances: set[str]) -> tuple[LabelRule, ...]:
-    """Rules that match nothing, one for each class that instances are named by."""
+    """Rules without patterns, one for each class derived from the instances' names."""
     names = sorted({class_name(instance) for instance in instances} - {VEHICLE})
     return tuple(LabelRule(i, name, distinct_color(i), ()) for i, name in enumerate(names, start=1))
 
 
 def _first_match(rules: tuple[LabelRule, ...], name: str) -> int | None:
-    """Id of the first rule that matches a name; in patterns only * and ? are special."""
+    """ID of the first rule that matches a name; patterns know only the wildcards * and ?."""
     for rule in rules:
         if any(fnmatchcase(name, pattern.replace("[", "[[]")) for pattern in rule.nodes):
             return rule.id

@@ -1,4 +1,4 @@
-"""Mip levels of masked textures, whose share of holes stays the same at every level."""
+"""Mip levels of alpha-masked textures that preserve the coverage at every level."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from numpy.typing import NDArray
 
 from omnisim.core.srgb import linear_from_srgb8, srgb_from_linear
 
-_SEARCH_STEPS = 12  # halvings of an interval of 16: to 4/1000, one step of 8 bits
+_SEARCH_STEPS = 12  # bisections of [0, 16], down to 4/1000: one 8-bit step
 
 
 def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.uint8]]:
-    """Levels 1, 2, … down to one texel of a texture (height, width, 4) uint8 sRGB.
+    """Mip levels 1, 2, … down to one texel, for a texture (height, width, 4) uint8 sRGB.
 
-    Averaging alpha lets a fence vanish once no average reaches the cutoff, or a hedge close. Each
-    level's alpha is therefore scaled until as much of it passes the cutoff as of the first level.
-    Colors are averaged in linear light, holes do not count.
+    Plain averages of alpha make a fence vanish, once none reaches the cutoff, or close the gaps of
+    a hedge. Each level's alpha is therefore scaled until the same share of texels passes the cutoff
+    as at the first level. Colors are averaged in linear light and weighted by alpha.
 
     Source: Castaño, "Computing alpha mipmaps", 2010.
     """
     alpha = pixels[..., 3].astype(np.float32) / 255.0
     color = linear_from_srgb8(pixels[..., :3]) * alpha[..., None]
-    plain = linear_from_srgb8(pixels[..., :3])  # where a block is all hole
+    plain = linear_from_srgb8(pixels[..., :3])  # for blocks without any coverage
     covered = float((alpha >= cutoff).mean())
     levels = []
     while max(alpha.shape) > 1:
@@ -35,8 +35,8 @@ def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.
 
 
 def _halved(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Averages of 2 × 2 blocks; of a side of one texel the texels themselves, an odd last one
-    is left out, as OpenGL's sizes of levels have it."""  # fmt: skip
+    """Averages of 2 × 2 blocks. A side of one texel is kept; an odd last row or column is dropped,
+    as in OpenGL's level sizes."""  # fmt: skip
     for axis in (0, 1):
         if values.shape[axis] > 1:
             even = np.take(values, range(0, values.shape[axis] - 1, 2), axis)

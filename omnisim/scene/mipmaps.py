@@ -1,7 +1,7 @@
 """Mip levels of textures, averaged in linear light.
 
-A software driver compiles a program for each kind of size before it makes its own levels, which
-takes longer than all the textures of a scene.
+A software driver compiles one program per kind of size before it generates levels itself, which
+takes longer than averaging all textures of a scene here.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 
 from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear
 
-# Linear light in 14 bits: a step is a fifth of one of 8-bit sRGB where that is finest, and two
-# values add up within 16 bits.
+# Linear light in 14 bits: the step is a fifth of the finest step of 8-bit sRGB, and the sum of two
+# values fits in 16 bits.
 _MAX_LINEAR = 2**14 - 1
 _SHADES = np.linspace(0.0, 1.0, 256)
 _LEVELS = np.linspace(0.0, 1.0, _MAX_LINEAR + 1)
 _LINEAR = np.rint(_MAX_LINEAR * linear_from_srgb(_SHADES)).astype(np.uint16)
 _SRGB = srgb8_from_linear(_LEVELS)
-_WIDE_ALPHA = np.rint(_MAX_LINEAR * _SHADES).astype(np.uint16)  # linear as it is
+_WIDE_ALPHA = np.rint(_MAX_LINEAR * _SHADES).astype(np.uint16)  # alpha is linear already
 _ALPHA = np.rint(255.0 * _LEVELS).astype(np.uint8)
-_BLOCK = 1 << 16  # looked up at once: NumPy makes 64-bit indices of them, which fit into a cache
+_BLOCK = 1 << 16  # values per lookup: NumPy's temporary 64-bit indices then fit in a cache
 
 
 def mipmaps(pixels: NDArray[np.uint8], is_linear: bool = False) -> list[NDArray[np.uint8]]:
-    """Levels 1, 2, … down to one texel of a texture (height, width, 4) uint8 sRGB, or linear.
+    """Mip levels 1, 2, … down to one texel, for a texture (height, width, 4) uint8 sRGB or linear.
 
     Colors are averaged in linear light.
     """
@@ -42,11 +42,11 @@ def mipmaps(pixels: NDArray[np.uint8], is_linear: bool = False) -> list[NDArray[
 def _looked_up(
     of_color: NDArray[Any], of_alpha: NDArray[Any], values: NDArray[np.unsignedinteger]
 ) -> NDArray[Any]:
-    """Table entries of RGBA values (height, width, 4)."""
+    """Table lookup of RGBA values (height, width, 4), with a separate table for alpha."""
     found = np.empty(values.shape, of_color.dtype)
     given, taken = values.reshape(-1), found.reshape(-1)
     for start in range(0, given.size, _BLOCK):
-        # clipping, which never happens, is what lets NumPy write to `out` directly
+        # indices are always valid, but with mode="clip" NumPy writes to `out` directly
         part = slice(start, start + _BLOCK)
         np.take(of_color, given[part], out=taken[part], mode="clip")
     found[..., 3] = np.take(of_alpha, values[..., 3], mode="clip")
@@ -54,7 +54,7 @@ def _looked_up(
 
 
 def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
-    """Averages of two along an axis; of an odd number each covers two and a bit of a third.
+    """Averages of two values along an axis; with an odd count, each spans a bit of a third value.
 
     Source: Guthe and Heckbert, "Non-power-of-two mipmapping", 2005.
     """

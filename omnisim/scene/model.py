@@ -1,4 +1,4 @@
-"""Scene as plain data in the world frame, free of files and of the GPU."""
+"""Scene as plain data in the world frame, independent of files and of the GPU."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class DynamicObject:
-    """Object that moves by the world's time.
+    """Object whose pose is a function of world time.
 
     Attributes:
-        name: distinct within a scene.
-        shape: in a frame of its own; its lights and background are ignored.
-        motion: of that frame in the world.
+        name: name, unique within the scene.
+        shape: geometry in the object's own frame; its lights and background are ignored.
+        motion: pose of that frame in the world over time.
     """
 
     name: str
@@ -91,25 +91,25 @@ class DynamicObject:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Meshes, materials, instances and lights, and where vehicles may be.
+    """Meshes, materials, instances, lights, and the start poses and paths of vehicles.
 
-    It never changes: `added`, `removed`, `moved` and `recolored` return another scene, which shares
-    everything that stayed, and which an open renderer draws as soon as it is its `scene`.
+    A scene is immutable: `added`, `removed`, `moved` and `recolored` return a new scene that shares
+    all unchanged data. An open renderer draws it once it is assigned to `scene`.
 
     Attributes:
-        name: file or built-in name.
+        name: file name or built-in name.
         meshes, materials, instances: geometry and its appearance.
         lighting: ambient light and lights.
         background: linear RGB where nothing is hit.
-        start: default pose of the camera.
-        notices: one line for each feature of the file that is not drawn.
-        cameras: poses of the file's cameras; names are distinct.
-        starts: start poses of vehicles; names are distinct.
-        paths: routes of vehicles; names are distinct.
-        landmarks: names are distinct.
-        labels: class rules, the first that matches a name has it; without any: by names.
-        objects: that move; names are distinct.
-        given: identity by what it was made from; None: by its own content.
+        start: default camera pose.
+        notices: one line for each feature of the file that is not rendered.
+        cameras: camera poses of the file, with unique names.
+        starts: vehicle start poses, with unique names.
+        paths: vehicle routes, with unique names.
+        landmarks: landmarks, with unique names.
+        labels: class rules, of which the first match decides; empty: classes from instance names.
+        objects: dynamic objects, with unique names.
+        given: identity derived from the source data; None: identified by its own content.
     """
 
     name: str
@@ -149,21 +149,21 @@ class Scene:
 
     @property
     def triangle_count(self) -> int:
-        """Number of triangles of all instances."""
+        """Number of triangles, summed over all instances."""
         return sum(len(self.meshes[instance.mesh].triangles) for instance in self.instances)
 
     @cached_property
     def instance_boxes(self) -> dict[str, OrientedBox]:
-        """Oriented boxes of the instances by name, along the axes of their own frames, at 0 s."""
+        """Oriented boxes of the instances by name, aligned with their own frames, at 0 s."""
         return instance_boxes(self.instances, self.meshes)
 
     @cached_property
     def deforms(self) -> bool:
-        """True where the mesh of an instance deforms by the world's time."""
+        """True if any instance has a mesh that deforms over time."""
         return any(self.meshes[one.mesh].deformation is not None for one in self.instances)
 
     def boxes_at(self, time_s: float) -> dict[str, OrientedBox]:
-        """Oriented boxes as `instance_boxes`, at a time of the world."""
+        """Oriented boxes of the instances, like `instance_boxes`, at a world time."""
         if not self.deforms or time_s == 0.0:
             return self.instance_boxes
         names = {
@@ -174,16 +174,16 @@ class Scene:
 
     @property
     def instance_names(self) -> tuple[str, ...]:
-        """Names of the instances, each once: all parts of one name are one instance."""
+        """Unique names of the instances; all parts with one name form one instance."""
         return tuple(dict.fromkeys(instance.name for instance in self.instances))
 
     def bounds_m(self, name: str | None = None) -> NDArray[np.float64]:
-        """Smallest and largest corner (2, 3) of all instances, or of one, in the world.
+        """Smallest and largest corner (2, 3) of all instances, or of one, world frame, m.
 
-        Of a scene without instances, those of the dynamic objects at 0 s.
+        Without instances: the bounds of the dynamic objects at 0 s.
 
         Raises:
-            SceneError: there is no instance of this name.
+            SceneError: unknown instance.
         """
         if name is None and not self.instances:
             return bounds_m(self._still.meshes, self._still.instances)
@@ -193,35 +193,35 @@ class Scene:
     def pose_of(self, name: str) -> NDArray[np.float64]:
         """Pose (4, 4) world_from_instance of an instance's frame.
 
-        It is that of its node, z up where the node is not turned; one that was added has the frame
-        of what was added.
+        The frame is that of the instance's node, which is z up unless the node is rotated. An added
+        instance keeps the frame of the added scene.
 
         Raises:
-            SceneError: there is no instance of this name.
+            SceneError: unknown instance.
         """
         return editing.pose_of(self._content, name)
 
     def added(self, name: str, part: Scene, world_from_part: ArrayLike | None = None) -> Scene:
-        """Scene with all of another scene as one more instance.
+        """Scene with another scene added as one instance.
 
         Args:
-            name: of the instance, new to the scene.
-            part: its lights, background, starts, paths and landmarks count for nothing; its dynamic
-                objects are part of it where they are at 0 s.
-            world_from_part: (4, 4) pose; by default where it is in its own scene.
+            name: name of the new instance, not yet in the scene.
+            part: added scene; only its instances and its dynamic objects, as they are at 0 s, are
+                used, not its lights, background, starts, paths and landmarks.
+            world_from_part: (4, 4) pose; None: identity, as in its own scene.
 
         Raises:
-            SceneError: a name that is taken, or a matrix that is not a pose.
+            SceneError: an existing name or an invalid pose.
         """
         pose = np.eye(4) if world_from_part is None else world_from_part
         content = editing.add(self._content, name, part._still, pose)
         given = part.given
-        if given is None:  # made of arrays, which are what was given
+        if given is None:  # built from arrays: identified by its content
             given = Given(fingerprint(part), fingerprint(part))
         return self._edited(content, "added", name, given, pose)
 
     def at_start(self) -> Scene:
-        """Scene whose dynamic objects are instances where they are at 0 s."""
+        """Scene whose dynamic objects are static instances, posed as at 0 s."""
         if not self.objects:
             return self
         still = replace(self._with(self._still), objects=())
@@ -231,15 +231,15 @@ class Scene:
         """Scene without an instance.
 
         Raises:
-            SceneError: there is no instance of this name.
+            SceneError: unknown instance.
         """
         return self._edited(editing.remove(self._content, name), "removed", name)
 
     def moved(self, name: str, world_from_instance: ArrayLike) -> Scene:
-        """Scene with an instance at another pose (4, 4), see `pose_of`; its scale stays.
+        """Scene with an instance moved to another pose (4, 4), see `pose_of`; its scale is kept.
 
         Raises:
-            SceneError: there is no instance of this name, or a matrix that is not a pose.
+            SceneError: an unknown instance or an invalid pose.
         """
         content = editing.move(self._content, name, world_from_instance)
         return self._edited(content, "moved", name, world_from_instance)
@@ -247,15 +247,15 @@ class Scene:
     def recolored(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
     ) -> Scene:
-        """Scene with an instance of one color, or with one texture, instead of what it had.
+        """Scene in which one color, or one texture, replaces an instance's appearance.
 
         Args:
-            name: of the instance.
+            name: instance name.
             base_color: linear RGB or RGBA from 0 to 1; it multiplies the texture.
             texture: (height, width, 3 or 4) uint8 sRGB, for a mesh with texture coordinates.
 
         Raises:
-            SceneError: no instance of this name, or an invalid color or texture.
+            SceneError: an unknown instance, or an invalid color or texture.
         """
         content = editing.recolor(self._content, name, base_color, texture)
         return self._edited(content, "recolored", name, base_color, texture)
@@ -274,22 +274,22 @@ class Scene:
         base_color: ArrayLike | None = None,
         double_sided: bool = True,
     ) -> Scene:
-        """Scene of one instance from arrays, in daylight; `added` joins several.
+        """Scene with one instance built from arrays, in daylight; `added` joins several.
 
         Args:
-            name: of the instance, and of the scene.
-            vertices_m: (n, 3), z up.
-            triangles: (m, 3) vertices, counter-clockwise seen from the front.
-            normals: (n, 3) at the vertices; None: flat triangles.
+            name: name of the instance and of the scene.
+            vertices_m: (n, 3), m, z up.
+            triangles: (m, 3) vertex indices, counter-clockwise seen from the front.
+            normals: (n, 3) vertex normals; None: flat shading.
             uv: (n, 2) texture coordinates, (0, 0) at the top left of the texture, as in glTF.
-            colors: (n, 3 or 4) at the vertices: uint8 are sRGB, numbers from 0 to 1 are linear.
-            texture: (height, width, 3 or 4) uint8 sRGB; repeated beyond its edges.
-            base_color: linear RGB or RGBA from 0 to 1, which multiplies the others; by default
-                white, or light gray where there are no others.
-            double_sided: both sides of a triangle are seen; False is quicker.
+            colors: (n, 3 or 4) vertex colors: sRGB if uint8, linear if numbers from 0 to 1.
+            texture: (height, width, 3 or 4) uint8 sRGB; it repeats beyond its edges.
+            base_color: linear RGB or RGBA from 0 to 1, multiplied with the colors and the texture;
+                None: white, or light gray without colors and texture.
+            double_sided: render both sides of each triangle; False is faster.
 
         Raises:
-            SceneError: an array of another shape, with NaN, or out of range.
+            SceneError: an array with a wrong shape, with NaN or with values out of range.
         """
         imported = import_arrays(
             name, vertices_m, triangles, normals, uv, colors, texture, base_color, double_sided
@@ -308,20 +308,19 @@ class Scene:
     ) -> Scene:
         """Scene of a `trimesh.Scene` or `trimesh.Trimesh`, with materials, textures and instances.
 
-        Nothing is taken from its cameras and lights: the scene is in daylight. Colors and textures
-        are sRGB, but for the base color of a `PBRMaterial`, which is linear. Nodes of the graph
-        are instances of the scene.
+        Its cameras and lights are ignored: the scene is in daylight. Colors and textures are sRGB;
+        only the base color of a `PBRMaterial` is linear. Nodes of the graph become instances.
 
         Args:
-            source: it is not changed; a mesh that stands alone is an instance of the scene's name.
-            name: of the scene.
-            up_axis: "x", "y" or "z". trimesh turns nothing: what it loaded from glTF is "y".
-            meters_per_unit: by default by its `units`; 1 where it has none.
-            smooth: True: normals at its vertices; False: flat triangles; None: normals where the
-                mesh has been given them or has computed them.
+            source: trimesh object, left unchanged; a single mesh becomes an instance named `name`.
+            name: scene name.
+            up_axis: "x", "y" or "z". trimesh rotates nothing: a scene loaded from glTF is "y".
+            meters_per_unit: scale; None: from its `units`, or 1 without units.
+            smooth: True: vertex normals; False: flat shading; None: vertex normals if the mesh was
+                given them or has computed them.
 
         Raises:
-            SceneError: something else, nothing to draw, numbers that are none, an unknown unit.
+            SceneError: another type, no geometry, invalid numbers or an unknown unit.
         """
         from omnisim.scene.formats.mesh.trimesh_import import read_trimesh  # slow to import
 
@@ -348,7 +347,7 @@ class Scene:
 
     @property
     def _still(self) -> editing.Content:
-        """Content with the dynamic objects where they are at 0 s."""
+        """Content in which the dynamic objects are instances, posed as at 0 s."""
         content = self._content
         for one in self.objects:
             name = editing.free_name(content, one.name)
@@ -359,22 +358,22 @@ class Scene:
         return replace(self, **content._asdict())
 
     def _edited(self, content: editing.Content, *change: object) -> Scene:
-        """Scene of other content, by the name and the arguments of the edit."""
+        """Scene with edited content, identified by the edit's name and arguments."""
         edited = self._with(content)
         return edited if self.given is None else edited.identified(self.given.edited(*change))
 
     def identified(self, given: Given) -> Scene:
-        """The same scene, known by what it was made from."""
+        """Same scene with another identity."""
         scene = copy.copy(self)
         object.__setattr__(scene, "given", given)
         return scene
 
     def altered(self, change: str, **fields: object) -> Scene:
-        """Scene with other fields, known by the words of the change beside what it was made from.
+        """Scene with some fields replaced, identified by its source data and the change.
 
         Args:
-            change: all that the fields follow from; empty: they do not count.
-            fields: new values by name, as for `dataclasses.replace`.
+            change: text that determines the new values; empty: the identity stays the same.
+            fields: new values by field name, as for `dataclasses.replace`.
         """
         scene = replace(self, **fields)  # type: ignore[arg-type]
         if self.given is None:

@@ -1,4 +1,4 @@
-"""Parts of a scene, as plain data: meshes, materials, instances, lights, starts, paths."""
+"""Plain-data parts of a scene: meshes, materials, instances, lights, starts, paths."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LightRectangle = tuple[float, float, float, float]
 
 
 class Wrap(Enum):
-    """Wrapping mode of a texture beyond its edges."""
+    """Texture wrapping mode beyond the edges."""
 
     REPEAT = "repeat"
     CLAMP_TO_EDGE = "clamp_to_edge"
@@ -39,14 +39,14 @@ IDENTITY_UV = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """Image with sRGB-encoded colors, or with linear values.
+    """Texture with sRGB-encoded colors or linear values.
 
     Attributes:
         pixels: (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0.
-        wrap_u, wrap_v: wrapping modes.
-        is_linear: values, not colors.
-        uv_set: 0: the mesh's texture coordinates; 1: its second ones. A base color has 0.
-        uv_transform: (2, 3) affine, of those coordinates; a base color has the identity.
+        wrap_u, wrap_v: wrapping modes along u and v.
+        is_linear: True for linear values, false for sRGB-encoded colors.
+        uv_set: 0: the mesh's first texture coordinates; 1: its second. Always 0 for a base color.
+        uv_transform: (2, 3) affine transform of those coordinates; identity for a base color.
     """
 
     pixels: NDArray[np.uint8]
@@ -61,37 +61,37 @@ class Texture:
         return short_repr(self, f"{width} × {height} px")
 
 
-# Glass, or an image with soft edges: it counts where it hides at least half of what is behind it.
+# For glass and for soft edges: a ray hits where the surface hides at least half of the background.
 BLENDED_CUTOFF = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Appearance of a surface: base color, alpha, sides, and glTF 2.0's reflectance.
+    """Material of a surface: base color, alpha, sides, and the reflectance model of glTF 2.0.
 
-    By default it is matte: by Lambert's law, without any gloss. A dielectric's gloss needs
-    `specular`, which is 1 for one of glTF's.
+    The default is matte: Lambertian, without gloss. Dielectric gloss requires `specular`, which is
+    1 for a dielectric in glTF.
 
     Attributes:
-        name: name in the file.
-        base_color: linear RGBA that multiplies texture and vertex colors.
-        texture: base color texture, if any.
+        name: material name in the file.
+        base_color: linear RGBA, multiplied with the texture and the vertex colors.
+        texture: base color texture; None: no texture.
         alpha_mode: opaque, mask or blend.
-        alpha_cutoff: with MASK, alpha below this is a hole.
-        double_sided: both sides are drawn.
-        unlit: drawn without lights, always.
-        casts_shadow: lamps cast its shadow.
-        metallic, roughness: 0 to 1, which multiply blue and green of `metallic_roughness_map`.
-        specular, specular_color: strength and tint, linear RGB, of a dielectric's gloss.
+        alpha_cutoff: smallest alpha of the surface in MASK mode; below it is a hole.
+        double_sided: render both sides.
+        unlit: render without lighting.
+        casts_shadow: cast shadows of the scene's lights.
+        metallic, roughness: factors in [0, 1] for blue and green of `metallic_roughness_map`.
+        specular, specular_color: strength and tint (linear RGB) of a dielectric's gloss.
         ior: refractive index of a dielectric.
-        clearcoat, clearcoat_roughness: strength and roughness of a clear layer on top, which
-            multiply red and green of `clearcoat_map`.
-        emissive: light that it emits, linear RGB from 0; it multiplies `emissive_map`.
-        normal_scale, occlusion_strength, clearcoat_normal_scale: of their maps.
+        clearcoat, clearcoat_roughness: strength and roughness of the clear coat, multiplied with
+            red and green of `clearcoat_map`.
+        emissive: emitted light, linear RGB ≥ 0, multiplied with `emissive_map`.
+        normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.
-        emissive_map: texture of colors.
-        specular_map: texture of colors that multiply `specular_color`, whose alpha multiplies
-            `specular`.
+        emissive_map: color texture.
+        specular_map: color texture whose color multiplies `specular_color` and whose alpha
+            multiplies `specular`.
         clearcoat_map, clearcoat_normal_map: linear textures.
 
     Source: glTF 2.0, section 3.9 and appendix B; KHR_materials_specular, _ior, _clearcoat.
@@ -126,7 +126,7 @@ class Material:
 
     @property
     def maps(self) -> tuple[Texture | None, ...]:
-        """Textures beside that of the base color."""
+        """Textures other than the base color texture."""
         return (
             self.metallic_roughness_map, self.normal_map, self.occlusion_map, self.emissive_map,
             self.specular_map, self.clearcoat_map, self.clearcoat_normal_map,
@@ -134,13 +134,13 @@ class Material:
 
     @property
     def is_matte(self) -> bool:
-        """Base color and lights are all that counts: no gloss, no metal, no maps, no emission."""
+        """True for Lambertian or unlit materials: no gloss, metal, maps or emission."""
         strengths = (self.metallic, self.specular, self.clearcoat, *self.emissive)
         return self.unlit or not (any(strengths) or any(one is not None for one in self.maps))
 
     @property
     def is_blended(self) -> bool:
-        """Transparency: surfaces behind it shine through."""
+        """True for transparent materials, blended with the background."""
         return self.alpha_mode is AlphaMode.BLEND
 
     def __repr__(self) -> str:
@@ -149,32 +149,33 @@ class Material:
 
     @property
     def hit_cutoff(self) -> float:
-        """Alpha from which on a ray hits the surface, but for colors; 0: everywhere."""
+        """Smallest alpha that counts as a ray hit (colors are blended instead); 0: everywhere."""
         if self.alpha_mode is AlphaMode.MASK:
             return self.alpha_cutoff
         return BLENDED_CUTOFF if self.alpha_mode is AlphaMode.BLEND else 0.0
 
     @property
     def shadow_cutoff(self) -> float:
-        """Alpha from which on the surface casts a shadow; infinite: nowhere."""
+        """Smallest alpha at which the surface casts a shadow; `math.inf`: nowhere."""
         return self.hit_cutoff if self.casts_shadow else math.inf
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles of one material, about their own origin so that float32 holds them.
+    """Triangles of one material, centered on their own origin for float32 precision.
 
     Attributes:
-        name: name in the file.
-        positions: (n, 3) float32, in the units of the file.
+        name: mesh name in the file.
+        positions: (n, 3) float32, file units.
         triangles: (m, 3) uint32, counter-clockwise seen from the front.
         material: index into `Scene.materials`.
-        normals: (n, 3) float32, or None: flat triangles.
-        texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left, or None.
-        colors: (n, 4) float32 linear RGBA, or None.
-        second_texture_coordinates: (n, 2) float32, or None.
-        deformation: by time, or None: it is rigid; else positions and normals are those at 0 s.
-        light_coordinates: (n, 2) float32 from 0 to 1, see `Instance.light_rectangle`; or None.
+        normals: (n, 3) float32; None: flat shading.
+        texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left; None: none.
+        colors: (n, 4) float32 linear RGBA; None: none.
+        second_texture_coordinates: (n, 2) float32; None: none.
+        deformation: deformation over time, with positions and normals at 0 s; None: rigid.
+        light_coordinates: (n, 2) float32 lightmap coordinates in [0, 1], relative to
+            `Instance.light_rectangle`; None: none.
     """
 
     name: str
@@ -189,7 +190,7 @@ class Mesh:
     light_coordinates: NDArray[np.float32] | None = None
 
     def coordinates_of(self, texture: Texture) -> NDArray[np.float32] | None:
-        """Texture coordinates (n, 2) that place a texture, before its transform."""
+        """Texture coordinates (n, 2) for a texture's `uv_set`, before its `uv_transform`."""
         return self.second_texture_coordinates if texture.uv_set else self.texture_coordinates
 
     def __repr__(self) -> str:
@@ -202,14 +203,14 @@ class Instance:
     """Occurrence of a mesh in the world.
 
     Attributes:
-        name: name of the node in the file; parts of one object share it.
+        name: node name in the file, shared by all parts of one object.
         mesh: index into `Scene.meshes`.
-        world_from_mesh: (4, 4) float64, meters.
-        world_from_node: (4, 4) float64, meters, of the node, whose axes are the world's where it is
-            not turned; by default the world's own frame.
-        light_rectangle: left, top, width and height in the scene's baked light, from 0 to 1, which
-            the mesh's light coordinates are of; None: it takes the probes'.
-        light_back_rectangle: of the back sides; None: they have the light of the front.
+        world_from_mesh: (4, 4) float64 transform, m.
+        world_from_node: (4, 4) float64 transform of the node, m; its axes are parallel to the
+            world's unless the node is rotated. Default: identity.
+        light_rectangle: lightmap region (left, top, width, height) in [0, 1]; None: lit by the
+            probes.
+        light_back_rectangle: lightmap region of the back faces; None: same light as the front.
     """
 
     name: str
@@ -224,7 +225,7 @@ class Instance:
 
 
 class LightKind(Enum):
-    """The lights of KHR_lights_punctual."""
+    """Light types of KHR_lights_punctual."""
 
     DIRECTIONAL = "directional"
     POINT = "point"
@@ -236,14 +237,15 @@ class Light:
     """Directional, point or spot light.
 
     Attributes:
-        kind: directional, point or spot.
+        kind: light type.
         color: linear RGB.
-        intensity: directional in lux, point and spot in candela.
-        position_m: (3,) world; unused when directional.
-        direction: (3,) unit, world, the way the light travels; unused for a point light.
-        range_m: where a point or spot light ends.
-        cone_cosines: cosines of a spot light's inner and outer half-angle.
-        casts_shadow: surfaces hide it, but for those nearer to it than `LAMP_NEAR_M`.
+        intensity: illuminance, lx (directional), or luminous intensity, cd (point and spot).
+        position_m: (3,) world frame; unused for a directional light.
+        direction: (3,) unit vector, world frame, along which the light travels; unused for a point
+            light.
+        range_m: distance at which the light of a point or spot light ends.
+        cone_cosines: cosines of a spot light's inner and outer half-angles.
+        casts_shadow: whether surfaces block the light; those within `LAMP_NEAR_M` never do.
 
     Source: glTF extension KHR_lights_punctual.
     """
@@ -261,20 +263,20 @@ class Light:
         return short_repr(self, self.kind.value, f"intensity {self.intensity:g}")
 
 
-# A lamp stands inside of its bulb, which hides nothing.
+# A lamp sits inside its bulb, which must not block the light.
 LAMP_NEAR_M = 0.05
-MAX_LIGHTS = 32  # that a surface is shaded by: each costs time at every texel
+MAX_LIGHTS = 32  # limit of lights per surface: each costs time at every texel
 
 
 @dataclass(frozen=True)
 class Fog:
-    """Homogeneous fog, or water: light is lost along a ray, and the fog's own comes in.
+    """Homogeneous fog or water: attenuates light along a ray and adds its own color.
 
-    At a distance of d meters a share exp(−attenuation · d) is left of each channel.
+    Over a distance of d meters, the fraction exp(−attenuation · d) of each channel remains.
 
     Attributes:
-        color: linear RGB at an infinite distance.
-        attenuation_per_m: of R, G and B.
+        color: linear RGB at infinite distance.
+        attenuation_per_m: attenuation coefficients of R, G and B.
     """
 
     color: tuple[float, float, float]
@@ -283,20 +285,20 @@ class Fog:
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """Lights of a scene, and their exposure.
+    """Lights of a scene and their exposure.
 
-    A white surface under ambient (1, 1, 1) alone has color (1, 1, 1). A light adds its
-    illuminance times `exposure`, by Lambert's cosine.
+    A white surface under ambient light (1, 1, 1) alone has the color (1, 1, 1). Each light adds its
+    illuminance times `exposure`, weighted by Lambert's cosine.
 
     Attributes:
-        ambient: linear RGB, the same from everywhere.
-        lights: at most `MAX_LIGHTS`.
-        exposure: brightness of a white surface for one lux.
-        environment: light from far away, beside the ambient; None: there is no more.
-        fog: between cameras and what they see; None: the air is clear.
-        is_matte: all materials, also of dynamic objects, are drawn as matte ones.
-        baked: light on surfaces, in place of the ambient light and all lamps' diffuse light; None:
-            it is computed.
+        ambient: linear RGB, equal from all directions.
+        lights: at most `MAX_LIGHTS` lights.
+        exposure: brightness of a white surface per lux.
+        environment: distant light, added to the ambient light; None: no environment.
+        fog: fog between the cameras and the surfaces; None: no fog.
+        is_matte: render all materials as matte, including those of dynamic objects.
+        baked: baked light, which replaces the ambient light and the diffuse light of all lamps;
+            None: computed at run time.
     """
 
     ambient: tuple[float, float, float]
@@ -308,16 +310,16 @@ class Lighting:
     baked: BakedLight | None = None
 
     def background(self, color: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Linear RGB where nothing is hit: the background's, or the fog's before it."""
+        """Linear RGB of rays without a hit: the fog's color if there is fog, otherwise `color`."""
         return color if self.fog is None else self.fog.color
 
     @property
     def has_shadows(self) -> bool:
-        """Some light casts shadows."""
+        """True if any light casts shadows."""
         return any(light.casts_shadow for light in self.lights)
 
     def by_kind(self) -> tuple[tuple[Light, ...], tuple[Light, ...]]:
-        """Directional lights, and point and spot lights."""
+        """Directional lights, and point and spot lights, as two groups."""
         is_directional = [light.kind is LightKind.DIRECTIONAL for light in self.lights]
         return (
             tuple(itertools.compress(self.lights, is_directional)),
@@ -325,13 +327,13 @@ class Lighting:
         )
 
     def with_shadows(self, casts: bool) -> Lighting:
-        """Lighting by the same lights, all of which cast shadows, or none."""
+        """Copy in which all lights cast shadows, or none does."""
         return replace(
             self, lights=tuple(replace(light, casts_shadow=casts) for light in self.lights)
         )
 
     def without_shadows(self) -> Lighting:
-        """Lighting by the same lights, none of which casts shadows."""
+        """Copy in which no light casts shadows."""
         return self.with_shadows(False)
 
     def __repr__(self) -> str:
@@ -340,7 +342,7 @@ class Lighting:
 
 @dataclass(frozen=True)
 class StartPose:
-    """Default pose of the camera: its effective viewpoint, world, and heading."""
+    """Default camera pose: position of the effective viewpoint, world frame, and heading."""
 
     position_m: tuple[float, float, float]
     yaw_deg: float = 0.0
@@ -348,7 +350,7 @@ class StartPose:
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Pose of a camera in a scene's file: its viewpoint, world, and its attitude, x ahead."""
+    """Camera pose from a scene file: viewpoint in the world frame and attitude, x forward."""
 
     name: str
     position_m: tuple[float, float, float]
@@ -359,7 +361,7 @@ class CameraPose:
 
 @dataclass(frozen=True)
 class NamedStart:
-    """Start pose of a vehicle: its base in the world, z up."""
+    """Named start pose of a vehicle's base in the world frame, z up."""
 
     name: str
     position_m: tuple[float, float, float]
@@ -371,9 +373,9 @@ class ColorBand:
     """Color of a landmark between two heights above its base.
 
     Attributes:
-        color: name of the color, the same for all that have it.
-        linear_rgb: the color itself, before any light.
-        bottom_m, top_m: above the landmark's base.
+        color: color name, shared by all bands of that color.
+        linear_rgb: linear RGB, before lighting.
+        bottom_m, top_m: heights above the landmark's base.
     """
 
     color: str
@@ -382,7 +384,7 @@ class ColorBand:
     top_m: float
 
 
-# A landmark of a footprint up to this wide is slim. The widest, seen from 1 m, spans 11°.
+# Widest footprint of a slim landmark. Seen from 1 m, it spans 11°.
 SLIM_M = 0.2
 
 
@@ -391,10 +393,10 @@ class Landmark:
     """Object recognized by its colors, at a known position.
 
     Attributes:
-        name: its name; names of its nodes begin with it.
-        position_m: the middle of its base, world.
-        footprint_m: extent along the world's x and y.
-        bands: from bottom to top, without gaps.
+        name: landmark name, the prefix of its nodes' names.
+        position_m: center of its base, world frame.
+        footprint_m: extents along the world's x and y.
+        bands: color bands from bottom to top, without gaps.
     """
 
     name: str
@@ -413,7 +415,7 @@ class Landmark:
 
     @property
     def is_slim(self) -> bool:
-        """True for a pillar, whose position is that of its axis; false for a wall or goal."""
+        """True for a pillar, whose position is its axis; false for a wall or a goal."""
         return max(self.footprint_m) <= SLIM_M
 
 
@@ -422,9 +424,9 @@ class ScenePath:
     """Route for a vehicle.
 
     Attributes:
-        name: distinct within a scene.
-        waypoints_m: (x, y) of its corners on the ground, world, one after the other.
-        start_yaw_deg: heading at the first of them, or None: towards the second.
+        name: path name, unique within a scene.
+        waypoints_m: (x, y) of the corners on the ground in driving order, world frame.
+        start_yaw_deg: heading at the first waypoint; None: toward the second.
     """
 
     name: str
@@ -437,13 +439,13 @@ class ScenePath:
 
 @dataclass(frozen=True)
 class LabelRule:
-    """Class of instances, by patterns of their names.
+    """Class of instances, assigned by patterns of their names.
 
     Attributes:
-        id: from 1; distinct.
-        name: distinct.
+        id: class ID ≥ 1, unique.
+        name: class name, unique.
         color: 8-bit sRGB, for images.
-        nodes: patterns of instances' names, `*` and `?` stand for any letters.
+        nodes: patterns of instance names, with the wildcards `*` and `?`.
     """
 
     id: int
@@ -460,7 +462,7 @@ def _point(position_m: tuple[float, ...]) -> str:
 
 
 def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:
-    """Smallest and largest corner (2, 3) of the instances' bounding boxes in the world."""
+    """Smallest and largest corner (2, 3) of the instances' joint bounding box, world frame, m."""
     if not instances:
         return np.array([[np.inf] * 3, [-np.inf] * 3])
     boxes = instance_bounds_m(meshes, instances)
@@ -470,7 +472,7 @@ def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArr
 def instance_bounds_m(
     meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
 ) -> NDArray[np.float64]:
-    """Smallest and largest corner (n, 2, 3) of each instance's bounding box in the world."""
+    """Smallest and largest corner (n, 2, 3) of each instance's bounding box, world frame, m."""
     boxes = np.array([bounds_of(mesh.positions) for mesh in meshes], np.float64)[
         [instance.mesh for instance in instances]
     ]

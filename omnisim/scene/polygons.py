@@ -1,4 +1,4 @@
-"""Triangulation of plane polygons with holes."""
+"""Triangulation of planar polygons with holes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def triangulate(loops: Sequence[ArrayLike]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Triangulate the inside of closed loops: what an odd number of them surrounds.
+    """Triangulate closed loops by the even-odd rule.
 
     Args:
-        loops: points (n, 2) of each, in either direction, the first not repeated at the end; they
-            do not cross.
+        loops: points (n, 2) of each loop, in either direction. The first point is not repeated at
+            the end, and loops do not cross.
 
     Returns:
-        Points (p, 2) of all loops, one after the other, and triangles (m, 3), counter-clockwise.
+        Points (p, 2) of all loops, concatenated, and counter-clockwise triangles (m, 3).
     """
     rings = [np.asarray(loop, dtype=np.float64).reshape(-1, 2) for loop in loops]
     points = np.concatenate(rings) if rings else np.zeros((0, 2))
@@ -40,10 +40,10 @@ def triangulate(loops: Sequence[ArrayLike]) -> tuple[NDArray[np.float64], NDArra
 
 
 def clip_ears(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
-    """Triangles (m, 3) with an area, counter-clockwise, of a simple polygon and its holes.
+    """Non-degenerate, counter-clockwise triangles (m, 3) of a simple polygon with holes.
 
     Args:
-        rings: points (n, 2) of the polygon, then of each hole; triangles index all of them.
+        rings: points (n, 2) of the polygon, then of each hole; triangles index their concatenation.
     """
     points = np.concatenate(rings)
     ends = np.cumsum([len(ring) for ring in rings], dtype=np.uint32)
@@ -56,7 +56,7 @@ def clip_ears(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
 
 
 def surrounds(ring: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
-    """True for a point inside of a ring: a ray from it crosses the ring an odd number of times."""
+    """True if a ring encloses a point: a ray from the point crosses it an odd number of times."""
     (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
     crosses = (y0 > point[1]) != (y1 > point[1])
     rise = np.where(crosses, y1 - y0, 1.0)

@@ -1,9 +1,9 @@
-"""Triangles of primitive solids, fine enough for ranges.
+"""Triangulated primitive solids, accurate enough for range measurements.
 
-Round surfaces are cut so that no point of a triangle is farther from the true one than
-`MAX_DEVIATION` of its radius, or `MIN_DEVIATION_M`. Corners lie a little outside of it and the
-middles of triangles a little inside, so that ranges are right in the mean. `most` bounds the
-segments of a circle, for scenes of many solids.
+On round surfaces, every point of a triangle is within `MAX_DEVIATION` of the radius, or within
+`MIN_DEVIATION_M`, of the true surface. Corners lie slightly outside it and triangle centers
+slightly inside, so that ranges are unbiased. `most` is the maximum number of segments of a circle,
+for scenes with many solids.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ class Surface(NamedTuple):
 
 
 def segments(radius_m: float, most: int = MAX_SEGMENTS) -> int:
-    """Segments of a circle, a multiple of four."""
+    """Number of segments of a circle, a multiple of four."""
     deviation = max(MAX_DEVIATION, MIN_DEVIATION_M / max(radius_m, MIN_DEVIATION_M))
     count = 4 * math.ceil(math.pi / math.acos(1.0 - min(deviation, 1.0)) / 4.0)
     return min(max(count, MIN_SEGMENTS), most)
 
 
 def rectangle(half_x: float, half_y: float) -> Surface:
-    """Rectangle in the plane z = 0, seen from above."""
+    """Rectangle in the plane z = 0, facing up."""
     positions = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     positions *= (half_x, half_y, 1.0)
     return Surface(positions, np.array([(0, 1, 2), (0, 2, 3)]), None)
 
 
 def box(half_sizes: ArrayLike) -> Surface:
-    """Box about the origin, of half sizes (3,)."""
+    """Axis-aligned box at the origin, with half sizes (3,)."""
     corners: list[NDArray[np.float64]] = []
     triangles: list[NDArray[np.int64]] = []
     for axis in range(3):
@@ -67,7 +67,7 @@ def box(half_sizes: ArrayLike) -> Surface:
 
 
 def ellipsoid(radii: ArrayLike, most: int = MAX_SEGMENTS) -> Surface:
-    """Ellipsoid about the origin, of radii (3,)."""
+    """Ellipsoid at the origin, with radii (3,)."""
     sizes = np.asarray(radii, dtype=np.float64)
     count = segments(float(sizes.max()), most)
     unit = _dome(count, 0.0, math.pi)
@@ -78,7 +78,7 @@ def ellipsoid(radii: ArrayLike, most: int = MAX_SEGMENTS) -> Surface:
 
 
 def cylinder(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
-    """Closed cylinder about z."""
+    """Closed cylinder around the z axis."""
     count = segments(radius_m, most)
     outer = radius_m * _outside(count)
     side = _tube(count, outer, half_length_m)
@@ -87,7 +87,7 @@ def cylinder(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) ->
 
 
 def capsule(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
-    """Cylinder about z between two half spheres; its half length is without them."""
+    """Capsule around the z axis; the half length excludes the hemispheres."""
     count = segments(radius_m, most)
     top = _dome(count, 0.0, 0.5 * math.pi)
     bottom = _dome(count, 0.5 * math.pi, math.pi)
@@ -101,21 +101,21 @@ def capsule(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> 
 
 
 def cone(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
-    """Closed cone about z, its tip up."""
+    """Closed cone around the z axis, tip up."""
     count = segments(radius_m, most)
     outer = radius_m * _outside(count)
     side = _tube(count, outer, half_length_m)
     positions = side.positions.copy()
     positions[count + 1 :, :2] = 0.0
     normals = np.tile(side.positions[: count + 1], (2, 1))
-    normals[:, 2] = 0.5 * outer * outer / half_length_m  # across the slope
+    normals[:, 2] = 0.5 * outer * outer / half_length_m  # perpendicular to the slope
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    slope = Surface(positions, side.triangles[::2], normals)  # the others end in the tip
+    slope = Surface(positions, side.triangles[::2], normals)  # the others degenerate at the tip
     return join(slope, _disc(count, outer, -half_length_m))
 
 
 def join(*surfaces: Surface) -> Surface:
-    """All triangles of several surfaces, which all have normals or all have none."""
+    """Union of several surfaces; either all of them have normals or none has."""
     starts = np.cumsum([0, *(len(one.positions) for one in surfaces)])
     normals = [one.normals for one in surfaces if one.normals is not None]
     return Surface(
@@ -128,9 +128,9 @@ def join(*surfaces: Surface) -> Surface:
 
 
 def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
-    """Triangles (m, 3) of a grid of vertices, row by row; diagonals from (0, 0) to (1, 1).
+    """Triangles (m, 3) of a row-major grid of vertices, with diagonals from (0, 0) to (1, 1).
 
-    With x along the columns and y along the rows, their fronts are up.
+    With x along the columns and y along the rows, they face up.
     """
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
     return np.concatenate(
@@ -139,18 +139,18 @@ def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
 
 
 def _outside(count: int) -> float:
-    """Radius of the corners of a circle's polygon that is as far outside as inside."""
+    """Circumradius of a polygon that deviates from the unit circle equally outward and inward."""
     return 2.0 / (1.0 + math.cos(math.pi / count))
 
 
 def _circle(count: int) -> NDArray[np.float64]:
-    """Unit vectors (count + 1, 2), the first again at the end."""
+    """Unit vectors (count + 1, 2) around a circle; the last repeats the first."""
     angles = np.arange(count + 1) % count * (2.0 * math.pi / count)
     return np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
 
 def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
-    """Unit sphere between two angles from +z."""
+    """Part of the unit sphere between two polar angles from +z."""
     steps = max(2, round((last_rad - first_rad) * count / (2.0 * math.pi)))
     polar = np.linspace(first_rad, last_rad, steps + 1)[:, None]
     circle = _circle(count)
@@ -165,11 +165,11 @@ def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
     area = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    return Surface(positions, triangles[area > 1e-12], positions)  # none at the poles
+    return Surface(positions, triangles[area > 1e-12], positions)  # drops zero areas at the poles
 
 
 def _tube(count: int, radius_m: float, half_length_m: float) -> Surface:
-    """Side of a cylinder."""
+    """Lateral surface of a cylinder."""
     normals = np.concatenate((_circle(count), np.zeros((count + 1, 1))), axis=1)
     normals = np.concatenate((normals, normals))
     positions = normals * radius_m
@@ -179,7 +179,7 @@ def _tube(count: int, radius_m: float, half_length_m: float) -> Surface:
 
 
 def _disc(count: int, radius_m: float, z_m: float) -> Surface:
-    """Disc that is seen from above where z is positive, otherwise from below."""
+    """Disc facing up if z is positive, otherwise down."""
     rim = np.concatenate((_circle(count)[:-1] * radius_m, np.full((count, 1), z_m)), axis=1)
     corners = np.arange(count)
     triangles = np.stack((np.full(count, count), corners, (corners + 1) % count), axis=1)

@@ -1,4 +1,4 @@
-"""Summary of a scene: what is in it, where, and how much."""
+"""Summary of a scene: its instances, floors, start poses and memory."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from omnisim.scene.model import Material, Mesh, Scene, Texture, bounds_m
 from omnisim.scene.space.floor import floor_height_m
 from omnisim.scene.space.triangles import triangles_within
 
-# Surfaces this flat, whose heights are within a step, are one floor.
+# Surfaces with at most this slope and with heights within a step form one floor.
 MAX_FLOOR_SLOPE_DEG = 10.0
 FLOOR_STEP_M = 0.05
-MIN_FLOOR_SHARE = 0.05  # of all flat surfaces seen from above
+MIN_FLOOR_SHARE = 0.05  # share of the area of all flat surfaces that face up
 Vector = tuple[float, ...]
 Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
 class InstanceSummary:
-    """One instance: all parts of one name.
+    """Summary of one instance: all parts with the same name.
 
     Attributes:
-        name, class_name: names.
-        parts, triangles: counts.
-        min_m, max_m: corners of its bounds, world.
-        materials: names.
+        name, class_name: instance and class names.
+        parts, triangles: numbers of parts and triangles.
+        min_m, max_m: corners of its bounding box, world frame.
+        materials: material names.
         textures_px: width and height of each texture.
     """
 
@@ -46,11 +46,11 @@ class InstanceSummary:
 
 @dataclass(frozen=True)
 class Floor:
-    """Flat surfaces at one height, seen from above.
+    """Floor: flat, upward-facing surfaces at one height.
 
     Attributes:
         height_m: mean height.
-        area_m2: of all of them.
+        area_m2: total area.
     """
 
     height_m: float
@@ -59,12 +59,12 @@ class Floor:
 
 @dataclass(frozen=True)
 class Place:
-    """Start pose, of the camera or of a vehicle.
+    """Start pose of the camera or of a vehicle.
 
     Attributes:
-        name: of the start; empty: the camera's.
-        position_m, yaw_deg: of the pose.
-        floor_m: height of the floor below or next to it; None: there is none.
+        name: start name; empty: the camera's start.
+        position_m, yaw_deg: position and heading in the world.
+        floor_m: height of the floor below or next to it; None: no floor.
     """
 
     name: str
@@ -104,7 +104,7 @@ def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
 
 
 def floors(scene: Scene) -> tuple[Floor, ...]:
-    """Floors, the largest first: heights where much of the flat surface is, seen from above."""
+    """Floors: heights with a large share of the flat, upward-facing surfaces; largest first."""
     low, high = scene.bounds_m()
     triangles = triangles_within(scene, low[:2], high[:2])
     corners = triangles.corners_m[triangles.seen_from_above]
@@ -137,9 +137,9 @@ def start_places(scene: Scene) -> tuple[Place, ...]:
 
 
 def memory_bytes(scene: Scene) -> tuple[int, int]:
-    """Bytes of the arrays of all meshes, and of all textures without mip levels.
+    """Bytes of all mesh arrays, and of all textures without mip levels.
 
-    Textures that differ in their placement alone have their pixels in common.
+    Textures that differ only in their placement share their pixels.
     """
     arrays: dict[int, NDArray[np.generic]] = {}
     for mesh in scene.meshes:
@@ -150,12 +150,12 @@ def memory_bytes(scene: Scene) -> tuple[int, int]:
 
 
 def scene_textures(scene: Scene) -> list[Texture]:
-    """Textures of all materials, each once."""
+    """Distinct textures of all materials."""
     return _distinct([texture for one in scene.materials for texture in textures_of(one)])
 
 
 def textures_of(material: Material) -> list[Texture]:
-    """Textures of a material: of its base color, and its maps."""
+    """Textures of a material: base color texture and maps."""
     return [one for one in (material.texture, *material.maps) if one is not None]
 
 
@@ -169,5 +169,5 @@ def _arrays(mesh: Mesh) -> list[NDArray[np.generic]]:
 
 
 def _distinct(items: Sequence[Item]) -> list[Item]:
-    """Items, each once."""
+    """Items without duplicates, by identity."""
     return list({id(item): item for item in items}.values())

@@ -1,4 +1,4 @@
-"""Reflectance of surfaces as glTF 2.0 defines it: constants, and light from everywhere.
+"""Surface reflectance of glTF 2.0: constants, and response to uniform light.
 
 Source: glTF 2.0, appendix B; the split sum: Karis, "Real shading in Unreal Engine 4", 2013.
 """
@@ -10,15 +10,15 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-# Smoother surfaces would be mirrors, in which a lamp without an extent is not seen.
+# Smoother surfaces would act as mirrors, which do not reflect a lamp without extent.
 MIN_ROUGHNESS = 0.04
-COAT_F0 = 0.04  # of a clear coat, whose refractive index is 1.5
-TABLE_SIZE = 64, 32  # cosines, roughnesses
+COAT_F0 = 0.04  # clear coat with a refractive index of 1.5
+TABLE_SIZE = 64, 32  # numbers of cosines and of roughnesses
 _DIRECTIONS = 512
 
 
 def tinted_reflectance(ior: float, color: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Reflectance at normal incidence, linear RGB, before it is limited to 1 and weakened."""
+    """Reflectance at normal incidence, linear RGB, before the clamp to 1 and `specular`."""
     reflectance = ((ior - 1.0) / (ior + 1.0)) ** 2
     red, green, blue = (reflectance * one for one in color)
     return red, green, blue
@@ -37,11 +37,11 @@ def dielectric_f0(
 
 @cache
 def environment_table() -> NDArray[np.float32]:
-    """Light that surfaces reflect of a white environment (roughnesses, cosines, 3).
+    """Reflectance table for a white environment (roughnesses, cosines, 3).
 
-    Cosines of the view and the normal run from 0 to 1 along columns, roughnesses along rows. The
-    gloss of a surface reflects first · f0 + second · f90; the body below it gets what is left by
-    f0 + third · (f90 − f0) of the light.
+    The cosine between view and normal runs from 0 to 1 along the columns, the roughness along the
+    rows. Gloss reflects first · f0 + second · f90. The body below it receives the fraction
+    1 − f0 − third · (f90 − f0) of the light.
     """
     cosines = np.linspace(0.0, 1.0, TABLE_SIZE[0])[None, :, None]
     cosines = np.maximum(cosines, 1e-3)
@@ -59,7 +59,7 @@ def _gloss(
     first: NDArray[np.float64],
     second: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Shares (roughnesses, cosines, 2) of f0 and f90, by half vectors of GGX."""
+    """Weights (roughnesses, cosines, 2) of f0 and f90, sampled over GGX half vectors."""
     squared = roughness**4
     height = np.sqrt((1.0 - first) / (1.0 + (squared - 1.0) * first))
     side = np.sqrt(1.0 - height**2)
@@ -77,7 +77,7 @@ def _gloss(
 def _body(
     view: NDArray[np.float64], first: NDArray[np.float64], second: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Means (1, cosines) of Schlick's term over light by Lambert's cosine."""
+    """Means (1, cosines) of Schlick's term over cosine-weighted light."""
     height, side, azimuth = np.sqrt(1.0 - first), np.sqrt(first), 2.0 * np.pi * second
     between = view[..., 0] * side * np.cos(azimuth) + view[..., 2] * height
     along = np.sqrt(np.clip(0.5 * (1.0 + between), 0.0, 1.0))
@@ -88,7 +88,7 @@ def _body(
 def smith_visibility(
     light: NDArray[np.floating], view: NDArray[np.floating], squared: NDArray[np.floating]
 ) -> NDArray[np.floating]:
-    """Height-correlated visibility of microfacets, by cosines and the squared alpha.
+    """Height-correlated visibility of microfacets, from cosines and the squared alpha.
 
     Source: Heitz, 2014, as in glTF 2.0, appendix B.3.2.
     """
@@ -99,7 +99,7 @@ def smith_visibility(
 
 
 def _radical_inverse_pairs(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points of Hammersley's set in the unit square, (count,) each."""
+    """Hammersley points in the unit square, (count,) per axis."""
     number = np.arange(count)
     inverse = np.zeros(count)
     for bit in range(32):

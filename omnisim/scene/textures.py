@@ -1,4 +1,4 @@
-"""Decoding of images to textures."""
+"""Decoding of images into textures."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from PIL.Image import DecompressionBombWarning, Image
 from omnisim.scene.parts import AlphaMode, Texture, Wrap
 
 MAX_SIDE_PX = 32768
-NO_IMAGE = "is not an image that can be read"  # of an image file
+NO_IMAGE = "is not an image that can be read"  # completes a message about an image file
 
 
-# Formats that Pillow does not read, by their first bytes.
+# Formats that Pillow cannot read, by their magic bytes.
 _UNSUPPORTED = {b"\xabKTX 20": "KTX 2", b"\xabKTX 11": "KTX"}
 
 
 def unreadable_image(data: bytes | memoryview) -> str:
-    """Reason why an image file cannot be opened: its format is not supported, or it has none."""
+    """Reason why an image file cannot be opened: an unsupported or an unknown format."""
     name = _UNSUPPORTED.get(bytes(data[:7]))
     return NO_IMAGE if name is None else f"is a {name} image, which is not supported"
 
 
 class TextureStore:
-    """Textures of images, each decoded once, however many materials use it.
+    """Textures decoded from images, each image once for all materials.
 
     Attributes:
-        notices: one line for each image that could not be decoded.
+        notices: one line for each image that cannot be decoded.
     """
 
     def __init__(self) -> None:
         self.notices: list[str] = []
         self._textures: dict[tuple[object, ...], Texture | None] = {}
-        # by id; the image is kept so that its id is not used again
+        # by id; holding the image keeps its id from being reused
         self._pixels: dict[int, tuple[Image, NDArray[np.uint8] | None]] = {}
 
     def texture(
@@ -47,10 +47,10 @@ class TextureStore:
         mirrored: tuple[bool, bool] = (False, False),
         is_linear: bool = False,
     ) -> Texture | None:
-        """Texture of an image, or None where it cannot be decoded.
+        """Texture of an image, or None if it cannot be decoded.
 
-        Where it is mirrored, its mirror image stands beside it, along u or v. A linear one has
-        values, not colors.
+        Mirroring along u or v appends the mirror image on that axis. A linear texture holds values,
+        not colors.
         """
         key = (id(image), wraps, mirrored, is_linear)
         if key not in self._textures:
@@ -66,7 +66,7 @@ class TextureStore:
             pixels = None
             try:
                 pixels = rgba8(image)
-            except Exception as reason:  # Pillow's readers raise all kinds
+            except Exception as reason:  # Pillow's readers raise exceptions of any type
                 self.notices.append(
                     f"texture of {used_by!r} cannot be decoded ({reason}): its plain color is drawn"
                 )
@@ -76,17 +76,17 @@ class TextureStore:
 
 @contextmanager
 def large_textures() -> Iterator[None]:
-    """Decode large images without Pillow's warning; it refuses larger ones than GPUs take."""
+    """Context that suppresses Pillow's size warning; it still rejects images too large for GPUs."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DecompressionBombWarning)
         yield
 
 
 def rgba8(image: Image) -> NDArray[np.uint8]:
-    """Pixels (height, width, 4) uint8 of an image of any mode; Pillow raises if it is damaged.
+    """Pixels (height, width, 4) uint8 of an image in any mode; Pillow raises if it is damaged.
 
     Raises:
-        ValueError: it is larger than any GPU's textures: of a damaged file, or a hostile one.
+        ValueError: the image is larger than any GPU's textures, so damaged or malicious.
     """
     if max(image.size) > MAX_SIDE_PX:
         raise ValueError(f"expected at most {MAX_SIDE_PX} px to a side, got {max(image.size)}")
@@ -100,9 +100,9 @@ def rgba8(image: Image) -> NDArray[np.uint8]:
 
 
 def alpha_mode_of(texture: Texture | None) -> AlphaMode:
-    """Alpha mode of a texture, in formats that do not state it.
+    """Alpha mode of a texture, for formats that do not state it.
 
-    All or nothing is a mask, as leaves and fences have it; anything between is glass.
+    Purely binary alpha is a mask, as for leaves and fences; intermediate alpha is glass.
     """
     if texture is None:
         return AlphaMode.OPAQUE
@@ -110,5 +110,5 @@ def alpha_mode_of(texture: Texture | None) -> AlphaMode:
     if not (alpha < 255).any():
         return AlphaMode.OPAQUE
     between = (alpha > 7) & (alpha < 248)
-    # the soft rims of leaves are between, too: a texel in ten still makes a mask
+    # leaves have soft edges: up to a tenth of intermediate texels still counts as a mask
     return AlphaMode.MASK if between.mean() < 0.1 else AlphaMode.BLEND

@@ -1,1 +1,1 @@
-"""Scene files: sources, tables, search paths, and the reader of each format."""
+"""Scene sources: files, tables, search paths and the registry of format readers."""

@@ -1,4 +1,4 @@
-"""Resolver of the files that a scene file refers to."""
+"""Resolver for the files that a scene file references."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from omnisim.core.files.sources import read_source
 
 
 class AssetResolver(Mapping[str, bytes]):
-    """Content of the files beside a scene file, by the names that its author meant them by.
+    """Contents of the files referenced by a scene file, by the referenced name.
 
-    Scene files from Windows write `Textures\\Wood.JPG` for `textures/wood.jpg`; names with
-    spaces arrive percent-encoded. Both are found. Files outside the scene's folder are read too:
-    scenes refer to `../textures` all the time. (trimesh takes a mapping for a resolver.)
+    Scene files from Windows reference `textures/wood.jpg` as `Textures\\Wood.JPG`, and names with
+    spaces arrive percent-encoded. Both resolve. Files outside the scene's folder are read too,
+    because references to `../textures` are common. (trimesh takes a mapping as its resolver.)
 
     Attributes:
-        file_name: the scene file's; trimesh names the meshes of an OBJ by it.
-        given: content of files that need not be found, by name.
-        read: names of the files that were asked for and read.
-        faults: reasons by the names of the files that were asked for and cannot be read.
+        file_name: name of the scene file; trimesh derives the mesh names of an OBJ from it.
+        given: contents supplied in advance, by name.
+        read: names of the files that were requested and read.
+        faults: reasons for the files that were requested but cannot be read, by name.
     """
 
     def __init__(self, scene_file: Path, also: Sequence[Path] = ()):
-        """Resolve names in the scene file's folder, then in others."""
+        """Resolve names in the scene file's folder, then in the folders of `also`."""
         self.file_name = scene_file.name
         self.given: dict[str, bytes] = {}
         self.read: set[str] = set()
@@ -35,7 +35,7 @@ class AssetResolver(Mapping[str, bytes]):
     def __contains__(self, name: object) -> bool:
         try:
             return name in self.given or self._find(str(name)) is not None
-        except OSError:  # a folder without permission, a name too long
+        except OSError:  # a folder without permission, or a name too long
             return False
 
     def __getitem__(self, name: str) -> bytes:
@@ -61,11 +61,11 @@ class AssetResolver(Mapping[str, bytes]):
         return len(self.given)
 
     def _read(self, name: str) -> bytes:
-        """Content of a file; a FileNotFoundError with the reason for whatever keeps it unread."""
+        """Content of a file; raises a FileNotFoundError with the reason if it cannot be read."""
         try:
             found = self._find(name)
             data = b"" if found is None else read_source(found)
-        except OSError as reason:  # no permission, a bad disk, a name too long
+        except OSError as reason:  # no permission, a disk error or a name too long
             raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None
         if found is None:
             raise FileNotFoundError("is not there")
@@ -87,7 +87,7 @@ class AssetResolver(Mapping[str, bytes]):
 
 
 def find_ignoring_case(folder: Path, name: str) -> Path | None:
-    """File by its path in a folder, in upper or lower case, or None."""
+    """File in a folder by its path, ignoring case; None: no such file."""
     for part in Path(name).parts:
         if part in ("..", ".", "/"):
             folder = folder / part
@@ -102,5 +102,5 @@ def find_ignoring_case(folder: Path, name: str) -> Path | None:
 
 
 def _folded(name: str) -> str:
-    """Name without case, its accents composed."""
+    """Case-folded name with composed accents."""
     return unicodedata.normalize("NFC", name).casefold()

@@ -1,4 +1,4 @@
-"""Formats that omnisim does not read, and the way to convert each."""
+"""Formats that omnisim cannot read, with a conversion for each."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
-_EXPANDED = (".sdf", ".world", ".urdf", ".xml")  # suffixes below .xacro
-SOURCE, TARGET = "{source}", "{target}"  # of a conversion's command
+_EXPANDED = (".sdf", ".world", ".urdf", ".xml")  # suffixes before .xacro
+SOURCE, TARGET = "{source}", "{target}"  # placeholders in a conversion's command
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """Conversion of a format to one that omnisim reads.
+    """Conversion of a format to one that omnisim can read.
 
     Attributes:
-        suffixes: of the format's files, lower case.
-        format: its name.
-        advice: the way, in words.
-        command: a shell's, with `{source}` and `{target}` for the two files; empty: there is none.
-        target_suffix: of the file that the command writes.
+        suffixes: suffixes of the format's files, lower case.
+        format: format name.
+        advice: how to convert, as a sentence.
+        command: shell command with `{source}` and `{target}` for the two files; empty: no command.
+        target_suffix: suffix of the file that the command writes.
     """
 
     suffixes: tuple[str, ...]
@@ -29,7 +29,7 @@ class Conversion:
     target_suffix: str = ".glb"
 
     def command_for(self, source: Path) -> str:
-        """Command that converts a file into one beside it."""
+        """Command that converts a file and writes the result next to it."""
         target = source.with_suffix("")  # robot.urdf.xacro becomes robot.urdf
         if target.suffix.lower() not in _EXPANDED:
             target = source.with_suffix(self.target_suffix)
@@ -38,7 +38,7 @@ class Conversion:
 
 
 def _blender(operator: str) -> str:
-    """Command that imports a file into an empty Blender and exports all of it."""
+    """Command that imports a file into an empty Blender scene and exports the whole scene."""
     return (
         'blender -b --python-expr "import bpy, sys; '
         "bpy.ops.wm.read_factory_settings(use_empty=True); "
@@ -90,7 +90,7 @@ _BY_SUFFIX = {suffix: found for found in CONVERSIONS for suffix in found.suffixe
 
 
 def conversion_hint(path: Path) -> str:
-    """One line that says how to convert a file; empty for a suffix that is not known."""
+    """One-line hint on how to convert a file; empty for an unknown suffix."""
     found = _BY_SUFFIX.get(path.suffix.lower())
     if found is None:
         return ""

@@ -1,4 +1,4 @@
-"""Scenes that extend others: what is added, with names that are distinct."""
+"""Extension of scenes by starts, paths, landmarks and dynamic objects with unique names."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Named = Sequence[NamedStart | ScenePath | Landmark | DynamicObject]
 
 
 def extend(base: Scene, additions: Scene, source: str) -> Scene:
-    """Scene with the starts, paths and landmarks of two, and all else of the second.
+    """Scene that combines the starts, paths and landmarks of two scenes.
 
     Args:
-        base: the first.
-        additions: the second.
-        source: names the second in messages.
+        base: first scene; only its starts, paths and landmarks are used.
+        additions: second scene, which supplies everything else.
+        source: name of the second scene in messages.
 
     Raises:
-        SceneError: a name that both have.
+        SceneError: a name that both scenes have.
     """
     _check_distinct(base.starts, additions.starts, f"{source}: starts")
     _check_distinct(base.paths, additions.paths, f"{source}: paths")
@@ -39,10 +39,10 @@ def extend(base: Scene, additions: Scene, source: str) -> Scene:
 
 
 def with_objects(scene: Scene, objects: tuple[DynamicObject, ...], source: str) -> Scene:
-    """Scene with further dynamic objects.
+    """Scene with additional dynamic objects.
 
     Raises:
-        SceneError: a name that the scene has.
+        SceneError: a name that the scene already has.
     """
     if not objects:
         return scene
@@ -51,7 +51,7 @@ def with_objects(scene: Scene, objects: tuple[DynamicObject, ...], source: str) 
 
 
 def apart(scene: Scene, objects: Sequence[ImportedObject]) -> Scene:
-    """Scene whose instances of a file that move are dynamic objects."""
+    """Scene in which a file's moving instances become dynamic objects."""
     if not objects:
         return scene
     moving = {number for one in objects for number in one.instances}
@@ -72,7 +72,7 @@ def apart(scene: Scene, objects: Sequence[ImportedObject]) -> Scene:
 
 
 def _part(scene: Scene, numbers: Sequence[int], part_from_world: NDArray[np.float64]) -> Scene:
-    """Scene of some instances, with what they use."""
+    """Scene with some of the instances, and only the meshes and materials that they use."""
     instances = [scene.instances[number] for number in numbers]
     mesh_at = {number: at for at, number in enumerate(sorted({one.mesh for one in instances}))}
     meshes = [scene.meshes[number] for number in mesh_at]

@@ -13,24 +13,24 @@ from omnisim.core.errors import SceneError
 from omnisim.scene.files.scene_file import SceneFile
 
 _WORLD_FROM_UP_AXIS = {
-    "x": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),  # COLLADA: right −y, up x, in z
+    "x": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),  # COLLADA: right −y, up x, inward z
     "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
     "z": np.eye(3),
 }
-# Where the format itself does not fix it: what Blender's importers assume. All others: z.
+# For formats that do not fix it: the assumption of Blender's importers. All others: z.
 _UP_AXIS_OF_FORMAT = {".glb": "y", ".gltf": "y", ".obj": "y"}
-_METERS_OF_FORMAT = {".3mf": 0.001}  # its default; all others: 1
+_METERS_OF_FORMAT = {".3mf": 0.001}  # 3MF's default unit; all others: 1
 
 
 class FileAxes(NamedTuple):
-    """Up axis and unit that overrule those of a file; None: as the file has it."""
+    """Up axis and unit that override those of a file; None: no override."""
 
     up_axis: str | None = None
     meters_per_unit: float | None = None
 
 
 def overruled(settings: SceneFile, axes: FileAxes) -> FileAxes:
-    """Axes that overrule a file's: `axes`, or else those of `settings`."""
+    """Overrides for a file: those of `axes`, then those of `settings`."""
     unit = settings.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
     return FileAxes(axes.up_axis or settings.up_axis, unit)
 
@@ -38,7 +38,7 @@ def overruled(settings: SceneFile, axes: FileAxes) -> FileAxes:
 def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.float64]:
     """Transform (4, 4) from a file's axes and unit to the world frame.
 
-    `axes` overrule the file, which overrules its format.
+    `axes` override the file's values, which override those of its format.
     """
     axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)
@@ -50,7 +50,7 @@ def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.floa
 
 
 def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]:
-    """Transform (4, 4) to the world frame from axes of which one points up.
+    """Transform (4, 4) to the world frame from a frame with the given up axis and unit.
 
     Raises:
         SceneError: an axis other than x, y and z, or an invalid unit.

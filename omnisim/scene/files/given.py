@@ -1,4 +1,4 @@
-"""Identity of a scene: digests of what it was made from, never of numbers computed from that."""
+"""Identity of a scene: digests of its sources, never of numbers computed from them."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from omnisim.core.files.sources import source_digest
 
 @dataclass(frozen=True)
 class Given:
-    """Digests of what a scene was made from: files, keys, options and edits.
+    """Digests of a scene's sources: files, keys, options and edits.
 
     Attributes:
-        content: of everything.
-        light: of what baked light depends on: static surfaces, materials and lights.
+        content: digest of everything.
+        light: digest of the inputs of baked light: static surfaces, materials and lights.
     """
 
     content: str
     light: str
 
     def edited(self, *change: Any) -> Given:
-        """Digests after an edit, by its name and its arguments."""
+        """Digests after an edit, given by its name and its arguments."""
         words = [_plain(one) for one in change]
         return Given(source_digest(self.content, *words), source_digest(self.light, *words))
 
 
 def _plain(value: Any) -> Any:
-    """Argument of an edit in the types of JSON: of arrays shape, type and bytes."""
+    """Argument of an edit as JSON types; an array becomes its type, shape and bytes."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Given):

@@ -1,4 +1,4 @@
-"""Contents of mesh files, checked, before they are placed in the world."""
+"""Validated contents of mesh files, before placement in the world."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from omnisim.scene.parts import (
     StartPose,
 )
 
-# A surface without any color: a light gray of 80 % on the screen.
+# Color of surfaces without one: a light gray, 80 % in sRGB.
 PLAIN_GRAY = float(linear_from_srgb(0.8))
-# Beyond, products of coordinates overflow a float32.
+# Larger coordinates overflow float32 once they are multiplied.
 MAX_COORDINATE = 1e15
 
 
@@ -34,9 +34,9 @@ class ImportedObject(NamedTuple):
     """Instances of a file that move together.
 
     Attributes:
-        name: distinct within the file.
-        motion: in the world frame.
-        instances: indices; they are where they are at 0 s.
+        name: name, unique within the file.
+        motion: motion in the world frame.
+        instances: indices of the instances, which are posed as at 0 s.
     """
 
     name: str
@@ -48,20 +48,21 @@ class ImportedScene(NamedTuple):
     """Contents of a mesh file.
 
     Attributes:
-        meshes, materials: as in the scene.
-        instances: `world_from_mesh` is still file_from_mesh and `world_from_node` file_from_node,
-            in the file's axes and unit.
-        notices: one line for each feature that is not drawn.
-        lights: in the world frame.
-        lighting: in place of lights, where the file has levels of its own; None: it has not.
-        background: linear RGB where nothing is hit; None: the file has none.
-        dome: linear RGB luminance of light from everywhere, in cd/m².
-        environment: luminance (rows, 2 rows, 3) of the dome by direction, in axes of the world;
-            None: it is the same from everywhere.
-        start: of the file's camera.
-        cameras: in the world frame.
-        labels: classes that the file states.
-        objects: instances that move by the world's time.
+        meshes, materials: as in `Scene`.
+        instances: instances in the file's axes and unit: `world_from_mesh` is still file_from_mesh,
+            and `world_from_node` is file_from_node.
+        notices: one line for each feature that is not rendered.
+        lights: lights in the world frame.
+        lighting: lighting in place of `lights`, for files with brightness levels of their own;
+            None: no such levels.
+        background: linear RGB of rays without a hit; None: not in the file.
+        dome: linear RGB luminance of uniform light from all directions, cd/m²; None: no such light.
+        environment: (rows, 2 rows, 3) luminance of the dome by direction, in world axes; None:
+            uniform.
+        start: start pose from the file's camera; None: no camera.
+        cameras: camera poses in the world frame.
+        labels: class rules from the file.
+        objects: groups of instances that move over time.
     """
 
     meshes: tuple[Mesh, ...]
@@ -80,7 +81,7 @@ class ImportedScene(NamedTuple):
 
 
 def texture_notices(read: ImportedScene) -> list[str]:
-    """One line for each material whose texture is on meshes that have no coordinates for it."""
+    """Notices for materials with a texture on meshes without texture coordinates, one line each."""
     shown = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
     bare = Counter(mesh.material for mesh in shown if mesh.texture_coordinates is None)
     return [
@@ -101,20 +102,20 @@ def make_mesh(
     colors: ArrayLike | None = None,
     second_texture_coordinates: ArrayLike | None = None,
 ) -> tuple[Mesh, NDArray[np.float64]]:
-    """Make a mesh about the center of its bounding box, and that center (3,).
+    """Mesh centered on its bounding box, and that center (3,).
 
-    Moving it there in float64 lets float32 hold a town in map coordinates to a micrometer.
-    Normals or texture coordinates that are not finite, or of another count than the positions,
-    are dropped: the mesh is then flat, or in its plain color.
+    Centering in float64 keeps micrometer precision in float32, even for a town in map coordinates.
+    Normals or texture coordinates that are not finite, or whose count differs from that of the
+    positions, are dropped. The mesh is then shaded flat, or in its plain color.
 
-    Arrays are as in `Mesh`, with at least one triangle.
+    Arrays are those of `Mesh`, with at least one triangle.
     """
     points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
     if corners.min() < 0 or corners.max() >= len(points):
         worst = corners.min() if corners.min() < 0 else corners.max()
         raise SceneError(f"mesh {name!r}: expected vertices below {len(points)}, got {worst}")
-    bad = ~(np.abs(points) < MAX_COORDINATE).all(axis=1)  # also true for NaN
+    bad = ~(np.abs(points) < MAX_COORDINATE).all(axis=1)  # true for NaN as well
     if bad.any():
         raise SceneError(
             f"mesh {name!r}: vertex {int(np.argmax(bad))}: expected finite numbers below "
@@ -136,16 +137,16 @@ def make_mesh(
 
 
 def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[Instance, ...]:
-    """Instances of a file in the world; frames of nodes get the world's axes and unit.
+    """Instances of a file, placed in the world; node frames get the world's axes and unit.
 
     Raises:
-        SceneError: poses or colors that a float32 cannot hold.
+        SceneError: poses or colors that float32 cannot represent.
     """
     file_from_world = np.linalg.inv(world_from_file)
     placed = []
     for one in read.instances:
         world_from_mesh = world_from_file @ one.world_from_mesh
-        if not np.abs(world_from_mesh).max() < MAX_COORDINATE:  # false for NaN, too
+        if not np.abs(world_from_mesh).max() < MAX_COORDINATE:  # false for NaN as well
             raise SceneError(f"node {one.name!r}: expected a pose below {MAX_COORDINATE:g}")
         world_from_node = world_from_file @ one.world_from_node @ file_from_world
         placed.append(Instance(one.name, one.mesh, world_from_mesh, world_from_node))

@@ -1,4 +1,4 @@
-"""Loads a scene, from a file or by the name of a built-in one, into the world frame."""
+"""Scene loading, from a file or by built-in name, into the world frame."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from omnisim.scene.space.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
 _LIGHT_KEYS = {"background", "light", "lamps", "sun", "sky"}
-NO_BAKED_LIGHT = "none"  # in place of a folder
+NO_BAKED_LIGHT = "none"  # in place of a folder name
 
 
 def load_scene(
@@ -58,23 +58,24 @@ def load_scene(
     The world is in meters with z up: a Y-up point (x, y, z) becomes (x, −z, y).
 
     Args:
-        source: path or name.
-        up_axis: the file's axis that points up, "x", "y" or "z"; by default its format's
-            (glTF and OBJ: y; COLLADA: as it states; others: z).
-        meters_per_unit: meters in a unit of the file, by default its format's (COLLADA: as it
-            states; 3MF: 0.001; others: 1). Poses of a scene's TOML stay in meters.
-        resources: folders of models and packages that the scene names by URI, before those of the
-            environment.
-        animation: name of the animation of a glTF file that is played, "none" for none; by default
-            that of its TOML, or else the first. What it moves are dynamic objects.
-        sky: "clear", or an environment map (.hdr, .exr), instead of the sky and the sun of its
-            TOML; "none" for neither. A clear sky stands around the sun of its TOML, if it has one.
-        baked: folder of its baked light, "none" for none; by default that of its TOML, if any.
+        source: file path or built-in name.
+        up_axis: up axis of the file, "x", "y" or "z"; None: the format's (glTF and OBJ: y; COLLADA:
+            from the file; others: z).
+        meters_per_unit: size of the file's unit in meters; None: the format's (COLLADA: from the
+            file; 3MF: 0.001; others: 1). Poses in a scene's TOML file stay in meters.
+        resources: folders of the models and packages that the scene references by URI, searched
+            before those of the environment variables.
+        animation: name of the glTF animation to play, "none" for none; None: the one in the TOML
+            file, or else the first. Animated parts become dynamic objects.
+        sky: "clear" or an environment map (.hdr, .exr), in place of the TOML file's sky and sun;
+            "none" for neither; None: those of the TOML file. A clear sky takes its sun from the
+            TOML file, if there is one.
+        baked: folder of baked light, "none" for none; None: that of the TOML file, if any.
 
-    Each of the scene's notices is also a `NoticeWarning`.
+    Each notice of the scene is also issued as a `NoticeWarning`.
 
     Raises:
-        SceneError: it is missing, empty, damaged, in an unknown format, or has nothing to draw.
+        SceneError: the file is missing, empty, damaged or in an unknown format, or has no geometry.
     """
     scene = read_scene(source, up_axis, meters_per_unit, resources, animation, sky, baked)
     for notice in scene.notices:
@@ -91,10 +92,10 @@ def read_scene(
     sky: str | Path | None = None,
     baked: str | Path | None = None,
 ) -> Scene:
-    """Load a scene as `load_scene` does, without warnings: for callers that print its notices.
+    """Load a scene like `load_scene` but without warnings, for callers that print its notices.
 
     Raises:
-        SceneError: as `load_scene`.
+        SceneError: see `load_scene`.
     """
     options = _Options(
         FileAxes(up_axis, meters_per_unit),
@@ -115,7 +116,7 @@ def read_scene(
 
 
 def _folder(source: str | Path) -> Path:
-    """Folder that the files of a scene are in."""
+    """Folder of a scene's files."""
     file = resolve_source(source)
     path = file.toml or file.mesh_file
     assert path is not None
@@ -123,13 +124,13 @@ def _folder(source: str | Path) -> Path:
 
 
 class _Options(NamedTuple):
-    """Choices that overrule the files: axes, folders of resources, and the animation.
+    """Options that override the files.
 
     Attributes:
-        is_shape: of an object, in which nobody stands and no other object moves.
-        sky: instead of those of the TOMLs.
-        keeps_sky: the TOMLs' skies and suns shine.
-        takes_baked: the light that its TOML names.
+        is_shape: load geometry only: no start pose, no nested objects.
+        sky: sky in place of those of the TOML files.
+        keeps_sky: use the skies and suns of the TOML files.
+        takes_baked: use the baked light of the scene's own TOML file.
     """
 
     axes: FileAxes
@@ -146,10 +147,10 @@ def _load_source(
     options: _Options,
     outer: tuple[Path, ...],
 ) -> Scene:
-    """Load a scene that those of the outer TOMLs extend, or have as the shape of an object."""
+    """Load a scene that the outer TOML files extend, or use as the shape of an object."""
     try:
         found = resolve_source(source)
-    except OSError as reason:  # a name too long, a folder without permission
+    except OSError as reason:  # a name too long, or a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     if not options.keeps_sky:
         found = _under_option(found, None if outer else options.sky)
@@ -184,7 +185,10 @@ def _load_source(
 
 
 def _under_option(found: SceneSource, sky: SkyTable | None) -> SceneSource:
-    """Source under another sky, over all that it extends: a clear one is around their sun."""
+    """Source with its sky, and those of all scenes it extends, replaced.
+
+    A clear sky keeps the sun of the TOML files.
+    """
     is_clear = sky is not None and sky.file is None
     return found.under(sky, shining_sun(found) if is_clear else None)
 
@@ -200,7 +204,7 @@ def _with_baked_light(scene: Scene, folder: Path) -> Scene:
 
 
 def _lit(scene: Scene, found: SceneSource, folder: Path) -> Scene:
-    """Scene in the light of its settings, known by their keys and the map of its sky."""
+    """Scene lit by its settings, identified by their keys and the content of the sky's map."""
     given = scene.given
     assert given is not None
     with recorded_sources() as sources:
@@ -213,9 +217,9 @@ def _lit(scene: Scene, found: SceneSource, folder: Path) -> Scene:
 
 
 def _light_keys(settings: SceneFile) -> dict[str, Any]:
-    """Keys of a scene file that the light of surfaces depends on, where they are not as by default.
+    """Non-default keys of a scene file that affect the light on surfaces.
 
-    A map's path is left out: its content counts.
+    The path of a sky map is excluded: its content counts.
     """
     keys = settings.model_dump(
         mode="json", include=_LIGHT_KEYS, exclude_defaults=True, exclude={"light": {"baked"}}
@@ -226,7 +230,7 @@ def _light_keys(settings: SceneFile) -> dict[str, Any]:
 
 
 def _under_sky(scene: Scene, found: SceneSource, folder: Path) -> Scene:
-    """Scene under the sky of its settings, if they have one, whose map is beside a folder."""
+    """Scene under the sky of its settings, if there is one; `folder` resolves the map's path."""
     if found.settings.sky is None:
         return scene
     from omnisim.scene.light.sky import under_sky  # reads images, slow to import
@@ -240,7 +244,7 @@ def _load_extended(
     options: _Options,
     outer: tuple[Path, ...],
 ) -> Scene:
-    """Load the scene that a TOML extends, and add what the TOML has."""
+    """Load the base scene that a TOML file extends, and add the TOML file's content."""
     settings, toml = found.settings, found.toml
     assert found.base is not None
     assert toml is not None
@@ -295,7 +299,7 @@ def _load_mesh_file(
             return apart(scene, read.objects).identified(Given(given, given))
         except SceneError as reason:
             raise SceneError(f"{path}: {reason}") from None
-    except OSError as reason:  # no permission, a name too long
+    except OSError as reason:  # no permission, or a name too long
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     except MemoryError:
         raise SceneError(f"{path}: asks for more memory than there is") from None
@@ -309,11 +313,11 @@ def _scene(
     settings: SceneFile,
     is_shape: bool,
 ) -> Scene:
-    """Scene of a file's contents and the settings of its TOML."""
+    """Scene from a file's contents and the settings of its TOML file."""
     instances = place(read, matrix)
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
-    # nobody stands in a shape
+    # a shape needs no start pose, so the search for one is skipped
     start = (
         default_start(bounds_m(read.meshes, instances))
         if is_shape or settings.start is not None or read.start is not None
@@ -341,7 +345,7 @@ def _scene(
 
 
 def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
-    """Lighting with the shading of a TOML."""
+    """Lighting with the `shading` setting of a TOML file."""
     if settings.light.shading is None:
         return lighting
     return dataclasses.replace(lighting, is_matte=settings.light.shading == "matte")
@@ -361,7 +365,7 @@ def _paths(settings: SceneFile) -> tuple[ScenePath, ...]:
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
-    """Landmarks with the colors of the palette; each band begins at the top of the one below."""
+    """Landmarks with the palette's colors; each band starts at the top of the previous one."""
     landmarks = []
     for table in settings.landmarks:
         bottoms_m = (0.0, *(band.top_m for band in table.bands[:-1]))

@@ -1,4 +1,4 @@
-"""Readers of scene files, by their suffixes."""
+"""Registry of scene file readers, by suffix."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from omnisim.scene.formats.gltf.animations import FIRST_ANIMATION, NO_ANIMATION,
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.textures import TextureStore, large_textures
 
-Read = tuple[ImportedScene, NDArray[np.float64]]  # contents, and world_from_file (4, 4)
+Read = tuple[ImportedScene, NDArray[np.float64]]  # contents and world_from_file (4, 4)
 
 
 @dataclass(frozen=True, eq=False)
 class SourceFile:
-    """Scene file and what its reader may need; its content is read when it is first used.
+    """Scene file with everything its reader may need; the content is read on first use.
 
     Attributes:
-        path: of the file.
-        axes: overrule those of the file.
-        folders: of models and packages, see `load_scene`.
-        animation: that glTF plays.
-        textures, assets: for all images and other files of the scene.
+        path: path of the file.
+        axes: overrides of the file's up axis and unit.
+        folders: folders of models and packages, see `load_scene`.
+        animation: glTF animation to play.
+        textures, assets: store and resolver for all images and other files of the scene.
     """
 
     path: Path
@@ -56,17 +56,17 @@ class SourceFile:
 
     @property
     def resources(self) -> ResourcePath:
-        """Search path of models and packages."""
+        """Search path for models and packages."""
         return ResourcePath(self.path, self.folders)
 
 
 class SceneFormat(NamedTuple):
-    """Format of scene files.
+    """Scene file format.
 
     Attributes:
-        suffixes: of its files.
-        read: reads a file.
-        extra: that it needs, or None.
+        suffixes: file suffixes.
+        read: reader function.
+        extra: name of the extra that it requires; None: no extra.
     """
 
     suffixes: tuple[str, ...]
@@ -74,7 +74,7 @@ class SceneFormat(NamedTuple):
     extra: str | None = None
 
 
-# Imports of all but glTF are slow, or of extras.
+# Every reader except glTF's is slow to import, or requires an extra.
 
 
 def _read_gltf(file: SourceFile) -> Read:
@@ -126,25 +126,25 @@ _FORMATS = (
 
 
 def _format_of(path: Path) -> SceneFormat | None:
-    """Format of a file; None: trimesh may read it."""
+    """Format of a file; None: possibly one that trimesh reads."""
     suffix = path.suffix.lower()
     found = next((one for one in _FORMATS if suffix in one.suffixes), None)
     if found is _MJCF:
-        from omnisim.scene.formats.urdf.document import is_urdf  # with an XML parser
+        from omnisim.scene.formats.urdf.document import is_urdf  # imports an XML parser
 
         return _URDF if is_urdf(path) else _MJCF
     return found
 
 
 def check_format(path: Path) -> None:
-    """Check that there is a reader for files with the suffix of a path.
+    """Check that a reader exists for the suffix of a path.
 
     Raises:
-        SceneError: there is none, or its extra is not installed.
+        SceneError: no reader exists, or its extra is not installed.
     """
     found = _format_of(path)
     if found is None:
-        from omnisim.scene.formats.mesh import other_formats  # with trimesh, slow to import
+        from omnisim.scene.formats.mesh import other_formats  # imports trimesh, slow
 
         other_formats.check_format(path)
     elif found.extra is not None:
@@ -152,7 +152,7 @@ def check_format(path: Path) -> None:
 
 
 def is_mjcf(path: Path) -> bool:
-    """True for a model of MuJoCo."""
+    """True for a MuJoCo model file."""
     return _format_of(path) is _MJCF
 
 
@@ -162,17 +162,17 @@ def read_file(
     folders: Sequence[Path],
     animation: AnimationChoice = FIRST_ANIMATION,
 ) -> Read:
-    """Read a file of any format.
+    """Read a file in any supported format.
 
     Args:
         path, axes, folders, animation: see `SourceFile`.
 
     Returns:
-        The contents, with all notices, and the transform (4, 4) world_from_file.
+        File contents with all notices, and the transform (4, 4) world_from_file.
 
     Raises:
-        SceneError: it is damaged, or has nothing to draw.
-        OSError: it cannot be read.
+        SceneError: the file is damaged or has no geometry.
+        OSError: the file cannot be read.
     """
     file = SourceFile(path, axes, folders, animation, TextureStore(), AssetResolver(path))
     found = _format_of(path)

@@ -1,4 +1,4 @@
-"""TOML of a scene, beside its mesh file: start poses, routes, landmarks, labels."""
+"""TOML file of a scene, next to its mesh file: start poses, routes, landmarks, labels."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from omnisim.core.files.parameters import AboveZero, Flag, Level, Name, Number, 
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
 
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
-MAX_CLASS = 60_000  # files have 16 bits; some are left for the unlabeled
+MAX_CLASS = 60_000  # channels have 16 bits; the rest is reserved for unlabeled instances
 LinearRgb = tuple[Level, Level, Level]
 
 
 def _distinct(key: str) -> AfterValidator:
-    """Refuses tables with the same value of a key."""
+    """Validator that rejects tables with equal values of a key."""
 
     def check(tables: tuple[Table, ...]) -> tuple[Table, ...]:
         values = [value for table in tables if (value := getattr(table, key)) is not None]
@@ -37,40 +37,40 @@ def _not_zero(value: float) -> float:
 
 
 class StartTable(Table):
-    """Default pose of the camera; left out: near the middle, clear of surfaces."""
+    """Default camera pose. If omitted, it is near the middle of the scene, clear of surfaces."""
 
     position_m: Point
-    """Meters in the world, z up."""
+    """Position in the world, m, z up."""
     yaw_deg: Number = 0.0
-    """Heading in degrees, counter-clockwise from the world's x."""
+    """Heading, degrees counter-clockwise from the world's x."""
 
 
 class NamedStartTable(StartTable):
     """Start pose of a vehicle's base."""
 
     name: Name
-    """Name of the start pose, distinct."""
+    """Name of the start pose, unique."""
 
 
 class ColorBandTable(Table):
     """Color of a landmark up to a height above its base."""
 
     color: Name
-    """Name of a color of [palette]."""
+    """Name of a color in [palette]."""
     top_m: AboveZero
-    """Upper end of the band in meters above the landmark's base; it begins where the one below
-    ends."""
+    """Top of the band, m above the landmark's base; each band starts at the top of the previous
+    one."""
 
 
 class LandmarkTable(Table):
     """Object recognized by its colors: bands from bottom to top."""
 
     name: Name
-    """Name of the landmark, distinct; names of its nodes begin with it."""
+    """Name of the landmark, unique, and prefix of its nodes' names."""
     position_m: Point
-    """Middle of its base in the world, meters."""
+    """Center of its base in the world, m."""
     footprint_m: tuple[AboveZero, AboveZero]
-    """Extents along the world's x and y, meters."""
+    """Extents along the world's x and y, m."""
     bands: Annotated[tuple[ColorBandTable, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -84,27 +84,27 @@ class LandmarkTable(Table):
 
 
 class ScenePathTable(Table):
-    """Route of a vehicle: corners on the ground, in order."""
+    """Route of a vehicle: corners on the ground, in driving order."""
 
     name: Name
-    """Name of the path, distinct."""
+    """Name of the path, unique."""
     waypoints_m: Annotated[tuple[tuple[Signed, Signed], ...], Field(min_length=2)]
-    """Corners [x, y] on the ground in order, meters in the world."""
+    """Corners [x, y] on the ground, world frame, m, in driving order."""
     start_yaw_deg: Number | None = None
-    """Heading at the first corner in degrees; left out: towards the second."""
+    """Heading at the first corner, degrees. Default: toward the second corner."""
 
 
 class ObjectPathTable(Table):
-    """Motion along straight legs; at rest before the first time and after the last."""
+    """Motion along straight legs, at rest before the first time and after the last."""
 
     times_s: Annotated[tuple[Number, ...], Field(min_length=1)]
-    """Times of the positions in seconds, increasing."""
+    """Times of the positions, s, increasing."""
     positions_m: Annotated[tuple[Point, ...], Field(min_length=1)]
-    """Positions of the object's origin at these times, meters in the world."""
+    """Positions of the object's origin at these times, world frame, m."""
     yaw_deg: tuple[Number, ...] | None = None
-    """Headings at these times, degrees; left out: 0."""
+    """Headings at these times, degrees. Default: 0."""
     repeats: Flag = False
-    """True: it begins again at its last time."""
+    """Restart the motion at its last time."""
 
 
 class ObjectTrajectoryTable(Table):
@@ -113,56 +113,55 @@ class ObjectTrajectoryTable(Table):
     file: Name
     """Trajectory file with times, relative to this file."""
     repeats: Flag = False
-    """True: it begins again at its last time."""
+    """Restart the motion at its last time."""
 
 
 class OrbitTable(Table):
-    """Motion around a level circle, facing ahead."""
+    """Motion on a horizontal circle, facing forward."""
 
     center_m: Point
-    """Center of the circle, meters in the world."""
+    """Center of the circle in the world, m."""
     radius_m: AboveZero
-    """Radius of the circle in meters."""
+    """Radius of the circle, m."""
     period_s: Annotated[Number, AfterValidator(_not_zero)]
-    """Seconds of a turn; less than 0: clockwise."""
+    """Duration of one turn, s; negative: clockwise."""
     start_deg: Number = 0.0
     """Direction from the center at 0 s, degrees from the world's x."""
 
 
 class ShuttleTable(Table):
-    """Motion to a point and back, slow at both ends."""
+    """Back-and-forth motion between two points, slow at both ends."""
 
     from_m: Point
-    """Start at 0 s, meters in the world."""
+    """Start point at 0 s in the world, m."""
     to_m: Point
-    """Other end, which it faces."""
+    """Other end, which the object faces."""
     period_s: AboveZero
-    """Seconds of the way there and back."""
+    """Duration of a round trip, s."""
 
 
 MotionTable = ObjectPathTable | ObjectTrajectoryTable | OrbitTable | ShuttleTable
 
 
 class ObjectTable(Table):
-    """Object that moves by the world's time: one of path, trajectory, orbit and shuttle; without
-    them it rests."""
+    """Dynamic object, moved by one of path, trajectory, orbit and shuttle; static without them."""
 
     name: Name
-    """Name of the object, distinct."""
+    """Name of the object, unique."""
     file: Name
-    """Mesh file, or a scene's TOML, relative to this file."""
+    """Mesh file or scene TOML file, relative to this file."""
     up_axis: Literal["x", "y", "z"] | None = None
-    """Axis of the mesh file that points up; left out: as its format has it."""
+    """Up axis of the mesh file. Default: that of its format."""
     animation: Name | None = None
-    """Name of the animation of a glTF file that deforms its meshes; left out: none."""
+    """Name of the glTF animation that deforms the object's meshes. Default: no animation."""
     position_m: Point | None = None
-    """Position of its origin where it rests, meters in the world; left out: the origin."""
+    """Position of a static object's origin in the world, m. Default: the world's origin."""
     yaw_deg: Number | None = None
-    """Heading where it rests, degrees; left out: 0."""
+    """Heading of a static object, degrees. Default: 0."""
     mass_kg: Annotated[Number, Field(ge=1e-3, le=1e6)] | None = None
-    """Kilograms of an object at rest that robots push with `--physics`; left out: they cannot."""
+    """Mass, kg, of a static object that robots can push with `--physics`. Default: immovable."""
     rolling_radius_m: AboveZero | None = None
-    """Radius of a ball that rolls along its motion without slipping; left out: it does not."""
+    """Radius of a ball that rolls along its motion without slipping. Default: no rolling."""
     path: ObjectPathTable | None = None
     trajectory: ObjectTrajectoryTable | None = None
     orbit: OrbitTable | None = None
@@ -183,7 +182,7 @@ class ObjectTable(Table):
 
     @property
     def motion(self) -> MotionTable | None:
-        """Table of its motion; None: it rests."""
+        """Table of the object's motion; None: static."""
         return next((value for _, value in self if isinstance(value, MotionTable)), None)
 
 
@@ -191,26 +190,26 @@ class LabelTable(Table):
     """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
     name: Name
-    """Name of the class, distinct."""
+    """Name of the class, unique."""
     nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
-    """Names of nodes; `*` and `?` stand for any letters; the first table that matches is taken."""
+    """Patterns of node names with the wildcards `*` and `?`; the first match decides."""
     color: tuple[Byte, Byte, Byte] | None = None
-    """8-bit sRGB in images; chosen where it is left out."""
+    """8-bit sRGB for images. Default: chosen automatically."""
     id: Annotated[int, Field(ge=1, le=MAX_CLASS, strict=True)] | None = None
-    """ID of the class in the channel; the next free one where it is left out."""
+    """ID of the class in the channel. Default: the next free one."""
 
 
 LabelTables = Annotated[tuple[LabelTable, ...], _distinct("name"), _distinct("id")]
 
 
 class LabelFile(Table):
-    """Label file: classes for a scene that has none, or others."""
+    """Label file: classes for a scene without any, or in place of its own."""
 
     labels: Annotated[LabelTables, Field(min_length=1)]
 
 
 class SceneFile(Table):
-    """Keys of a scene's TOML."""
+    """Keys of a scene's TOML file."""
 
     synonyms: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("scale", "unit", "units", "unit_scale"), "meters_per_unit"),
@@ -220,17 +219,17 @@ class SceneFile(Table):
     file: str | None = None
     """Mesh file, relative to this file."""
     extends: Name | None = None
-    """Scene that this one adds to, instead of a mesh file: a built-in name, or a file relative to
-    this one."""
+    """Base scene that this one extends, instead of a mesh file: a built-in name, or a file relative
+    to this one."""
     up_axis: Literal["x", "y", "z"] | None = None
-    """Axis of the mesh file that points up; left out: as its format has it."""
+    """Up axis of the mesh file. Default: that of its format."""
     meters_per_unit: AboveZero | None = None
-    """Meters in a unit of the mesh file; left out: as its format has it."""
+    """Unit of the mesh file in meters. Default: that of its format."""
     animation: Name | None = None
-    """Name of the animation of a glTF file that is played, over and over; "none": none; left out:
-    the first."""
+    """Name of the glTF animation to play in a loop; "none": no animation. Default: the first
+    animation."""
     background: LinearRgb | None = None
-    """Linear RGB where nothing is hit; left out: a pale sky."""
+    """Linear RGB of rays without a hit. Default: a pale sky."""
     light: LightTable = Field(default_factory=LightTable)
     lamps: tuple[LampTable, ...] = ()
     sun: SunTable | None = None
@@ -247,13 +246,13 @@ class SceneFile(Table):
 
     @property
     def has_own_light(self) -> bool:
-        """Light on surfaces is not that of a scene that it extends."""
+        """True if the scene sets light of its own, rather than that of its base scene."""
         tables = (self.lamps, self.sun, self.sky, self.light.baked)
         return any(tables) or self.light.has_own_light
 
     @property
     def has_own_sky(self) -> bool:
-        """Sky and sun are not those of a scene that it extends."""
+        """True if the scene sets a sky or sun of its own, rather than those of its base scene."""
         return any((self.sun, self.sky, self.light.sky))
 
     @model_validator(mode="after")
@@ -276,7 +275,7 @@ class SceneFile(Table):
         cls, landmarks: tuple[LandmarkTable, ...], info: ValidationInfo
     ) -> tuple[LandmarkTable, ...]:
         palette = info.data.get("palette")
-        if palette is None:  # faulty itself, which is reported
+        if palette is None:  # the palette itself is faulty, which is reported
             return landmarks
         for landmark in landmarks:
             for band in landmark.bands:

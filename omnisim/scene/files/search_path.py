@@ -1,4 +1,4 @@
-"""Search path of the models and packages that scene files name by URI; nothing is fetched."""
+"""Search path for models and packages referenced by URI; nothing is downloaded."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 
 from omnisim.scene.files.asset_resolver import find_ignoring_case
 
-# Of Gazebo, newer names first, and of ROS.
+# Environment variables of Gazebo, newer names first, and of ROS.
 VARIABLES = (
     "GZ_SIM_RESOURCE_PATH",
     "IGN_GAZEBO_RESOURCE_PATH",
@@ -20,18 +20,19 @@ VARIABLES = (
     "GAZEBO_RESOURCE_PATH",
     "ROS_PACKAGE_PATH",
 )
-PREFIXES = "AMENT_PREFIX_PATH"  # packages are in their share/
+PREFIXES = "AMENT_PREFIX_PATH"  # packages are in the share folder of each prefix
 _HOME = (".gazebo/models",)
-_FUEL = (".gz/fuel", ".ignition/fuel")  # what Gazebo has downloaded
-_PARENTS = 3  # folders above a scene file that are searched
+_FUEL = (".gz/fuel", ".ignition/fuel")  # Gazebo's download caches
+_PARENTS = 3  # number of searched folders above a scene file
 
 
 class ResourcePath:
-    """Folders of models and packages, in the order in which they are searched.
+    """Folders of models and packages, in search order.
 
     Attributes:
-        folders: those that exist, each once: given ones, those of the environment, the home's, the
-            scene file's own and those above it, each with its `models`.
+        folders: distinct existing folders: the given ones, those of the environment variables,
+            those in the home folder, then the scene file's own and those above it, each followed by
+            its `models`.
     """
 
     def __init__(self, scene_file: Path, given: Sequence[str | Path] = ()):
@@ -40,28 +41,28 @@ class ResourcePath:
         self.folders = _distinct([*stated, *_around(scene_file)])
 
     def find(self, uri: str, *beside: Path) -> Path | None:
-        """File or folder of a URI or path, or None.
+        """File or folder of a URI or path; None: not found.
 
         Args:
-            uri: `model://name/…`, `package://name/…`, `file://…`, a path, or an address of Gazebo
-                Fuel, whose models are found where they have been downloaded, or by their name.
-            beside: folders that a path is relative to, before those of the search path; folders
-                around the scene's file are for URIs.
+            uri: `model://name/…`, `package://name/…`, `file://…`, a path, or a Gazebo Fuel address,
+                whose model is looked up in Gazebo's download caches, then by name.
+            beside: base folders of a relative path, searched before the search path; folders around
+                the scene file apply to URIs only.
         """
         places = list(self._places(uri.strip(), *beside))
-        is_model = re.fullmatch(r"model://[^/]+/?", uri.strip()) is not None  # which is a folder
+        is_model = re.fullmatch(r"model://[^/]+/?", uri.strip()) is not None  # a folder
         for folder, name in places:
             if _exists(folder / name) and not (is_model and (folder / name).is_file()):
                 return folder / name
         for folder, name in () if is_model else places:
-            with suppress(OSError, ValueError):  # no permission, a name too long
+            with suppress(OSError, ValueError):  # no permission, or a name too long
                 found = find_ignoring_case(folder, name) if name else None
                 if found is not None:
                     return found
         return None
 
     def used(self, uris: Iterable[str]) -> tuple[Path, ...]:
-        """Folders in which URIs are found, of those given, the environment's and the home's."""
+        """Folders in which URIs are found: given ones, the environment's and the home's."""
         found = [path.absolute() for uri in uris if (path := self.find(uri)) is not None]
         return tuple(
             folder
@@ -70,7 +71,7 @@ class ResourcePath:
         )
 
     def _places(self, uri: str, *beside: Path) -> Iterator[tuple[Path, str]]:
-        """Folders, and the path in each."""
+        """Candidate folders, each with a relative path."""
         scheme, separator, rest = uri.partition("://")
         if not separator:
             scheme, rest = "", uri
@@ -87,11 +88,11 @@ class ResourcePath:
             for folder in self.folders if scheme else self._stated:
                 yield folder, relative
                 first, _, inner = relative.partition("/")
-                if folder.name == first:  # the model's own folder
+                if folder.name == first:  # the folder of the model itself
                     yield folder, inner
 
     def _downloaded(self, uri: str) -> Iterator[tuple[Path, str]]:
-        """Places of a model of Gazebo Fuel: https://host/1.0/owner/models/name/version/files/…."""
+        """Candidates for a Gazebo Fuel URI: https://host/1.0/owner/models/name/version/files/…."""
         address = urlsplit(uri)
         parts = [unquote(part) for part in address.path.split("/") if part]
         if "models" not in parts[1:-1]:
@@ -139,5 +140,5 @@ def _distinct(folders: Sequence[Path]) -> tuple[Path, ...]:
 def _exists(path: Path) -> bool:
     try:
         return path.is_file() or path.is_dir()
-    except (OSError, ValueError):  # a name too long, or with a zero byte
+    except (OSError, ValueError):  # a name too long or with a null byte
         return False

@@ -1,4 +1,4 @@
-"""Scene sources: mesh files, scene TOMLs, and the names of the built-in scenes."""
+"""Scene sources: mesh files, scene TOML files and built-in names."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_SKY = "none"  # in place of a sky: even light
 
 
 def builtin_scenes() -> list[str]:
-    """Names of the built-in scenes, sorted; each is a folder with a `scene.toml`."""
+    """Sorted names of the built-in scenes, which are folders with a `scene.toml`."""
     return built_in("scene.toml")
 
 
@@ -24,9 +24,9 @@ class SceneSource(NamedTuple):
     """Files of a scene.
 
     Attributes:
-        mesh_file: path; None: the scene extends another.
-        settings: of its TOML; without one, none.
-        toml: path; None: there is none.
+        mesh_file: path of the mesh file; None: the scene extends another.
+        settings: settings of the TOML file, or the defaults.
+        toml: path of the TOML file; None: no TOML file.
     """
 
     mesh_file: Path | None
@@ -35,34 +35,34 @@ class SceneSource(NamedTuple):
 
     @property
     def base(self) -> str | Path | None:
-        """Source that it extends; None: it has a mesh file."""
+        """Source of the base scene; None: the scene has a mesh file."""
         if self.toml is None or self.settings.extends is None:
             return None
         beside = self.toml.parent / self.settings.extends
         return beside if beside.exists() else self.settings.extends
 
     def under(self, sky: SkyTable | None, sun: SunTable | None) -> SceneSource:
-        """Source with another sky and sun, or without them."""
+        """Source with its sky and sun replaced or removed."""
         return self._replace(settings=self.settings.model_copy(update={"sky": sky, "sun": sun}))
 
 
 def shining_sun(source: SceneSource) -> SunTable | None:
-    """Sun of a source, or of those that it extends; None: there is none, or files are faulty."""
+    """Sun of a source or of its base scenes; None: no sun, or faulty files."""
     seen = set()
     while not source.settings.has_own_sky and source.base is not None and source.toml not in seen:
         seen.add(source.toml)
         try:
             source = resolve_source(source.base)
-        except (SceneError, OSError):  # which loading it reports
+        except (SceneError, OSError):  # reported on loading
             return None
     return source.settings.sun
 
 
 def sky_table(sky: str | Path) -> SkyTable:
-    """Table of a sky by its name, "clear", or by the path of an environment map.
+    """Sky table from the name "clear" or from the path of an environment map.
 
     Raises:
-        SceneError: neither.
+        SceneError: neither "clear" nor an existing environment map.
     """
     if sky == CLEAR_SKY:
         return SkyTable()
@@ -76,10 +76,10 @@ def sky_table(sky: str | Path) -> SkyTable:
 
 
 def resolve_source(source: str | Path) -> SceneSource:
-    """Find the files of a path or built-in name.
+    """Files of a scene, from its path or built-in name.
 
     Raises:
-        SceneError: a file that is missing, or a TOML that is faulty.
+        SceneError: a missing file or a faulty TOML file.
     """
     if not isinstance(source, str | Path):
         raise SceneError(f"scene: expected a path or a name, got {type(source).__name__}")
@@ -91,7 +91,7 @@ def resolve_source(source: str | Path) -> SceneSource:
     if path.is_dir():
         path = _gazebo_model(path)
     try:
-        path.stat()  # from Python 3.14 on, `exists` is false for whatever the reason is
+        path.stat()  # from Python 3.14 on, `exists` returns false for every error
     except (FileNotFoundError, NotADirectoryError, ValueError):
         hint = did_you_mean(name, builtin_scenes(), "built-in:")
         raise SceneError(f"{name}: no such scene file, and no built-in scene; {hint}") from None
@@ -107,8 +107,8 @@ def resolve_source(source: str | Path) -> SceneSource:
 
 
 def _gazebo_model(folder: Path) -> Path:
-    """File of a folder with a model of Gazebo."""
-    from omnisim.scene.formats.sdf.model_folder import MANIFESTS, model_file  # with an XML parser
+    """Model file in a Gazebo model folder."""
+    from omnisim.scene.formats.sdf.model_folder import MANIFESTS, model_file  # XML parser
 
     manifests = (*MANIFESTS, "model.sdf")
     found = model_file(folder) if any((folder / name).is_file() for name in manifests) else None

@@ -1,1 +1,1 @@
-"""Formats of scenes, a folder each."""
+"""Scene formats, one folder per format."""

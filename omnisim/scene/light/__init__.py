@@ -1,1 +1,1 @@
-"""Light of scenes: lamps, sun, sky, fog and baked light."""
+"""Light of scenes: lamps, sun, sky, environment maps and baked light."""

@@ -1,6 +1,6 @@
-"""Folders of baked light, as `omnisim bake` writes them: their reading.
+"""Reader of baked light folders, as written by `omnisim bake`.
 
-A folder is for one scene in one light, which its fingerprint tells.
+A folder belongs to one scene in one lighting, identified by its fingerprint.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ CONTENTS, IRRADIANCE = "baked.json", "irradiance.exr"
 UNWRAPPING, PROBES = "unwrapping.npz", "probes.npz"
 MAX_SIZE_PX, MAX_PROBES = 16384, 1_000_000
 _EXPECTED = "expected that of omnisim bake"
-_TOLERANCE = 1e-4  # of rectangles and places within them
+_TOLERANCE = 1e-4  # for rectangles and for coordinates within them
 
 Share = Annotated[float, Field(strict=True, ge=-_TOLERANCE, le=1.0 + _TOLERANCE)]
 Count = Annotated[int, Field(strict=True, ge=1, le=4096)]
 
 
 class _OpenTable(Table):
-    """Table with further keys, which are for the record."""
+    """Table that permits additional keys, which are informational."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -55,12 +55,12 @@ class _Contents(_OpenTable):
 
 
 def with_baked_light(scene: Scene, folder: Path) -> Scene:
-    """Scene, loaded without baked light, in the light of a folder.
+    """Scene with the baked light of a folder; the scene must be loaded without baked light.
 
     Its meshes are split at the seams of their unwrapping; triangles keep their order.
 
     Raises:
-        SceneError: the light is another scene's, or a file is missing or damaged.
+        SceneError: the light belongs to another scene, or a file is missing or damaged.
     """
     if not folder.is_dir():
         raise SceneError(f"{folder}: no such folder: {_advice(scene, folder)}")
@@ -90,7 +90,7 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
 
 
 def _is_of(fingerprint: str, scene: Scene) -> bool:
-    """True for a scene's own bake, also one of a version that knew scenes by their content."""
+    """True if a bake belongs to the scene, also by the content fingerprint of older versions."""
     return fingerprint == baked_fingerprint(scene) or fingerprint == content_fingerprint(scene)
 
 
@@ -109,14 +109,14 @@ def _read_contents(path: Path) -> _Contents:
         raise SceneError(f"{path}: is damaged: {_EXPECTED}")
     try:
         return parse_table(content, _Contents, SceneError, str(path))
-    except SceneError as faults:  # one is enough: nobody mends such a file by hand
+    except SceneError as faults:  # the first is enough: nobody repairs such a file by hand
         raise SceneError(str(faults).partition("\n")[0]) from None
 
 
 def _rectangles(
     rects: dict[str, LightRectangle], key: str, scene: Scene, path: Path
 ) -> dict[int, LightRectangle]:
-    """Rectangles by the number of an instance, of those that have one and do not deform."""
+    """Lightmap regions by instance index, for rigid instances with a non-empty region."""
     found, instances = {}, len(scene.instances)
     for name, rectangle in rects.items():
         left, top, width, height = rectangle
@@ -172,7 +172,7 @@ def _split_meshes(meshes: tuple[Mesh, ...], used: list[int], path: Path) -> tupl
 
 
 def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
-    """Arrays of the meshes, by the array's name and the number of the mesh."""
+    """Arrays of the meshes, keyed by array name and mesh index."""
     names = {"meshes", "vertex_of", "triangles", "uv"}
     stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
     meshes = _array(stored, "meshes", "iu", (None, 3), path).astype(np.int64)
@@ -235,7 +235,7 @@ def _array(
     shape: tuple[int | None, ...],
     path: Path,
 ) -> NDArray[Any]:
-    """Array of an archive, of one of the kinds of NumPy and of a shape; None: of any length."""
+    """Checked array of an archive, by its NumPy kinds and shape; None in the shape: any length."""
     if name not in stored:
         raise SceneError(f"{path}: {name}: missing: {_EXPECTED}")
     array = stored[name]

@@ -1,6 +1,6 @@
-"""Fingerprint of what baked light depends on: static surfaces, their materials, and the light.
+"""Fingerprint of the inputs of baked light: static surfaces, their materials, and the light.
 
-Of a scene that was loaded it is of its files and keys, and the same on any machine.
+For a loaded scene it is computed from files and keys, and is the same on every machine.
 """
 
 from __future__ import annotations
@@ -16,21 +16,20 @@ import numpy as np
 from omnisim.scene.light.lighting import background_light
 from omnisim.scene.model import Scene
 
-_NAMES = frozenset(("name", "world_from_node"))  # without an effect on light
+_NAMES = frozenset(("name", "world_from_node"))  # fields without effect on the light
 
 
 def baked_fingerprint(scene: Scene) -> str:
-    """SHA-256 (64 hexadecimal digits) of what baked light depends on."""
+    """SHA-256 (64 hexadecimal digits) of the inputs of baked light."""
     return content_fingerprint(scene) if scene.given is None else scene.given.light
 
 
 def content_fingerprint(scene: Scene) -> str:
     """SHA-256 (64 hexadecimal digits) of static geometry, materials, lights and exposure.
 
-    It is of computed numbers: of a loaded scene only the machine that made it has it.
+    It hashes computed numbers: for a loaded scene it is reproducible only on the same machine.
 
-    Names, dynamic objects, fog, a background that does not shine and where vehicles start count for
-    nothing.
+    Names, dynamic objects, fog, start poses and backgrounds that emit no light are ignored.
     """
     lighting = scene.lighting
     digest = _Digest()
@@ -45,18 +44,18 @@ def content_fingerprint(scene: Scene) -> str:
 
 
 class _Digest:
-    """Hash of nested plain data; an array that is there twice is read once."""
+    """Hash of nested plain data; a repeated array is read only once."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
         self._known: dict[int, tuple[np.ndarray[Any, Any], bytes]] = {}
 
     def hexdigest(self) -> str:
-        """Digest of all that was added."""
+        """Digest of all added data."""
         return self._hash.hexdigest()
 
     def add(self, value: Any) -> None:
-        """Add numbers, text, arrays, enumerations, sequences and data classes of them."""
+        """Add numbers, text, arrays, enumerations, sequences and data classes of these."""
         if isinstance(value, np.ndarray):
             self._hash.update(self._of_array(value))
         elif isinstance(value, tuple | list):
@@ -73,7 +72,7 @@ class _Digest:
             self._tag("other", value)
 
     def _add_fields(self, value: Any) -> None:
-        """Add the fields that are not as by default: later versions may have more."""
+        """Add the fields with non-default values only: later versions may have more fields."""
         for field in dataclasses.fields(value):
             given = getattr(value, field.name)
             is_default = not isinstance(given, np.ndarray) and given == field.default
@@ -86,7 +85,7 @@ class _Digest:
         if id(array) not in self._known:
             one = hashlib.sha256(f"{array.dtype.str}{array.shape}".encode())
             one.update(np.ascontiguousarray(array).data)
-            self._known[id(array)] = array, one.digest()  # which keeps its identity from others
+            self._known[id(array)] = array, one.digest()  # the reference keeps the id unique
         return self._known[id(array)][1]
 
     def _tag(self, kind: str, value: object) -> None:

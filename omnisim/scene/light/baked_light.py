@@ -1,7 +1,7 @@
-"""Baked light: all light of a scene on static surfaces, and irradiance probes for what moves.
+"""Baked light: lightmap for static surfaces, and irradiance probes for dynamic objects.
 
-Light is that on a white surface as it is seen, linear RGB: base color times light is the color of
-a matte surface.
+Light values are those of a white surface in display brightness, linear RGB: base color times light
+is the color of a matte surface.
 Source of the probes: Greger et al., "The irradiance volume", 1998.
 """
 
@@ -16,22 +16,23 @@ from numpy.typing import NDArray
 from omnisim.core.short_repr import short_repr
 from omnisim.scene.light.environment import shares_of_normals
 
-MAX_HALF = 65504.0  # of half floats
-# Of a probe within a wall, which takes its neighbors' light: next to a valid one it counts little.
+MAX_HALF = 65504.0  # largest half float
+# Weight of a probe inside a wall, which takes its neighbors' light: small next to a valid probe.
 _FILLED_WEIGHT = 1.0 / 64.0
-FACTORS = 9  # of spherical harmonics of order 2
+FACTORS = 9  # spherical harmonics up to order 2
 _NEIGHBORS = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
 
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """Irradiance at the points of a grid.
+    """Irradiance probes on a regular grid.
 
     Attributes:
-        origin_m: (3,) of the first probe, world.
-        spacing_m: (3,) between probes.
-        factors: (nx, ny, nz, 9, 3) float32 of the polynomials in `environment.shares_of_normals`.
-        valid: (nx, ny, nz) mask; the others are within walls.
+        origin_m: (3,) position of the first probe, world frame.
+        spacing_m: (3,) distances between probes.
+        factors: (nx, ny, nz, 9, 3) float32 coefficients of the polynomials in
+            `environment.shares_of_normals`.
+        valid: (nx, ny, nz) mask of the probes outside walls.
     """
 
     origin_m: NDArray[np.float64]
@@ -44,7 +45,7 @@ class Probes:
 
     @cached_property
     def texels(self) -> NDArray[np.float16]:
-        """Factors times weights, and the weights (nx, ny, nz, 28): between texels as on a GPU."""
+        """Weighted coefficients and weights (nx, ny, nz, 28), for linear filtering as on a GPU."""
         factors, known = self.factors.astype(np.float32), self.valid
         weights = np.where(known, 1.0, _FILLED_WEIGHT).astype(np.float32)
         while known.any() and not known.all():
@@ -56,7 +57,7 @@ class Probes:
     def light(
         self, points_m: NDArray[np.floating], normals: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Light (n, 3) on white surfaces at points (n, 3), world, with unit normals (n, 3).
+        """Light (n, 3) on white surfaces at points (n, 3), world frame, with unit normals (n, 3).
 
         Twin of shaders/scene/baked_light.glsl.
         """
@@ -77,12 +78,11 @@ class Probes:
 
 @dataclass(frozen=True, eq=False)
 class BakedLight:
-    """Light of a scene with its shadows and bounces.
+    """Baked light of a scene, including shadows and bounces.
 
     Attributes:
-        irradiance: (height, width, 3) float16, in which instances have rectangles; its first row is
-            the top.
-        probes: for what has none.
+        irradiance: (height, width, 3) float16 lightmap, top row first, with a region per instance.
+        probes: light of surfaces without a region.
     """
 
     irradiance: NDArray[np.float16]
@@ -93,7 +93,7 @@ class BakedLight:
         return short_repr(self, f"{width} × {height} px", repr(self.probes))
 
     def light(self, places: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Light (n, 3) at places (n, 2) of the irradiance, (0, 0) at its top left."""
+        """Light (n, 3) at lightmap coordinates (n, 2), with (0, 0) at the top left."""
         height, width = self.irradiance.shape[:2]
         at = np.clip(places * (width, height) - 0.5, 0.0, (width - 1, height - 1))
         first = np.minimum(np.floor(at).astype(np.intp), (max(width - 2, 0), max(height - 2, 0)))
@@ -110,7 +110,7 @@ class BakedLight:
 def _grown(
     factors: NDArray[np.float32], known: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Probes beside known ones become known: the mean of these."""
+    """Extend valid probes by one cell: each new one is the mean of its valid neighbors."""
     padding = [(1, 1)] * 3
     padded = np.pad(np.where(known[..., None, None], factors, 0.0), [*padding, (0, 0), (0, 0)])
     counted = np.pad(known.astype(np.float32), padding)

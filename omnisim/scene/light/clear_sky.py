@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from omnisim.scene.light.environment import map_directions
 
 ROWS = 256
-MIN_SUN_ELEVATION_DEG = 2.0  # nearer to the horizon the model has no meaning
+MIN_SUN_ELEVATION_DEG = 2.0  # the model is undefined nearer to the horizon
 GROUND_REFLECTANCE = 0.2
-# Perez's coefficients A to E of luminance Y and of chromaticities x and y: turbidity's, constant.
+# Perez coefficients A to E of luminance Y and of chromaticities x and y: linear in turbidity
+# (factor, constant).
 _PEREZ = np.array(
     [
         [(0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771),
@@ -24,7 +25,7 @@ _PEREZ = np.array(
          (-0.0109, 0.0529)],
     ]
 )  # fmt: skip
-# Chromaticities x and y of the zenith: powers of turbidity by powers of the sun's zenith angle.
+# Zenith chromaticities x and y: powers of turbidity by powers of the sun's zenith angle.
 _ZENITH = np.array(
     [
         [(0.00166, -0.00375, 0.00209, 0.0), (-0.02903, 0.06377, -0.03202, 0.00394),
@@ -39,13 +40,13 @@ _RGB_FROM_XYZ = np.array(  # sRGB, IEC 61966-2-1
 
 
 def clear_sky(towards_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float32]:
-    """Map (height, width, 3) of a clear sky without the sun's disc, linear RGB in cd/m².
+    """Environment map (height, width, 3) of a clear sky without the sun's disc, linear RGB, cd/m².
 
-    Below the horizon is a gray ground under that sky.
+    Below the horizon, a gray ground reflects the light of that sky.
 
     Args:
-        towards_sun: (3,) unit, world; a low sun is raised to `MIN_SUN_ELEVATION_DEG`.
-        turbidity: 2: very clear; 6: haze.
+        towards_sun: (3,) unit vector, world frame; a low sun is raised to `MIN_SUN_ELEVATION_DEG`.
+        turbidity: atmospheric turbidity: 2 very clear, 6 hazy.
     """
     directions, angles = map_directions(ROWS, 2 * ROWS)
     towards_sun = _raised(towards_sun)
@@ -64,9 +65,9 @@ def clear_sky(towards_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.
 
 
 def sun_illuminance(towards_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float64]:
-    """Illuminance (3,) of the sun on a surface that faces it, linear RGB in lux.
+    """Illuminance (3,) of the sun on a surface that faces it, linear RGB, lx.
 
-    It is that outside of the atmosphere, dimmed along the air's length by molecules and haze.
+    It is the extraterrestrial illuminance, attenuated along the air mass by molecules and haze.
 
     Source: Preetham, Shirley and Smits, appendix A.1 (Rayleigh, and Ångström's aerosol, at the
     primaries' wavelengths); Kasten and Young, 1989 (relative air mass).
@@ -103,7 +104,7 @@ def _perez(
 
 
 def _zenith(sun_angle: float, turbidity: float) -> tuple[float, float, float]:
-    """Luminance in cd/m², and chromaticities x and y."""
+    """Luminance, cd/m², and chromaticities x and y of the zenith."""
     spread = (4.0 / 9.0 - turbidity / 120.0) * (np.pi - 2.0 * sun_angle)
     luminance = (4.0453 * turbidity - 4.9710) * np.tan(spread) - 0.2155 * turbidity + 2.4192
     x, y = np.array([turbidity**2, turbidity, 1.0]) @ _ZENITH @ sun_angle ** np.arange(3, -1, -1)

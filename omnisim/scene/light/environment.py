@@ -1,8 +1,8 @@
-"""Environment maps: light from far away, for matte and for glossy surfaces.
+"""Environment maps: distant light for matte and glossy surfaces.
 
-Directions are unit vectors in axes of the world. A map's columns run clockwise from its middle,
-seen from above: its middle is the world's +x, a quarter of its width to the left of that +y. Its
-first row is straight up.
+Directions are unit vectors in world axes. A map's columns run clockwise, seen from above: the
+center column is the world's +x, and +y is a quarter of the width to its left. The first row is
+straight up.
 Source: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps",
 2001; Karis, "Real shading in Unreal Engine 4", 2013.
 """
@@ -17,17 +17,18 @@ from numpy.typing import NDArray
 
 from omnisim.core.short_repr import short_repr
 
-# Of the filtered map: a level for each step of roughness, and half as many rows in each.
+# Filtered map: one level per roughness step, each with half as many rows as the previous one.
 FILTERED_ROWS, FILTERED_LEVELS = 256, 6
 _SAMPLES = 128
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Environment map.
+    """Environment map of distant light.
 
     Attributes:
-        radiance: (height, width, 3) float32, linear RGB as it is seen; twice as wide as high.
+        radiance: (height, width, 3) float32, linear RGB in display brightness; width is
+            twice the height.
     """
 
     radiance: NDArray[np.float32]
@@ -37,12 +38,12 @@ class Environment:
         return short_repr(self, f"{width} × {height} px")
 
     def scaled(self, factor: float) -> Environment:
-        """Map that is so many times as bright."""
+        """Map with its radiance multiplied by a factor."""
         return Environment((factor * self.radiance).astype(np.float32))
 
     @cached_property
     def irradiance(self) -> NDArray[np.float64]:
-        """Light on white surfaces: factors (9, 3) of the polynomials in `shares_of_normals`."""
+        """Light on white surfaces: coefficients (9, 3) of the terms of `shares_of_normals`."""
         pixels = _halved_to(self.radiance, 128).astype(np.float64)
         directions, weights = map_directions(*pixels.shape[:2])
         shares = shares_of_normals(directions.reshape(-1, 3))
@@ -50,7 +51,7 @@ class Environment:
 
     @cached_property
     def filtered(self) -> tuple[NDArray[np.float32], ...]:
-        """Levels (height, width, 3) of the map, each filtered for a step of roughness from 0."""
+        """Levels (height, width, 3) of the map, one per roughness step from 0 to 1."""
         first = _halved_to(self.radiance, FILTERED_ROWS)
         pyramid = _pyramid(first)
         steps = range(1, FILTERED_LEVELS)
@@ -67,19 +68,19 @@ class Environment:
     def light(
         self, directions: NDArray[np.floating], roughness: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Radiance (n, 3) around directions (n, 3), filtered for roughnesses (n,) from 0 to 1."""
+        """Radiance (n, 3) in directions (n, 3), filtered for roughnesses (n,) in [0, 1]."""
         steps = np.asarray(roughness, dtype=np.float64) * (FILTERED_LEVELS - 1)
         return _between_levels(self.filtered, coordinates_of(directions), steps)
 
     @cached_property
     def pyramid(self) -> tuple[NDArray[np.float32], ...]:
-        """The map, and means of it with half as many rows and columns each."""
+        """Mip pyramid of the map: each level has half the rows and columns of the previous one."""
         return tuple(_pyramid(self.radiance))
 
     def seen(
         self, directions: NDArray[np.floating], widths_rad: NDArray[np.floating] | None = None
     ) -> NDArray[np.float32]:
-        """Radiance (n, 3) along directions (n, 3), within widths (n,); None: of no width."""
+        """Radiance (n, 3) in directions (n, 3), averaged over widths (n,); None: not averaged."""
         places = coordinates_of(directions)
         if widths_rad is None:
             return lookup(self.radiance, places)
@@ -87,7 +88,8 @@ class Environment:
         return _between_levels(self.pyramid, places, np.maximum(np.log2(texels), 0.0))
 
 
-# Of the polynomials: their norms squared, by Lambert's cosine of their order, over pi.
+# Per polynomial: squared normalization constant times the cosine lobe's coefficient of its order,
+# divided by pi.
 _FACTORS = np.array(
     [
         1.0 / (4.0 * np.pi), *[2.0 / 3.0 * 3.0 / (4.0 * np.pi)] * 3,
@@ -98,13 +100,13 @@ _FACTORS = np.array(
 
 
 def factors_of_moments(moments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factors (..., 9, 3) of light on white surfaces, by integrals of shares times radiance."""
+    """Coefficients (..., 9, 3) of light on white surfaces, from moments of the radiance."""
     factors: NDArray[np.float64] = moments * _FACTORS[:, None]
     return factors
 
 
 def shares_of_normals(normals: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Spherical harmonics (n, 9) up to order 2, without their norms, of unit vectors (n, 3)."""
+    """Unnormalized spherical harmonics (n, 9) up to order 2, of unit vectors (n, 3)."""
     x, y, z = np.asarray(normals, dtype=np.float64).T
     return np.stack(
         (np.ones_like(x), y, z, x, x * y, y * z, 3.0 * z * z - 1.0, x * z, x * x - y * y), axis=-1
@@ -112,14 +114,14 @@ def shares_of_normals(normals: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def coordinates_of(directions: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Texture coordinates (n, 2) of unit vectors (n, 3)."""
+    """Texture coordinates (n, 2) of unit vectors (n, 3) in an environment map."""
     x, y, z = np.asarray(directions, dtype=np.float64).T
     across = 0.5 - np.arctan2(y, x) / (2.0 * np.pi)
     return np.stack((across, np.arccos(np.clip(z, -1.0, 1.0)) / np.pi), axis=-1)
 
 
 def lookup(pixels: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Values (n, 3) of a map between its pixels at texture coordinates (n, 2)."""
+    """Bilinear lookup (n, 3) in a map at texture coordinates (n, 2)."""
     height, width = pixels.shape[:2]
     column, row = places[:, 0] * width - 0.5, places[:, 1] * height - 0.5
     left, top = np.floor(column).astype(np.intp), np.floor(row).astype(np.intp)
@@ -140,7 +142,7 @@ def _between_levels(
     places: NDArray[np.float64],
     steps: NDArray[np.floating],
 ) -> NDArray[np.float32]:
-    """Values (n, 3) at texture coordinates (n, 2), between the two levels nearest to steps (n,)."""
+    """Values (n, 3) at texture coordinates (n, 2), interpolated between levels at steps (n,)."""
     steps = np.minimum(steps, len(levels) - 1)
     total = np.zeros((len(places), 3), dtype=np.float32)
     for level, pixels in enumerate(levels):
@@ -152,7 +154,7 @@ def _between_levels(
 
 
 def map_directions(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Directions (height, width, 3) of a map's pixels, and solid angles (height,) of its rows'."""
+    """Directions (height, width, 3) of a map's pixels, and solid angles (height,) per row."""
     azimuth = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)[None]
     polar = np.pi * (np.arange(height) + 0.5)[:, None] / height
     edges = np.cos(np.pi * np.arange(height + 1) / height)
@@ -166,7 +168,7 @@ def map_directions(height: int, width: int) -> tuple[NDArray[np.float64], NDArra
 
 
 def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """Map of at most so many rows, each the mean of some."""
+    """Map (rows, 2 rows, 3), halved while it is larger, then resampled."""
     while pixels.shape[0] > rows and pixels.shape[0] % 2 == 0 and pixels.shape[1] % 2 == 0:
         pixels = _halved(pixels)
     if pixels.shape[:2] == (rows, 2 * rows):
@@ -177,7 +179,7 @@ def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
 
 
 def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of 2 × 2 pixels, by their solid angles; of an odd number the last one is left out."""
+    """Means of 2 × 2 pixels, weighted by solid angle; an odd last row or column is dropped."""
     height, width = (size // 2 * 2 for size in pixels.shape[:2])
     pixels = pixels[:height, :width]
     weights = map_directions(height, width)[1].astype(np.float32)[:, None, None]
@@ -197,9 +199,9 @@ def _pyramid(pixels: NDArray[np.float32]) -> list[NDArray[np.float32]]:
 def _filtered(
     pyramid: list[NDArray[np.float32]], rows: int, roughness: float
 ) -> NDArray[np.float32]:
-    """Map (rows, 2 rows, 3) of what a surface of a roughness reflects, seen along its normal.
+    """Map (rows, 2 rows, 3) of the light reflected at a given roughness, seen along the normal.
 
-    Each half vector of GGX looks up the level whose pixels are as wide as its share of the lobe.
+    Each GGX half vector samples the pyramid level whose pixels match its share of the lobe.
     Source: Křivánek and Colbert, "Real-time shading with filtered importance sampling", 2008.
     """
     normals = map_directions(rows, 2 * rows)[0].reshape(-1, 3)
@@ -214,7 +216,7 @@ def _filtered(
         first = (number + 0.5) / _SAMPLES
         azimuth = 2.0 * np.pi * number * 0.6180339887498949
         height2 = (1.0 - first) / (1.0 + (alpha_squared - 1.0) * first)
-        along = 2.0 * height2 - 1.0  # of the light and the normal
+        along = 2.0 * height2 - 1.0  # cosine between light and normal
         if along <= 0.0:
             continue
         side = np.sqrt(1.0 - along * along)

@@ -1,4 +1,4 @@
-"""Tables of a scene's TOML about its light: lamps, the sun, fog."""
+"""Tables of a scene's TOML file for its light: lamps, sun, sky, fog."""
 
 from __future__ import annotations
 
@@ -36,54 +36,54 @@ Time = Annotated[datetime, BeforeValidator(_native), AfterValidator(_with_offset
 
 
 class LightTable(Table):
-    """Light of the scene, and how surfaces reflect it."""
+    """Light of the scene, and the reflectance of its surfaces."""
 
     shading: Literal["full", "matte"] | None = None
-    """full: metal, gloss, maps and emission as the mesh files have them, which is the default;
-    matte: base colors alone, by Lambert's law, also of vehicles and other objects."""
+    """full: metal, gloss, maps and emission from the mesh files (default); matte: base colors only,
+    Lambertian, also for vehicles and other objects."""
     shadows: Flag | None = None
-    """False: no lamp casts shadows; true: all do; left out: as the files have it, which is true in
-    most. Even light, of a scene without lamps, casts none."""
+    """False: no lamp casts shadows; true: all lamps do. Default: as stated in the files, usually
+    true. The even light of a scene without lamps casts none."""
     ambient: LinearRgb | None = None
-    """Light from everywhere on a white surface, linear RGB; left out: a little, beside lamps."""
+    """Ambient light on a white surface, linear RGB. Default: a little, in addition to lamps."""
     exposure: Positive | None = None
-    """Brightness of a white surface for one lux of the lamps; left out: so that most of the lit
-    surfaces are not overexposed."""
+    """Brightness of a white surface per lux of the lamps. Default: chosen so that most lit surfaces
+    are not overexposed."""
     baked: Name | None = None
-    """Folder of baked light, relative to this file, as `omnisim bake` writes it, in place of the
-    light of lamps and sky; left out: none."""
+    """Folder of baked light from `omnisim bake`, relative to this file; it replaces the light of
+    lamps and sky. Default: no baked light."""
 
     sky: Literal["none"] | None = None
-    """none: without the sky and the sun of the scene that this one extends; left out: with them,
-    unless this one has some."""
+    """none: drop the sky and the sun of the base scene. Default: keep them, unless this scene has
+    its own."""
 
     @property
     def has_own_light(self) -> bool:
-        """Some key changes the light on surfaces."""
+        """True if any key changes the light on surfaces."""
         return bool(self.model_fields_set - {"baked"})
 
 
 class LampTable(Table):
-    """Lamp, beside those of the mesh file."""
+    """Lamp, in addition to those of the mesh file."""
 
     kind: Literal["directional", "point", "spot"]
-    """Kind of lamp, as in glTF: directional ones are far away."""
+    """Type of lamp, as in glTF; directional lamps are infinitely far away."""
     position_m: Point | None = None
-    """Position of a point or spot lamp, meters in the world."""
+    """Position of a point or spot lamp in the world, m."""
     direction: Point | None = None
-    """Direction in which the light of a directional or spot lamp travels, of any length."""
+    """Direction of travel of the light of a directional or spot lamp, of any length."""
     intensity: Positive
-    """Lux of a directional lamp, candela of others."""
+    """Illuminance of a directional lamp, lx, or luminous intensity of others, cd."""
     color: LinearRgb = (1.0, 1.0, 1.0)
-    """Linear RGB that multiplies the intensity."""
+    """Linear RGB, multiplied with the intensity."""
     range_m: Positive | None = None
-    """Distance at which the light of a point or spot lamp ends, meters; left out: nowhere."""
+    """Distance at which the light of a point or spot lamp ends, m. Default: infinite."""
     inner_deg: Annotated[Number, Field(ge=0.0, lt=90.0)] | None = None
-    """Angle from a spot lamp's axis up to which it is as bright; left out: 0."""
+    """Half-angle of a spot lamp's cone of full brightness, degrees. Default: 0."""
     outer_deg: Annotated[Number, Field(gt=0.0, le=90.0)] | None = None
-    """Angle from a spot lamp's axis at which its light ends; left out: 45."""
+    """Half-angle of a spot lamp at which its light ends, degrees. Default: 45."""
     shadows: Flag = True
-    """True: it casts shadows."""
+    """Cast shadows."""
 
     @model_validator(mode="after")
     def _fits_kind(self) -> LampTable:
@@ -111,33 +111,33 @@ _FOREIGN = {
 
 
 class SunTable(Table):
-    """Sun in a clear sky at a time and place: a directional lamp."""
+    """Sun in a clear sky for a time and place: a directional lamp."""
 
     time: Time
-    """Time with its offset from UTC, as 2026-06-21T12:00:00+02:00."""
+    """Time with its UTC offset, such as 2026-06-21T12:00:00+02:00."""
     latitude_deg: Annotated[Number, Field(ge=-90.0, le=90.0)]
-    """Latitude of the scene, positive in the north."""
+    """Latitude of the scene, degrees, positive in the north."""
     longitude_deg: Annotated[Number, Field(ge=-180.0, le=180.0)]
-    """Longitude of the scene, positive in the east."""
+    """Longitude of the scene, degrees, positive in the east."""
     north_deg: Number = 90.0
-    """Direction of north, counter-clockwise from the world's x: by default its y."""
+    """Direction of north, degrees counter-clockwise from the world's x. Default: the world's y."""
     illuminance_lx: Positive | None = None
-    """Lux on a surface that faces it; left out: by its height in a clear sky."""
+    """Illuminance of a surface that faces the sun, lx. Default: computed from its elevation."""
     color: LinearRgb = (1.0, 0.97, 0.90)
-    """Linear RGB that multiplies it."""
+    """Linear RGB, multiplied with the illuminance."""
     shadows: Flag = True
-    """True: it casts shadows."""
+    """Cast shadows."""
 
 
 class FogTable(Table):
-    """Fog, or water, between the camera and what it sees: the same everywhere."""
+    """Homogeneous fog or water between the camera and the surfaces."""
 
     color: LinearRgb
-    """Linear RGB of what is infinitely far away."""
+    """Linear RGB at infinite distance."""
     visibility_m: Positive | None = None
-    """Distance at which 5 % of the contrast is left, meters."""
+    """Distance at which 5 % of the contrast remains, m."""
     attenuation_per_m: tuple[NotNegative, NotNegative, NotNegative] | None = None
-    """Attenuation of R, G and B for each meter, in place of visibility_m: water takes red first."""
+    """Attenuation of R, G and B per meter, instead of visibility_m: water absorbs red first."""
 
     @model_validator(mode="after")
     def _one_measure(self) -> FogTable:
@@ -147,22 +147,22 @@ class FogTable(Table):
 
 
 class SkyTable(Table):
-    """Sky that lights the scene and is seen behind it, instead of even light."""
+    """Sky that lights the scene and forms its background, instead of even light."""
 
     file: Name | None = None
-    """Environment map, .hdr or .exr, relative to this file; left out: a clear sky. It is twice as
-    wide as high; its middle is the world's x, before yaw_deg."""
+    """Environment map, .hdr or .exr, relative to this file, twice as wide as high, with the world's
+    x in its center before yaw_deg. Default: a clear sky."""
     yaw_deg: Number = 0.0
-    """Turn of the map in degrees, counter-clockwise seen from above."""
+    """Rotation of the map, degrees counter-clockwise seen from above."""
     brightness: Positive = 0.8
-    """Brightness of a level white surface under the sky and the sun; 1 is white. With [sun] and
-    light.exposure that exposure counts instead."""
+    """Brightness of a horizontal white surface under the sky and the sun; 1 is white. With [sun]
+    and light.exposure, that exposure applies instead."""
     turbidity: Annotated[Number, Field(ge=2.0, le=10.0)] = 3.0
-    """Haze of the clear sky: 2 very clear, 6 hazy."""
+    """Turbidity of the clear sky: 2 very clear, 6 hazy."""
     sun_elevation_deg: Annotated[Number, Field(gt=0.0, le=90.0)] = 45.0
-    """Height of the clear sky's sun above the horizon, degrees; without [sun]."""
+    """Elevation of the clear sky's sun, degrees; only without [sun]."""
     sun_azimuth_deg: Number = 135.0
-    """Direction of the clear sky's sun, degrees counter-clockwise from the world's x; without
+    """Azimuth of the clear sky's sun, degrees counter-clockwise from the world's x; only without
     [sun]."""
 
     @model_validator(mode="after")

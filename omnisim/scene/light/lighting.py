@@ -1,4 +1,4 @@
-"""Lighting of a scene: exposure for the lights of a file, defaults for files without any."""
+"""Exposure for the lights of a file, and default lighting for files without lights."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind
 
 # A pale clear sky near the horizon, linear RGB.
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
-# With lights in the file, a white surface that none of them reaches still shows.
+# Ambient light for files with lights: keeps a white surface visible where no light reaches.
 FILL_AMBIENT = (0.25, 0.25, 0.25)
-# Without: bright overcast daylight from everywhere, a sun from behind the left shoulder and a weak
-# one from the other side, so that no two walls of a corner have the same brightness.
+# Files without lights: bright overcast daylight from everywhere, a sun from behind the left
+# shoulder and a weaker one from the other side, so that no two walls of a corner are equally
+# bright.
 DEFAULT_LIGHTING = Lighting(
     (0.38, 0.39, 0.42),
     tuple(
@@ -33,7 +34,7 @@ DEFAULT_LIGHTING = Lighting(
         )
     ),
 )
-# Share of the lit surface that is no brighter than white; the rest is overexposed.
+# Share of the lit surface area that is at most white; the rest is overexposed.
 WHITE_SHARE = 0.9
 SAMPLED_TRIANGLES = 20_000
 
@@ -44,14 +45,15 @@ def expose(
     instances: tuple[Instance, ...],
     dome: tuple[float, float, float] | None = None,
 ) -> Lighting:
-    """Lighting by a file's lights, exposed so that most of the lit surface is not overexposed.
+    """Lighting by a file's lights, with an exposure that overexposes little of the lit surface.
 
-    Files state lights in lux and candela, images have no such scale. The exposure shows as white
-    a white surface under the fill light and the illuminance that `WHITE_SHARE` of the lit surface
-    stay below. It depends on the scene alone, not on the viewpoint, so that frames of a drive
-    match. Of more than `MAX_LIGHTS` lights those stay that give the scene most light.
+    Files state lights in lux and candela, but images have no such scale. The exposure maps a
+    reference illuminance, plus the fill light, to white; `WHITE_SHARE` of the lit surface stays
+    below that illuminance. The exposure depends on the scene only, not on the viewpoint, so that
+    the frames of a drive match. Beyond `MAX_LIGHTS` lights, only those that light the scene most
+    are kept.
 
-    `dome` is the luminance of light from everywhere, in cd/m²: it takes the fill light's place.
+    `dome` is the luminance of uniform light from all directions, cd/m². It replaces the fill light.
     """
     sky_lux = math.pi * np.array(dome or (0.0, 0.0, 0.0))
     if not lights:
@@ -75,19 +77,19 @@ def expose(
 
 
 def is_even(lighting: Lighting) -> bool:
-    """True for even light, which stands in for the lamps of a scene without any."""
+    """True for even light, the substitute for lamps in scenes without any."""
     return [_shine(one) for one in lighting.lights] == [
         _shine(one) for one in DEFAULT_LIGHTING.lights
     ]
 
 
 def _shine(light: Light) -> tuple[object, ...]:
-    """Light in plain values, whether or not it casts shadows."""
+    """Plain values of a light, without its shadow flag, for comparison."""
     return light.kind, light.color, light.intensity, *light.direction.tolist()
 
 
 def light_summary(lighting: Lighting) -> str:
-    """Lamps by kind, or the light that is there without them."""
+    """Text that lists the lamps by type, or describes the light of a scene without lamps."""
     kinds = [light.kind.value for light in lighting.lights]
     if kinds and not is_even(lighting):
         return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
@@ -99,21 +101,21 @@ def light_summary(lighting: Lighting) -> str:
 
 
 def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Light from everywhere, in baked light without lamps, of a background.
+    """Uniform light of a background, for baking scenes without lamps.
 
-    One that is brighter than white is a sky that shines, any other an image.
+    A background brighter than white is a luminous sky; any other is an image.
     """
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
 
 
 def around(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
-    """Lighting with an environment map, in cd/m², in place of its even light."""
+    """Lighting with an environment map, cd/m², in place of its ambient light."""
     radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
     return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))
 
 
 def _ambient_only(lux: NDArray[np.float64]) -> Lighting:
-    """Lighting from everywhere alone, whose brightest color is white."""
+    """Lighting by ambient light only, whose brightest channel is white."""
     if not lux.any():
         return Lighting(FILL_AMBIENT, ())
     red, green, blue = (lux / lux.max()).tolist()
@@ -123,7 +125,7 @@ def _ambient_only(lux: NDArray[np.float64]) -> Lighting:
 def _surface_samples(
     meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Centers (n, 3), unit normals (n, 3) and areas (n,) of triangles spread over the scene."""
+    """Centers (n, 3), unit normals (n, 3) and areas (n,) of triangles sampled over the scene."""
     total = sum(len(meshes[instance.mesh].triangles) for instance in instances)
     step = max(1, total // SAMPLED_TRIANGLES)
     corners = np.concatenate(
@@ -144,7 +146,7 @@ def _surface_samples(
 def illuminance(
     light: Light, centers: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Lux (n,) at surfaces, either side; the reference of `shaders/scene/lighting.glsl`."""
+    """Illuminance (n,), lx, of surfaces from either side; reference for `lighting.glsl`."""
     level = light.intensity * max(light.color)
     falloff: NDArray[np.float64]
     if light.kind is LightKind.DIRECTIONAL:

@@ -1,4 +1,4 @@
-"""Light of a scene by the tables of its TOML: lamps, sun, fog, shadows and exposure."""
+"""Light of a scene from the tables of its TOML file: lamps, sun, fog, shadows and exposure."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from omnisim.scene.light.sun import sun_illuminance_lx, sun_position
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import Fog, Light, Lighting, LightKind
 
-# Contrast that is left at the visibility.
+# Contrast that remains at the visibility distance.
 # Source: WMO, "Guide to Instruments and Methods of Observation", 2018, section 9.1.
 _VISIBLE_CONTRAST = 0.05
 
 
 def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
-    """Scene in the light and fog of its TOML; lamps beside the sky of a base have its exposure."""
+    """Scene with the light and fog of its TOML file.
+
+    Lamps added to a base scene with a sky use the base scene's exposure.
+    """
     table, lighting = settings.light, scene.lighting
     lamps = [_lamp(one) for one in settings.lamps]
     if settings.sun is not None:
@@ -30,7 +33,7 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
         if settings.extends is not None and scene.lighting.environment is not None:
             lighting = replace(lighting, exposure=scene.lighting.exposure)
     elif settings.sun is not None and is_even(lighting):
-        lighting = replace(lighting, lights=(), ambient=FILL_AMBIENT)  # it is night
+        lighting = replace(lighting, lights=(), ambient=FILL_AMBIENT)  # the sun is down
     if table.shadows is not None and not is_even(lighting):
         lighting = lighting.with_shadows(table.shadows)
     if table.ambient is not None:
@@ -48,11 +51,11 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
 
 
 def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
-    """Lighting of a scene with further lamps, which take the place of even light."""
+    """Lighting of a scene with additional lamps, which replace even light."""
     before = scene.lighting
     was_even = is_even(before)
     own = () if was_even else before.lights
-    lit = scene if scene.instances else scene.at_start()  # where all of it moves
+    lit = scene if scene.instances else scene.at_start()  # if it has only dynamic objects
     exposed = expose((*own, *lamps), lit.meshes, lit.instances)
     ambient = exposed.ambient if was_even else before.ambient
     return replace(before, lights=exposed.lights, exposure=exposed.exposure, ambient=ambient)
@@ -74,7 +77,7 @@ def _lamp(table: LampTable) -> Light:
 
 
 def _sun(table: SunTable) -> list[Light]:
-    """The sun; none is below the horizon."""
+    """Sun as a list of one light, empty if it is below the horizon."""
     position = sun_position(table.time, table.latitude_deg, table.longitude_deg)
     if position.elevation_deg <= 0.0:
         return []

@@ -1,4 +1,4 @@
-"""Sky of a scene: an environment map from a file or a clear sky, as bright as its table asks."""
+"""Sky of a scene: an environment map from a file, or a clear sky, with the table's brightness."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from omnisim.scene.model import Light, Lighting, LightKind, Scene
 
 MAX_ROWS = 4096
 SUFFIXES = ".hdr", ".exr"
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear sRGB, Rec. 709
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
 def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
-    """Scene under the sky of its TOML, instead of even light; its lamps go on shining.
+    """Scene with the sky of its TOML file in place of even light; its lamps stay on.
 
     Args:
-        scene: without it.
-        settings: of the TOML.
-        toml: its path, for messages.
-        folder: that a map's path is relative to.
+        scene: scene without the sky.
+        settings: settings of the TOML file.
+        toml: path of the TOML file, for messages.
+        folder: base folder of a map's path.
 
     Raises:
-        SceneError: a map that cannot be read, or is none; or a clear sky at night.
+        SceneError: a map that cannot be read or is invalid, or a clear sky at night.
     """
     table, before = settings.sky, scene.lighting
     if table is None:
@@ -61,13 +61,13 @@ def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Sce
 def _with_map(
     lighting: Lighting, radiance: NDArray[np.float32], brightness: float, sun: float = 0.0
 ) -> Lighting:
-    """Lighting by a map, so bright that it and a sun make a level white surface as bright.
+    """Lighting with a map, scaled so that a horizontal white surface gets a given brightness.
 
     Args:
-        lighting: without it.
-        radiance: of the map.
-        brightness: of the surface.
-        sun: luminance of the surface by a sun alone, in the unit of the map.
+        lighting: lighting without the map.
+        radiance: radiance of the map.
+        brightness: brightness of the surface.
+        sun: luminance of the surface under the sun alone, in the map's unit.
     """
     level = sun + _level_luminance(radiance)
     scale = brightness / level if level > 0.0 else 1.0
@@ -75,9 +75,9 @@ def _with_map(
 
 
 def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) -> Lighting:
-    """Lighting by a clear sky and its sun, both as bright as the table asks.
+    """Lighting with a clear sky and its sun, at the table's brightness.
 
-    Without other lamps the exposure is that of the sun in lux.
+    Without other lamps, the exposure is that of the sun in lux.
     """
     towards_sun = _direction(table.sun_azimuth_deg, table.sun_elevation_deg)
     radiance = clear_sky(towards_sun, table.turbidity)
@@ -101,10 +101,10 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) 
 def _around_sun(
     lighting: Lighting, table: SkyTable, sun: SunTable, light: LightTable, toml: str
 ) -> Lighting:
-    """Lighting by a clear sky around a sun in lux: both, and all lamps, have one exposure.
+    """Lighting with a clear sky around a sun given in lux; both and all lamps share one exposure.
 
     Raises:
-        SceneError: it is night.
+        SceneError: the sun is below the horizon.
     """
     position = sun_position(sun.time, sun.latitude_deg, sun.longitude_deg)
     if position.elevation_deg <= 0.0:
@@ -120,15 +120,15 @@ def _around_sun(
 
 
 def _level_luminance(radiance: NDArray[np.float32]) -> float:
-    """Luminance of a level white surface under a map, in its unit."""
+    """Luminance of a horizontal white surface under a map, in the map's unit."""
     return float(_LUMINANCE @ Environment(radiance).ambient(_UP)[0])
 
 
 def _read_map(path: Path) -> NDArray[np.float32]:
-    """Map (height, width, 3) of a file.
+    """Environment map (height, width, 3) from a file.
 
     Raises:
-        SceneError: another format or shape, or numbers that are no light.
+        SceneError: an unsupported format, a wrong shape or invalid radiance.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(f"{path}: expected an environment map (.hdr, .exr), got {path.suffix!r}")
@@ -148,7 +148,7 @@ def _read_map(path: Path) -> NDArray[np.float32]:
 
 
 def _turned(radiance: NDArray[np.float32], yaw_deg: float) -> NDArray[np.float32]:
-    """Map turned counter-clockwise, seen from above, by whole columns."""
+    """Map rotated counter-clockwise, seen from above, by whole columns."""
     columns = round(-yaw_deg / 360.0 * radiance.shape[1])
     return np.roll(radiance, columns, axis=1)
 

@@ -1,7 +1,7 @@
-"""Position of the sun in the sky, and its light, by time and place.
+"""Position and light of the sun, by time and place.
 
-To 0.01° between the years 1950 and 2050, without refraction, which lifts the sun by 0.5° at the
-horizon and by 0.02° at 45°.
+The accuracy is 0.01° between the years 1950 and 2050, without refraction, which raises the sun by
+0.5° at the horizon and by 0.02° at 45°.
 Source: Meeus, "Astronomical Algorithms", 2nd edition, 1998, chapters 12, 13, 22 and 25 (low
 accuracy); light: IESNA, "The Lighting Handbook", 9th edition, 2000, chapter 8 (clear sky).
 """
@@ -17,23 +17,23 @@ from numpy.typing import NDArray
 
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 _CENTURY_DAYS = 36525.0
-_OUTSIDE_LX = 127_500.0  # above the air, at the mean distance
-_EXTINCTION = 0.21  # of a clear sky
+_OUTSIDE_LX = 127_500.0  # above the atmosphere, at the mean distance
+_EXTINCTION = 0.21  # optical depth of a clear sky
 
 
 class SunPosition(NamedTuple):
-    """Direction of the sun.
+    """Direction toward the sun.
 
     Attributes:
-        elevation_deg: above the horizon; less than 0: below.
-        azimuth_deg: from north to the east.
+        elevation_deg: elevation above the horizon; negative: below it.
+        azimuth_deg: azimuth from north toward east.
     """
 
     elevation_deg: float
     azimuth_deg: float
 
     def direction(self, north_deg: float) -> NDArray[np.float64]:
-        """Direction (3,) in which its light travels, world.
+        """Direction of travel (3,) of the sun's light, world frame.
 
         Args:
             north_deg: direction of north, counter-clockwise from the world's x.
@@ -44,12 +44,12 @@ class SunPosition(NamedTuple):
 
 
 def sun_position(time: datetime, latitude_deg: float, longitude_deg: float) -> SunPosition:
-    """Position of the sun at a time with its zone, as seen from a place.
+    """Sun position at a time, as seen from a place on Earth.
 
     Args:
-        time: with its offset from UTC.
-        latitude_deg: positive in the north.
-        longitude_deg: positive in the east.
+        time: time with its UTC offset.
+        latitude_deg: latitude, positive in the north.
+        longitude_deg: longitude, positive in the east.
     """
     days = (time - _J2000).total_seconds() / 86400.0
     longitude, obliquity = _ecliptic(days / _CENTURY_DAYS)
@@ -70,13 +70,13 @@ def sun_position(time: datetime, latitude_deg: float, longitude_deg: float) -> S
 
 
 def sun_illuminance_lx(elevation_deg: float) -> float:
-    """Illuminance of a surface that faces the sun in a clear sky, lux; 0 below the horizon."""
+    """Illuminance, lx, of a surface that faces the sun in a clear sky; 0 below the horizon."""
     height = math.sin(math.radians(elevation_deg))
     return _OUTSIDE_LX * math.exp(-_EXTINCTION / height) if height > 0.0 else 0.0
 
 
 def _ecliptic(centuries: float) -> tuple[float, float]:
-    """Apparent longitude of the sun, and obliquity of the ecliptic, radians, since J2000."""
+    """Apparent solar longitude and obliquity of the ecliptic, rad, from centuries since J2000."""
     mean_deg = 280.46646 + centuries * (36000.76983 + 0.0003032 * centuries)
     anomaly = math.radians(357.52911 + centuries * (35999.05029 - 0.0001537 * centuries))
     center_deg = (1.914602 - centuries * (0.004817 + 0.000014 * centuries)) * math.sin(anomaly)

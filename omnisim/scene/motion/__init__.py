@@ -1,1 +1,1 @@
-"""Motion of what is in a scene: dynamic objects, keyframes, deformation."""
+"""Motion in a scene: dynamic objects, keyframes, deformation."""

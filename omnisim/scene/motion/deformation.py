@@ -1,4 +1,4 @@
-"""Deformation of meshes by time: morph targets, then linear blend skinning."""
+"""Mesh deformation over time: morph targets, then linear blend skinning."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Joints of a skin; the meshes of one skin share it.
+    """Joints of a skin, shared by all meshes of the skin.
 
     Attributes:
-        nodes: of the joints; None: it rests.
-        node_from_bind: (joints, 4, 4) from the mesh as it was bound; of a joint that rests, to the
-            world.
+        nodes: animated nodes of the joints; None: a static joint.
+        node_from_bind: (joints, 4, 4) transforms from the bind pose of the mesh to each joint's
+            node; for a static joint, to the world.
     """
 
     nodes: Sequence[AnimatedNode | None]
@@ -33,21 +33,21 @@ class Skeleton:
 
     @property
     def moves(self) -> bool:
-        """True where some joint does."""
+        """True if any joint moves."""
         return any(node is not None for node in self.nodes)
 
     def matrices_at(self, time_s: float) -> Matrix:
-        """Transforms (joints, 4, 4) from the bound mesh to the world."""
+        """Transforms (joints, 4, 4) from the mesh's bind pose to the world."""
         found = self._latest.get(time_s)
         if found is None:
             found = self._poses.at(time_s) @ self.node_from_bind
-            # meshes of one skin share them at the instant of an image
+            # shared by all meshes of the skin in the same frame
             self._latest.clear()
             self._latest[time_s] = found
         return found
 
     def scales_at(self, time_s: float) -> Matrix:
-        """Largest scales (joints,) of the transforms."""
+        """Largest scale factors (joints,) of the transforms."""
         found = self._latest_scales.get(time_s)
         if found is None:
             found = np.linalg.norm(self.matrices_at(time_s)[:, :3, :3], 2, axis=(1, 2))
@@ -73,10 +73,10 @@ class MorphTargets:
     """Morph targets of a mesh.
 
     Attributes:
-        positions: (targets, n, 3) offsets.
-        normals: (targets, n, 3) offsets, or None.
-        weights: (targets,) by time.
-        period_s: after which all begins again.
+        positions: (targets, n, 3) position offsets.
+        normals: (targets, n, 3) normal offsets; None: no offsets.
+        weights: (targets,) weights over time.
+        period_s: period after which the weights repeat.
     """
 
     positions: Floats
@@ -85,19 +85,19 @@ class MorphTargets:
     period_s: float
 
     def weights_at(self, time_s: float) -> Matrix:
-        """Weights (targets,) at a time of the world."""
+        """Weights (targets,) at a world time."""
         return self.weights.at(time_s % self.period_s if self.period_s else 0.0)
 
     @cached_property
     def longest(self) -> Matrix:
-        """Length (targets,) of the longest offset of each."""
+        """Lengths (targets,) of the longest offset per target."""
         lengths: Matrix = np.linalg.norm(self.positions.astype(np.float64), axis=2)
         longest: Matrix = lengths.max(axis=1, initial=0.0)
         return longest
 
 
 class Sphere(NamedTuple):
-    """Sphere around a mesh, in its frame."""
+    """Bounding sphere of a mesh, in the mesh's frame."""
 
     center: Matrix
     radius: float
@@ -105,21 +105,21 @@ class Sphere(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
-    """Positions and normals of a mesh by the world's time, in the frame of the mesh.
+    """Positions and normals of a deforming mesh over world time, in the mesh's frame.
 
-    A vertex is where its morphed position, as it was bound, is taken by the mean of its joints'
-    transforms, by weights. Without a skin there is one joint, which rests.
+    Each vertex is morphed in the bind pose, then transformed by the weighted mean of its joints'
+    transforms. A mesh without a skin has one static joint.
 
     Attributes:
-        positions: (n, 3) as bound.
-        normals: (n, 3) likewise, or None: flat triangles.
-        joints: (n, k).
-        shares: (n, k) weights, of the sum 1.
-        mesh_from_world: (4, 4) of what the skeleton's transforms lead to.
-        skeleton: of the joints.
-        targets: of morphing, or None.
+        positions: (n, 3) in the bind pose.
+        normals: (n, 3) in the bind pose; None: flat shading.
+        joints: (n, k) joint indices.
+        shares: (n, k) weights, which sum to 1 per vertex.
+        mesh_from_world: (4, 4) transform applied after those of the skeleton.
+        skeleton: skeleton with the joints.
+        targets: morph targets; None: no morphing.
 
-    Source: glTF 2.0, section 3.7.2.2 and 3.7.3.3; of normals, the matrix of cofactors.
+    Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals use the cofactor matrix.
     """
 
     positions: Floats
@@ -132,7 +132,7 @@ class Deformation:
 
     @property
     def arrays(self) -> list[NDArray[np.generic]]:
-        """Arrays of all vertices."""
+        """All per-vertex arrays."""
         found: list[NDArray[np.generic] | None] = [
             self.positions, self.normals, self.joints, self.shares
         ]  # fmt: skip
@@ -141,16 +141,16 @@ class Deformation:
         return [one for one in found if one is not None]
 
     def matrices_at(self, time_s: float) -> Matrix:
-        """Transforms (joints, 4, 4) from the bound mesh to the mesh's frame."""
+        """Transforms (joints, 4, 4) from the bind pose to the mesh's frame."""
         matrices: Matrix = self.mesh_from_world @ self.skeleton.matrices_at(time_s)
         return matrices
 
     def weights_at(self, time_s: float) -> Matrix:
-        """Weights (targets,) of the morph targets."""
+        """Weights (targets,) of the morph targets at a world time."""
         return np.zeros(0) if self.targets is None else self.targets.weights_at(time_s)
 
     def positions_at(self, time_s: float, vertices: NDArray[np.intp] | None = None) -> Matrix:
-        """Positions (n, 3) of all vertices, or of some."""
+        """Positions (n, 3) of all vertices, or of a subset, at a world time."""
         some = slice(None) if vertices is None else vertices
         positions = self.positions[some].astype(np.float64)
         if self.targets is not None:
@@ -161,7 +161,7 @@ class Deformation:
         return moved
 
     def normals_at(self, time_s: float) -> Matrix | None:
-        """Unit normals (n, 3) of all vertices; None: flat triangles."""
+        """Unit normals (n, 3) of all vertices at a world time; None: flat shading."""
         if self.normals is None:
             return None
         normals = self.normals.astype(np.float64)
@@ -176,7 +176,7 @@ class Deformation:
         return unit
 
     def sphere_at(self, time_s: float) -> Sphere:
-        """Sphere around all vertices at a time: around those of the joints' own vertices."""
+        """Bounding sphere of all vertices at a world time, from one sphere per joint."""
         centers, radii = self._joint_spheres
         matrices = self.matrices_at(time_s)
         at = np.einsum("jab,jb->ja", matrices[:, :3, :3], centers) + matrices[:, :3, 3]
@@ -191,7 +191,7 @@ class Deformation:
         return Sphere(center, float((np.linalg.norm(at - center, axis=1) + reach).max()))
 
     def joint_boxes(self) -> tuple[NDArray[np.intp], Matrix]:
-        """Joints (k,) that vertices follow, and corners (k, 8, 3) of those vertices as bound."""
+        """Joints (k,) with vertices, and the box corners (k, 8, 3) of these in the bind pose."""
         low, high = self._joint_bounds
         used = np.flatnonzero((low <= high).all(axis=1))
         bounds = np.stack((low[used], high[used]), axis=1)
@@ -200,12 +200,12 @@ class Deformation:
 
     @cached_property
     def _scale(self) -> float:
-        """Largest scale from what the skeleton leads to."""
+        """Largest scale factor of `mesh_from_world`."""
         return float(np.linalg.norm(self.mesh_from_world[:3, :3], 2))
 
     @cached_property
     def _joint_bounds(self) -> tuple[Matrix, Matrix]:
-        """Smallest and largest coordinates (joints, 3) of the vertices of each joint."""
+        """Smallest and largest coordinates (joints, 3) of each joint's vertices."""
         count = len(self.skeleton.node_from_bind)
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
         rows, columns = np.nonzero(self.shares)
@@ -216,7 +216,7 @@ class Deformation:
 
     @cached_property
     def _joint_spheres(self) -> tuple[Matrix, Matrix]:
-        """Centers (joints, 3) and radii (joints,) of each joint's vertices; −1: it has none."""
+        """Centers (joints, 3) and radii (joints,) of each joint's vertices; −1: no vertices."""
         low, high = self._joint_bounds
         centers = np.zeros(low.shape)
         used = np.flatnonzero((low <= high).all(axis=1))
@@ -228,7 +228,7 @@ class Deformation:
         return centers, radii
 
     def _blended(self, time_s: float, some: slice | NDArray[np.intp]) -> Matrix:
-        """Mean transforms (n, 3, 4) of vertices' joints."""
+        """Weighted mean of the joints' transforms (n, 3, 4) per vertex."""
         matrices = self.matrices_at(time_s)[:, :3]
         blended: Matrix = np.einsum(
             "nj,njab->nab", self.shares[some].astype(np.float64), matrices[self.joints[some]]

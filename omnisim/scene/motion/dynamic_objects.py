@@ -1,4 +1,4 @@
-"""Dynamic objects of a scene's TOML: their shapes and motions."""
+"""Dynamic objects of a scene's TOML file: their shapes and motions."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from omnisim.scene.files.scene_file import (
 from omnisim.scene.model import DynamicObject, Scene
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
 
-# Shape of a file, by its axis that points up and its animation.
+# Loader of an object's shape from a file, with an up axis and an animation.
 LoadShape = Callable[[Path, str | None, str | None], Scene]
 
 
 def load_objects(
     tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape
 ) -> tuple[DynamicObject, ...]:
-    """Load the objects of the tables of a scene's TOML.
+    """Load the dynamic objects of a scene's TOML file.
 
     Args:
-        tables: checked.
-        folder: of the TOML, that files are relative to.
-        load_shape: loads a mesh file or a scene's TOML.
+        tables: validated object tables.
+        folder: folder of the TOML file, the base of relative paths.
+        load_shape: loader for a mesh file or a scene TOML file.
 
     Raises:
-        SceneError: naming object, key, value and what was expected.
+        SceneError: naming object, key, value and the expected value.
     """
     return tuple(_load_object(table, folder, load_shape) for table in tables)
 
@@ -45,7 +45,7 @@ def load_objects(
 def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> DynamicObject:
     where = f"object {table.name!r}"
     path = find_beside(folder, table.file, f"{where}: file", SceneError)
-    # fingerprints name the file: not by where this machine has it
+    # the name enters fingerprints, so it must not depend on this machine's paths
     shape = load_shape(path, table.up_axis, table.animation)
     shape = shape.altered("", name=table.file)
     if shape.objects:

@@ -1,4 +1,4 @@
-"""Keyframes: values by time, in steps, straight, or along cubic splines."""
+"""Keyframe interpolation: stepwise, linear, or along cubic splines."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 Values = NDArray[np.float64]
-# Exporters write values that stay with the noise of float32.
+# Exporters write constant values with float32 noise.
 _NOISE = 1e-6
 
 
 class Interpolation(Enum):
-    """Interpolations of glTF."""
+    """Interpolation modes of glTF."""
 
     STEP = "STEP"
     LINEAR = "LINEAR"
@@ -24,14 +24,14 @@ class Interpolation(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Keyframes:
-    """Values of a node or of weights by time; before and after, the first and last.
+    """Values over time; the first and the last value hold outside the time range.
 
     Attributes:
-        times_s: (n,), of which none is before the one that it follows.
-        values: (n, k), or (n, m, k) of several; of rotations quaternions (x, y, z, w).
-        interpolation: between two times.
-        in_tangents, out_tangents: as the values, by the second, of cubic splines.
-        are_rotations: values are quaternions, along the shorter way between two.
+        times_s: (n,) non-decreasing times.
+        values: (n, k), or (n, m, k) for m tracks; rotations are quaternions (x, y, z, w).
+        interpolation: interpolation mode between two times.
+        in_tangents, out_tangents: tangents of cubic splines, shaped like `values`, per second.
+        are_rotations: True for quaternions, which are interpolated along the shorter arc.
 
     Source: glTF 2.0, appendix C.
     """
@@ -45,7 +45,7 @@ class Keyframes:
 
     @property
     def is_constant(self) -> bool:
-        """True where the values stay, but for the noise of float32."""
+        """True if the values are constant up to float32 noise."""
         noise = _NOISE * float(np.abs(self.values).max())
         tangents = [one for one in (self.in_tangents, self.out_tangents) if one is not None]
         duration_s = float(self.times_s[-1] - self.times_s[0])
@@ -54,7 +54,7 @@ class Keyframes:
         )
 
     def at(self, time_s: float) -> Values:
-        """Value (k,) or values (m, k) at a time; a quaternion may be of another length than 1."""
+        """Value (k,) or values (m, k) at a time; quaternions may be unnormalized."""
         times_s = self.times_s
         last = int(np.searchsorted(times_s, time_s, side="right")) - 1
         if last < 0 or last + 1 == len(times_s) or self.interpolation is Interpolation.STEP:
@@ -86,10 +86,10 @@ class Keyframes:
 
 
 def _slerp(first: Values, second: Values, share: float) -> Values:
-    """Unit quaternion (4,) at a share of the shorter way between two."""
+    """Unit quaternion (4,) interpolated by a share of the shorter arc between two."""
     first, second = first / np.linalg.norm(first), second / np.linalg.norm(second)
     cosine = float(first @ second)
-    if cosine < 0.0:  # both signs are one rotation
+    if cosine < 0.0:  # a quaternion and its negative are the same rotation
         second, cosine = -second, -cosine
     angle = 2.0 * math.atan2(
         float(np.linalg.norm(second - first)), float(np.linalg.norm(second + first))
@@ -103,7 +103,7 @@ def _slerp(first: Values, second: Values, share: float) -> Values:
 
 
 def _slerps(first: Values, second: Values, share: float) -> Values:
-    """Unit quaternions (m, 4) at a share of the shorter way between two each."""
+    """Unit quaternions (m, 4) interpolated by a share of the shorter arc between each pair."""
     first, second = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (first, second))
     second = np.where(np.einsum("mk,mk->m", first, second)[:, None] < 0.0, -second, second)
     lengths = np.linalg.norm(second - first, axis=1), np.linalg.norm(second + first, axis=1)

@@ -1,4 +1,4 @@
-"""Motions of the nodes of an animated file, which repeat."""
+"""Periodic motion of the nodes of an animated file."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from omnisim.core.world import Pose
 from omnisim.scene.motion.keyframes import Keyframes
 
 Matrix = NDArray[np.float64]
-NO_TURN = 1e-7  # length of a quaternion that turns nothing
-SHEAR_TOLERANCE = 1e-4  # far above the rounding of a file's float32
+NO_TURN = 1e-7  # largest length of a quaternion that counts as no rotation
+SHEAR_TOLERANCE = 1e-4  # far above the rounding errors of float32 values in a file
 
 
 @dataclass(frozen=True, eq=False)
 class AnimatedNode:
-    """Node with keyframes, below another one or at rest in the world.
+    """Animated node, with a moving or a static parent.
 
     Attributes:
-        parent: nearest ancestor that moves; None: it has none.
-        parent_from_node: (4, 4) before the node's own transform, of the world without a parent.
-        translation, rotation, scale: as keyframes or as constants (3,), (4,), (3,).
-        period_s: after which all begins again; 0: it rests.
+        parent: nearest moving ancestor; None: no moving ancestor.
+        parent_from_node: (4, 4) constant part of the transform to the parent's frame, or to the
+            world's without a parent.
+        translation, rotation, scale: keyframes, or constants (3,), (4,) and (3,).
+        period_s: period of the animation; 0: static.
     """
 
     parent: AnimatedNode | None
@@ -36,14 +37,14 @@ class AnimatedNode:
     period_s: float
 
     def transform_at(self, time_s: float) -> Matrix:
-        """Transform (4, 4) from the node to the world, at a time of the world."""
+        """Transform (4, 4) from the node to the world at a world time."""
         found = self._latest.get(time_s)
         if found is None:
             before = self.parent_from_node
             if self.parent is not None:
                 before = self.parent.transform_at(time_s) @ before
             found = before @ self._local_at(time_s % self.period_s if self.period_s else 0.0)
-            # nodes of one parent share its transform at the instant of an image
+            # shared by all nodes of one parent in the same frame
             self._latest.clear()
             self._latest[time_s] = found
         return found
@@ -62,24 +63,24 @@ class AnimatedNode:
 
 @dataclass(frozen=True, eq=False)
 class NodeMotion:
-    """Motion of an animated node's frame, without its scale and shear.
+    """Motion of an animated node's frame, without scale and shear.
 
     Attributes:
-        node: that moves.
-        axes: (3, 3) of the frame at 0 s, in the world.
+        node: animated node.
+        axes: (3, 3) axes of the frame at 0 s, in the world.
     """
 
     node: AnimatedNode
     axes: Matrix
 
     def pose_at(self, time_s: float) -> Pose:
-        """Pose (4, 4): the rotation since 0 s that fits the node's axes best."""
+        """Pose (4, 4), with the rotation since 0 s that fits the node's axes best."""
         transform = self.node.transform_at(time_s)
         turned = self._rotation(transform[:3, :3])
         return pose_from_rotation(turned @ self.axes, transform[:3, 3])
 
     def is_rigid_at(self, time_s: float) -> bool:
-        """True where the node has but moved and turned since 0 s."""
+        """True if the node has only translated and rotated since 0 s."""
         linear = self.node.transform_at(time_s)[:3, :3]
         error = np.abs(self._rotation(linear) @ self._start - linear).max()
         return bool(error <= SHEAR_TOLERANCE * np.abs(self._start).max())
@@ -89,18 +90,18 @@ class NodeMotion:
         return self.node.transform_at(0.0)[:3, :3]
 
     def _rotation(self, linear: Matrix) -> Matrix:
-        """Rotation (3, 3) since 0 s.
+        """Best-fit rotation (3, 3) since 0 s.
 
-        Source: Kabsch, A solution for the best rotation to relate two sets of vectors (1976).
+        Source: Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
         """
         u, _, vt = np.linalg.svd(linear @ self._start.T)
         u[:, 2] *= np.sign(np.linalg.det(u @ vt))
-        # once more: what rounding leaves of a product of scales
+        # a second projection removes the rounding errors of large scale factors
         return nearest_rotation(u @ vt)
 
 
 def local_transform(translation: Matrix, quaternion: Matrix, scale: Matrix) -> Matrix:
-    """Transform (4, 4): translation (3,) · rotation · scale (3,); a quaternion 0 turns nothing."""
+    """Transform (4, 4): translation (3,) · rotation · scale (3,); a zero quaternion is identity."""
     result = np.eye(4)
     if np.linalg.norm(quaternion) > NO_TURN:
         result[:3, :3] = rotation_from_quaternion(quaternion)

@@ -1,4 +1,4 @@
-"""Transforms of many animated nodes at once: some steps for each level of the hierarchy."""
+"""Batched transforms of animated nodes: a few array operations per hierarchy level."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Matrix = NDArray[np.float64]
 
 
 class NodePoses:
-    """Nodes of one animation, and all above them.
+    """Poses of nodes of one animation, computed together with all their ancestors.
 
     Args:
-        nodes: whose transforms are asked for; None: one that rests where the world is.
+        nodes: nodes to evaluate; None: a static node at the world's origin.
     """
 
     def __init__(self, nodes: Sequence[AnimatedNode | None]):
-        every: dict[AnimatedNode, int] = {}  # parents first
+        every: dict[AnimatedNode, int] = {}  # parents come first
         depths: list[int] = []
         for node in nodes:
             chain = []
@@ -42,11 +42,11 @@ class NodePoses:
         depth_of = np.array(depths)
         levels = [np.flatnonzero(depth_of == one) for one in range(1, 1 + max(depths, default=0))]
         self._levels = [(level, parents[level]) for level in levels]
-        # the last of the transforms is that of the world
+        # the last transform is the identity of the world
         self._index = np.array([len(every) if one is None else every[one] for one in nodes])
 
     def at(self, time_s: float) -> Matrix:
-        """Transforms (n, 4, 4) from the nodes to the world, at a time of the world."""
+        """Transforms (n, 4, 4) from the nodes to the world at a world time."""
         time_s = time_s % self._period_s if self._period_s else 0.0
         quaternions = self._rotations.at(time_s)
         turns = np.linalg.norm(quaternions, axis=1) > NO_TURN
@@ -63,7 +63,7 @@ class NodePoses:
 
 
 class _Tracks:
-    """Values of one property of many nodes; those with the same times are looked up together."""
+    """Values of one property for many nodes; nodes with equal times share one lookup."""
 
     def __init__(self, values: Sequence[Keyframes | Matrix], width: int):
         self._rest = np.zeros((len(values), width))
@@ -80,7 +80,7 @@ class _Tracks:
         ]
 
     def at(self, time_s: float) -> Matrix:
-        """Values (nodes, width) at a time."""
+        """Values (nodes, width) at a world time."""
         values = self._rest.copy()
         for indices, keyframes in self._groups:
             values[indices] = keyframes.at(time_s)
@@ -88,7 +88,7 @@ class _Tracks:
 
 
 def _stacked(tracks: Sequence[Keyframes | Matrix]) -> Keyframes:
-    """Keyframes of values (times, tracks, width)."""
+    """Keyframes of several tracks merged into one, with values (times, tracks, width)."""
     every = [one for one in tracks if isinstance(one, Keyframes)]
     before = [one.in_tangents for one in every if one.in_tangents is not None]
     after = [one.out_tangents for one in every if one.out_tangents is not None]

@@ -1,6 +1,6 @@
-"""Motions of a scene's dynamic objects: their poses by the world's time.
+"""Motions of a scene's dynamic objects: poses as functions of world time.
 
-Attributes of all motions are in the world frame; angles count counter-clockwise, seen from above.
+All motions are in the world frame. Angles are counter-clockwise, seen from above.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
@@ -22,7 +22,7 @@ Vector = tuple[float, float, float]
 
 
 class ObjectMotion(Protocol):
-    """Motion of an object: a function of time."""
+    """Motion of an object: its pose as a function of time."""
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4) at a time in seconds."""
@@ -31,27 +31,27 @@ class ObjectMotion(Protocol):
 
 @dataclass(frozen=True)
 class Rest:
-    """No motion.
+    """Static pose.
 
     Attributes:
-        position_m: of the object's origin.
-        yaw_deg: its heading.
+        position_m: position of the object's origin.
+        yaw_deg: heading of the object.
     """
 
     position_m: Vector
     yaw_deg: float = 0.0
 
     def pose_at(self, time_s: float) -> Pose:
-        """The same pose (4, 4) at all times."""
+        """Pose (4, 4), the same at all times."""
         return pose_from_rotation(rotation_from_yaw(math.radians(self.yaw_deg)), self.position_m)
 
 
 @dataclass(frozen=True)
 class FreeBody(Rest):
-    """Rest until it is hit, which takes physics.
+    """Static pose of a body that physics can push.
 
     Attributes:
-        mass_kg: of the object.
+        mass_kg: mass of the object.
     """
 
     mass_kg: float = 1.0
@@ -59,18 +59,18 @@ class FreeBody(Rest):
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Motion along a trajectory; at rest before and after it.
+    """Motion along a trajectory, at rest before and after it.
 
     Attributes:
-        trajectory: poses of the object.
-        repeats: it begins again at its end.
+        trajectory: poses of the object over time.
+        repeats: restart the motion at its end.
     """
 
     trajectory: Trajectory
     repeats: bool = False
 
     def pose_at(self, time_s: float) -> Pose:
-        """Pose (4, 4), straight and even between those of the trajectory."""
+        """Pose (4, 4), interpolated linearly in position and evenly in rotation."""
         times_s = self.trajectory.times_s
         if self.repeats and len(times_s) > 1:
             time_s = times_s[0] + (time_s - times_s[0]) % (times_s[-1] - times_s[0])
@@ -79,12 +79,12 @@ class Along:
 
 @dataclass(frozen=True)
 class Orbit:
-    """Level circle at a constant speed, facing ahead.
+    """Horizontal circle at constant speed, facing forward.
 
     Attributes:
-        center_m: of the circle.
-        radius_m: of the circle.
-        period_s: of a turn; less than 0: clockwise.
+        center_m: center of the circle.
+        radius_m: radius of the circle.
+        period_s: duration of one turn; negative: clockwise.
         start_deg: direction from the center at 0 s, from the world's x.
     """
 
@@ -94,24 +94,24 @@ class Orbit:
     start_deg: float = 0.0
 
     def pose_at(self, time_s: float) -> Pose:
-        """Pose (4, 4) on the circle."""
+        """Pose (4, 4) on the circle at a time."""
         angle = self.angle_at(time_s)
         offset_m = self.radius_m * np.array([math.cos(angle), math.sin(angle), 0.0])
         yaw = angle + math.copysign(0.5 * math.pi, self.period_s)
         return pose_from_rotation(rotation_from_yaw(yaw), np.array(self.center_m) + offset_m)
 
     def angle_at(self, time_s: float) -> float:
-        """Direction from the center in radians, turns counted."""
+        """Direction from the center, radians, accumulated over turns."""
         return math.radians(self.start_deg) + 2.0 * math.pi * time_s / self.period_s
 
 
 @dataclass(frozen=True)
 class Shuttle:
-    """Way to a point and back, slow at both ends: half a cosine each way.
+    """Back-and-forth motion between two points, slow at both ends: half a cosine each way.
 
     Attributes:
-        from_m, to_m: its ends; it is at the first at 0 s, and faces the second.
-        period_s: of the way there and back.
+        from_m, to_m: ends of the path; the object starts at the first at 0 s and faces the second.
+        period_s: duration of a round trip.
     """
 
     from_m: Vector
@@ -119,13 +119,13 @@ class Shuttle:
     period_s: float
 
     def pose_at(self, time_s: float) -> Pose:
-        """Pose (4, 4) on the straight way."""
+        """Pose (4, 4) on the straight path at a time."""
         start, way = np.array(self.from_m), np.subtract(self.to_m, self.from_m)
         yaw = math.atan2(way[1], way[0])
         return pose_from_rotation(rotation_from_yaw(yaw), start + self.share_at(time_s) * way)
 
     def share_at(self, time_s: float) -> float:
-        """Share of the way from the first end to the second."""
+        """Fraction of the path covered from the first end to the second."""
         return 0.5 - 0.5 * math.cos(2.0 * math.pi * time_s / self.period_s)
 
 
@@ -133,18 +133,18 @@ class Shuttle:
 class Rolling:
     """Motion of a ball that rolls on level ground without slipping.
 
-    Its axis is level and square to its way; it does not spin about the vertical.
+    The rotation axis is horizontal and perpendicular to the path; the ball does not spin in place.
 
     Attributes:
-        motion: of the ball's middle.
-        radius_m: of the ball.
+        motion: motion of the ball's center.
+        radius_m: radius of the ball.
     """
 
     motion: Along | Orbit | Shuttle
     radius_m: float
 
     def pose_at(self, time_s: float) -> Pose:
-        """Pose (4, 4) with the position of the motion, and the rotation of the ball."""
+        """Pose (4, 4) with the motion's position and the ball's rotation."""
         rolled: Pose = self.motion.pose_at(time_s)
         rolled[:3, :3] = self._rotation_at(time_s)
         return rolled
@@ -155,7 +155,7 @@ class Rolling:
             way = np.subtract(motion.to_m, motion.from_m)
             return _rotation(_axis(way, self.radius_m) * motion.share_at(time_s))
         if isinstance(motion, Orbit):
-            # seen from a frame that turns with the ball about the center, both rates are constant
+            # in a frame that rotates with the ball about the center, both rates are constant
             turned = motion.angle_at(time_s) - motion.angle_at(0.0)
             rolled_rad = -turned * motion.radius_m / self.radius_m
             start = rotation_from_yaw(motion.angle_at(0.0))
@@ -182,7 +182,7 @@ class Rolling:
 
     @cached_property
     def _legs(self) -> list[NDArray[np.float64]]:
-        """Rotations (3, 3) at the poses of the trajectory."""
+        """Rotations (3, 3) of the ball at the trajectory's poses."""
         assert isinstance(self.motion, Along)
         rotations = [np.eye(3)]
         for leg_m in np.diff(self.motion.trajectory.positions_m, axis=0):
@@ -191,7 +191,7 @@ class Rolling:
 
 
 def _axis(way_m: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
-    """Rotation vector (3,) of a ball that rolls along a level way (3,)."""
+    """Rotation vector (3,) of a ball that rolls along a horizontal displacement (3,)."""
     return np.array([-way_m[1], way_m[0], 0.0]) / radius_m
 
 

@@ -1,4 +1,4 @@
-"""Enclosure of a point by nodes, by their winding numbers."""
+"""Enclosure test of a point by a scene's nodes, based on winding numbers."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.scene.model import AlphaMode, Scene
 
-# The winding number of a closed surface is 1 inside and 0 outside; an infinite wall's is one half.
+# The winding number of a closed surface is 1 inside and 0 outside; that of an infinite wall is ½.
 MIN_WINDING_NUMBER = 0.5
 
 
 def enclosing_nodes(
     scene: Scene, point_m: ArrayLike, near_m: float = 0.0, ignored: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
-    """Names of the nodes that enclose a point; all of them where only they together do.
+    """Names of the nodes that enclose a point; all of them if only their union does.
 
-    A node encloses the point when its surface winds around it, and still does without the triangles
-    that are wholly nearer than `near_m`, which a camera there does not draw. Surfaces with gaps
-    count by their solid angle. Blended surfaces do not count: they are glass.
+    A node encloses the point if its surface winds around it, with and without the triangles
+    entirely nearer than `near_m`, which a camera at the point does not render. Surfaces with gaps
+    count by their solid angle. Blended surfaces, such as glass, do not count.
 
     Args:
-        scene: contains the nodes.
-        point_m: (3,), world.
-        near_m: near plane.
+        scene: scene with the nodes.
+        point_m: (3,), world frame.
+        near_m: near plane distance.
         ignored: names of nodes that do not count.
     """
     point = np.asarray(point_m, dtype=np.float64)
-    windings: dict[str, NDArray[np.float64]] = {}  # of all triangles, and of the drawn ones
+    windings: dict[str, NDArray[np.float64]] = {}  # of all triangles, and of the rendered ones
     for instance in scene.instances:
         if instance.name in ignored:
             continue
@@ -48,13 +48,13 @@ def enclosing_nodes(
 
 
 def _encloses(windings: NDArray[np.float64]) -> bool:
-    return bool(np.all(np.abs(windings) > MIN_WINDING_NUMBER))  # inside out is closed, too
+    return bool(np.all(np.abs(windings) > MIN_WINDING_NUMBER))  # an inverted surface counts, too
 
 
 def _winding_numbers(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed solid angles (n,) of triangles (n, 3, xyz) at the origin, as shares of the sphere.
+    """Signed solid angles (n,) of triangles (n, 3, xyz) at the origin, as fractions of the sphere.
 
-    Negative where the front is seen; 0 for triangles without area.
+    Negative if the front faces the origin; 0 for degenerate triangles.
 
     Source: van Oosterom and Strackee, "The Solid Angle of a Plane Triangle", IEEE Transactions on
     Biomedical Engineering 30 (1983).

@@ -1,4 +1,4 @@
-"""Heights of the surfaces that are seen from above: floors, and what lies on them."""
+"""Heights of upward-facing surfaces: floors, and objects on them."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.scene.model import Scene
 from omnisim.scene.space.triangles import TriangleBvh, Triangles, triangles_within
 
-# Corners are float32 and placed by matrices: digits beyond are rounding, and no slope.
+# Corners are float32 and transformed by matrices: further digits are rounding errors, not slope.
 HEIGHT_DIGITS = 5
-EDGE = 1e-9  # of a triangle's area: a point on the edge of two is on one of them at least
+EDGE = 1e-9  # share of a triangle's area: a point on a shared edge hits at least one triangle
 
 
 class HeightField:
-    """Surfaces of a scene seen from above, between two corners (2,) of its floor plan.
+    """Upward-facing surfaces of a scene between two corners (2,) of its floor plan.
 
-    Surfaces facing down, such as a ceiling or the underside of a slab, are none; glass is.
+    Glass is included; ceilings, undersides of slabs and other downward-facing surfaces are not.
     """
 
     def __init__(self, scene: Scene, low_m: NDArray[np.float64], high_m: NDArray[np.float64]):
@@ -25,9 +25,9 @@ class HeightField:
         self._bvh = TriangleBvh(self._triangles.corners_m)
 
     def heights_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Heights (n, k, surfaces) above n groups of points (n, k, 2) that are close together.
+        """Heights (n, k, surfaces) at n groups of nearby points (n, k, 2).
 
-        From below; −inf fills short rows.
+        Heights are ascending; −inf pads short rows.
         """
         groups, size = points_m.shape[:2]
         ends = np.full((groups, 1), np.inf)
@@ -37,7 +37,7 @@ class HeightField:
         heights = _heights_at(self._triangles.corners_m[triangles], points_m[group])
         points = group[:, None] * size + np.arange(size)
         hit = np.isfinite(heights)
-        points, heights = points[hit], np.round(heights[hit], HEIGHT_DIGITS) + 0.0  # no -0.0
+        points, heights = points[hit], np.round(heights[hit], HEIGHT_DIGITS) + 0.0  # avoids -0.0
         counts = np.bincount(points, minlength=groups * size)
         order = np.lexsort((heights, points))
         ranks = np.arange(len(points)) - np.repeat(np.cumsum(counts), counts)
@@ -47,7 +47,7 @@ class HeightField:
 
 
 def floor_height_m(scene: Scene, point_m: ArrayLike, near_m: float = 0.0) -> float | None:
-    """Height of the surface seen from above at (x, y) that is nearest to a height, or None."""
+    """Height of the upward-facing surface at (x, y) nearest to a given height; None: no surface."""
     point = np.asarray(point_m, dtype=np.float64)
     heights = HeightField(scene, point, point).heights_m(point[None, None]).ravel()
     heights = heights[np.isfinite(heights)]
@@ -59,21 +59,21 @@ def floor_height_m(scene: Scene, point_m: ArrayLike, near_m: float = 0.0) -> flo
 def _heights_at(
     corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Heights (n, k) of triangles (n, 3, 3) at points (n, k, 2); NaN beside them."""
+    """Heights (n, k) of triangles (n, 3, 3) at points (n, k, 2); NaN outside a triangle."""
     a, b, c = corners_m[:, None, 0], corners_m[:, None, 1], corners_m[:, None, 2]
     total = _areas(a - c, b - c)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # barycentric coordinates: of the corner opposite to each edge
+        # barycentric coordinates, each from the edge opposite its corner
         of_a = _areas(b[..., :2] - points_m, c[..., :2] - points_m) / total
         of_b = _areas(c[..., :2] - points_m, a[..., :2] - points_m) / total
         of_c = 1.0 - of_a - of_b
         heights = c[..., 2] + of_a * (a - c)[..., 2] + of_b * (b - c)[..., 2]
-        inside = (of_a >= -EDGE) & (of_b >= -EDGE) & (of_c >= -EDGE)  # false for NaN, too
+        inside = (of_a >= -EDGE) & (of_b >= -EDGE) & (of_c >= -EDGE)  # false for NaN as well
     return np.where(inside, heights, np.nan)
 
 
 def _areas(first_m: NDArray[np.float64], second_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Twice the areas (...) between vectors (..., 2 or 3), seen from above."""
+    """Twice the signed areas (...) spanned by vectors (..., 2 or 3), seen from above."""
     areas: NDArray[np.float64] = (
         first_m[..., 0] * second_m[..., 1] - first_m[..., 1] * second_m[..., 0]
     )

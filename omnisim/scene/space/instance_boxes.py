@@ -1,4 +1,4 @@
-"""Oriented boxes of a scene's instances, along the axes of their own frames."""
+"""Oriented boxes of a scene's instances, aligned with their own frames."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from omnisim.scene.parts import Instance, Mesh
 def instance_boxes(
     instances: Sequence[Instance], meshes: Sequence[Mesh], time_s: float = 0.0
 ) -> dict[str, OrientedBox]:
-    """Boxes by the instances' names at a time, in the frame that they are placed in.
+    """Boxes by instance name at a world time, in the frame in which the instances are placed.
 
-    Parts of one name have one box, along the axes of the instance's frame, see `Scene.pose_of`: it
-    has the bounds of the instance in this frame.
+    All parts with one name share one box, which bounds them along the axes of the instance's frame,
+    see `Scene.pose_of`.
     """
     parts: dict[str, list[Instance]] = {}
     for instance in instances:
@@ -32,7 +32,7 @@ def instance_boxes(
 
 
 def _points_m(instance: Instance, mesh: Mesh, time_s: float) -> NDArray[np.float64]:
-    """Corners (n, 3) of an instance's triangles."""
+    """Vertices (n, 3) used by an instance's triangles, at a world time."""
     used = np.unique(mesh.triangles).astype(np.intp)
     points = mesh.positions[used].astype(np.float64)
     if mesh.deformation is not None:
@@ -43,6 +43,6 @@ def _points_m(instance: Instance, mesh: Mesh, time_s: float) -> NDArray[np.float
 
 
 def _axes(instance: Instance) -> NDArray[np.float64]:
-    """Rotation (3, 3) of an instance's frame: without scale, shear and mirroring."""
+    """Rotation (3, 3) of an instance's frame, without scale, shear and mirroring."""
     axes = nearest_rotation(instance.world_from_node[:3, :3])
-    return axes if np.linalg.det(axes) > 0.0 else -axes  # of both signs the box is the same
+    return axes if np.linalg.det(axes) > 0.0 else -axes  # the box is the same for both signs

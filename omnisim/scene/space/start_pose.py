@@ -1,6 +1,6 @@
-"""Start pose of a scene that states none: near its middle, clear of surfaces and not inside one.
+"""Default start pose: near the scene's middle, clear of surfaces and not inside an object.
 
-Scenes in which nothing could stand are objects, seen from outside.
+Scenes too small to stand in are treated as objects and seen from outside.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from numpy.typing import NDArray
 from omnisim.core.bounds import triangle_bounds
 from omnisim.scene.parts import Instance, Mesh, StartPose, bounds_m, instance_bounds_m
 
-# Default height of the effective viewpoint above the floor: a small robot's.
+# Default height of the effective viewpoint above the floor: that of a small robot.
 DEFAULT_HEIGHT_M = 1.0
-# Elevation above an object that is seen from outside: mirrors show what is below them.
+# Elevation above an object seen from outside: mirrors show the scene below them.
 OUTSIDE_ELEVATION_DEG = 20.0
-SCALE_PER_DIAGONAL = 0.1  # of scenes too small for that height
+SCALE_PER_DIAGONAL = 0.1  # for scenes too small for the default height
 CLEARANCE_PER_SCALE = 0.25  # 0.25 m in a room
-CLEARANCE_PER_HEIGHT = 0.5  # of low scenes, whose default is near their floor
-# Heights that are tried after the default, in scales.
+CLEARANCE_PER_HEIGHT = 0.5  # for low scenes, whose default viewpoint is close to the floor
+# Heights tried after the default, in units of the scale.
 LEVELS = (1.0, 1.5, 0.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
-FLAT_LEVELS = 2.0  # that are tried however low the scene is
-NEAR_SCALES = 16.0  # first looked in: the surroundings of the middle
-# Points that are looked around from: this many comparisons with triangles, in all heights.
+FLAT_LEVELS = 2.0  # levels up to this one are tried even in low scenes
+NEAR_SCALES = 16.0  # half width of the area that is searched first, around the middle
+# Budget of point-triangle comparisons over all heights, and limits on the number of sight tests.
 COMPARISONS, MIN_SIGHTS, MAX_SIGHTS = 100_000_000, 64, 1024
-HEIGHTS_SHARE = 4  # of these, at one height at most
+HEIGHTS_SHARE = 4  # one height uses at most 1/4 of the sight tests
 RING_GROWTH, RING_POINTS = 1.25, 12
-GOLDEN_ANGLE_RAD = 2.399963  # turns each ring, so that no direction is missed
+GOLDEN_ANGLE_RAD = 2.399963  # offset between rings, so that every direction is covered
 
 
 class _Sight(NamedTuple):
-    """Nearest surfaces of a point along the axes."""
+    """Result of a look from a point along the axes."""
 
     is_inside: bool
     has_floor: bool
@@ -49,9 +49,9 @@ def default_start(bounds: NDArray[np.float64]) -> StartPose:
 
 
 def outside_start(bounds: NDArray[np.float64]) -> StartPose:
-    """Pose in front of bounds (2, 3), and above, at a distance from their middle of the diagonal.
+    """Pose in front of and above bounds (2, 3), one diagonal away from their middle.
 
-    The front is that of glTF and of Blender: −y.
+    The front is −y, as in glTF and Blender.
     """
     distance = float(np.linalg.norm(bounds[1] - bounds[0]))
     elevation = np.radians(OUTSIDE_ELEVATION_DEG)
@@ -60,12 +60,12 @@ def outside_start(bounds: NDArray[np.float64]) -> StartPose:
 
 
 def find_start(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> StartPose:
-    """Pose nearest to the middle that is clear of surfaces and not inside of an object.
+    """Pose nearest to the middle that is clear of surfaces and not inside an object.
 
-    It is that of `default_start` where that is free. Others stand above a floor, if there is any,
-    and at the same height, if that is possible. Where no pose is free, as in a closed box, whose
-    surface is seen from the back everywhere, it is one that is clear, or the middle. A scene whose
-    sides are all shorter than `DEFAULT_HEIGHT_M` is seen from outside.
+    The result is `default_start` if that pose is free. Otherwise, poses above a floor and at the
+    default height are preferred. If no pose is free, as in a closed box seen only from its back
+    faces, the result is a clear pose, or the middle. A scene with all sides shorter than
+    `DEFAULT_HEIGHT_M` is seen from outside.
     """
     bounds = bounds_m(meshes, instances)
     if 0.0 < (bounds[1] - bounds[0]).max() < DEFAULT_HEIGHT_M:
@@ -96,7 +96,7 @@ def _search(
     scale: float,
     clearance: float,
 ) -> tuple[bool, NDArray[np.float64]] | None:
-    """Best point that is clear, if any; true where it is also not inside of an object."""
+    """Best clear point, if any, with a flag that is true if it is not inside an object."""
     radius = min(surroundings.half_m, 0.5 * float(np.linalg.norm(bounds[1, :2] - bounds[0, :2])))
     plan = _rings(middle[:2], 2.0 * clearance, radius, 0.01 * clearance)
     plan = plan[np.all((plan >= bounds[0, :2]) & (plan <= bounds[1, :2]), axis=1)]
@@ -121,7 +121,7 @@ def _search(
 def _clear_points(
     surroundings: _Surroundings, plan: NDArray[np.float64], z: float, clearance: float
 ) -> Iterator[NDArray[np.float64]]:
-    """Points of a height that are clear: the first ones, then ever fewer."""
+    """Clear points at a height: every one at first, then ever fewer."""
     count = wanted = 0
     for first in range(0, len(plan), RING_POINTS):
         batch = plan[first : first + RING_POINTS]
@@ -145,7 +145,7 @@ def _heights(bounds: NDArray[np.float64], default: float, scale: float) -> Itera
 def _rings(
     middle: NDArray[np.float64], step: float, radius: float, grid: float
 ) -> NDArray[np.float64]:
-    """Points (n, 2) on rings about the middle, itself first, on multiples of `grid` from it."""
+    """Points (n, 2) on rings around the middle, center first, at multiples of `grid` from it."""
     count = max(0, int(np.log(max(radius / step, 1.0)) / np.log(RING_GROWTH))) + 1
     radii = step * RING_GROWTH ** np.arange(count)
     turns = 2.0 * np.pi * np.arange(RING_POINTS) / RING_POINTS
@@ -155,10 +155,10 @@ def _rings(
 
 
 class _Surroundings:
-    """Surfaces of the instances around a point, up and down without end.
+    """Surfaces around a point within a square of the floor plan, of unlimited height.
 
     Attributes:
-        half_m: half the width of their square.
+        half_m: half width of the square.
     """
 
     def __init__(
@@ -176,11 +176,11 @@ class _Surroundings:
         for index in np.flatnonzero(meets):
             mesh, matrix = meshes[instances[index].mesh], instances[index].world_from_mesh
             points.append(mesh.positions @ matrix[:3, :3].T + matrix[:3, 3])
-            is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0  # the winding flips, not the front
+            is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0  # mirroring flips the winding only
             triangles.append(mesh.triangles[:, :: -1 if is_mirrored else 1] + np.int64(count))
             count += len(mesh.positions)
         self._points, self._triangles = np.concatenate(points), np.concatenate(triangles)
-        # by axis: a line is compared with contiguous numbers
+        # stored by axis, so that comparisons read contiguous numbers
         self._low, self._high = np.empty((2, 3, len(self._triangles)))
         for axis in range(3):
             a, b, c = np.ascontiguousarray(self._points[:, axis])[self._triangles.T]
@@ -188,12 +188,12 @@ class _Surroundings:
             self._high[axis] = np.maximum(np.maximum(a, b), c)
 
     def affordable_sights(self) -> int:
-        """Number of points to look around from in a time that a user does not notice."""
+        """Number of sight tests whose total time goes unnoticed."""
         count = COMPARISONS // max(1, len(self._triangles))
         return min(max(count, MIN_SIGHTS), MAX_SIGHTS)
 
     def _within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Corners (n, 3, 3) of the triangles whose bounds meet those of two corners (3,)."""
+        """Corners (n, 3, 3) of the triangles whose bounds overlap a box with two corners (3,)."""
         near: NDArray[np.intp] | slice = slice(None)
         rows = np.arange(len(self._triangles))
         for axis in (2, 0, 1):
@@ -204,7 +204,7 @@ class _Surroundings:
         return self._points[self._triangles[near]]
 
     def is_clear(self, points: NDArray[np.float64], clearance: float) -> NDArray[np.bool_]:
-        """Mask (n,) of the points (n, 3) that no surface is nearer to."""
+        """Mask (n,) of the points (n, 3) without a surface within the clearance."""
         clear = np.ones(len(points), dtype=bool)
         if not len(points):
             return clear
@@ -222,7 +222,7 @@ class _Surroundings:
         return clear
 
     def sight(self, point: NDArray[np.float64]) -> _Sight:
-        """Look along the axes; inside of an object most surfaces are seen from the back."""
+        """Look along the axes: a point is inside an object if most hits are back faces."""
         hits = backs = 0
         has_floor = False
         for axis in range(3):
@@ -245,11 +245,11 @@ class _Surroundings:
 def _crossings(
     corners: NDArray[np.float64], axis: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Offsets (n,) along an axis through the origin at which it crosses triangles (m, 3, 3), and
-    the signs (n,) of their normals' components along it."""
+    """Offsets (n,) at which an axis through the origin crosses triangles (m, 3, 3), and the signs
+    (n,) of their normals' components along it."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     following = corners[:, [1, 2, 0]]
-    # twice the areas of the origin with each edge: barycentric coordinates of the corner opposite
+    # twice the areas spanned with each edge: barycentric coordinates of the opposite corner
     areas = corners[..., u] * following[..., v] - corners[..., v] * following[..., u]
     total = areas.sum(axis=1)
     crossed = (np.all(areas >= 0.0, axis=1) | np.all(areas <= 0.0, axis=1)) & (total != 0.0)
@@ -259,7 +259,7 @@ def _crossings(
 
 
 def triangle_distances(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (n,) of the origin from triangles (n, 3, 3)."""
+    """Distances (n,) from the origin to triangles (n, 3, 3)."""
     edges = corners[:, [1, 2, 0]] - corners
     squares = np.maximum(np.einsum("nij,nij->ni", edges, edges), np.finfo(np.float64).tiny)
     shares = np.clip(-np.einsum("nij,nij->ni", corners, edges) / squares, 0.0, 1.0)

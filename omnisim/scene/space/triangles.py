@@ -1,4 +1,4 @@
-"""Triangles of a scene in the world, and a bounding volume hierarchy of them."""
+"""Triangles of a scene in the world, and a bounding volume hierarchy over them."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.scene.model import Instance, Scene
 
-MORTON_BITS = 16  # of each axis
+MORTON_BITS = 16  # per axis
 
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Triangles in the world.
+    """Triangles in the world frame.
 
     Attributes:
-        corners_m: (n, 3, 3), a corner in each row.
+        corners_m: (n, 3, 3), one corner per row.
         instances: (n,) indices into `Scene.instances`.
-        seen_from_above: (n,) the front faces up, or both sides are drawn.
+        seen_from_above: (n,) mask of the triangles that face up or are double-sided.
     """
 
     corners_m: NDArray[np.float64]
@@ -37,7 +37,7 @@ class Triangles:
 def triangles_within(
     scene: Scene, low_m: NDArray[np.float64], high_m: NDArray[np.float64]
 ) -> Triangles:
-    """Triangles whose bounds meet those between two corners (2,) of a floor plan, or (3,)."""
+    """Triangles whose bounds overlap a box with two corners (3,), or (2,) on the floor plan."""
     axes = len(low_m)
     corners, above, counts = [np.zeros((0, 3, 3))], [np.zeros(0, dtype=bool)], []
     for instance in scene.instances:
@@ -55,13 +55,13 @@ def triangles_within(
 
 
 def _of_instance(scene: Scene, instance: Instance) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Corners (n, 3, 3) in the world, and a mask (n,) of the triangles seen from above."""
+    """World corners (n, 3, 3), and a mask (n,) of the triangles visible from above."""
     mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
     positions = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     corners = positions[mesh.triangles]
     first, second = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    if np.linalg.det(matrix[:3, :3]) < 0.0:  # the winding flips, the front stays
+    if np.linalg.det(matrix[:3, :3]) < 0.0:  # mirroring flips the winding, not the front
         area = -area
     return corners, area > 0.0 if not scene.materials[mesh.material].double_sided else area != 0.0
 
@@ -69,19 +69,19 @@ def _of_instance(scene: Scene, instance: Instance) -> tuple[NDArray[np.float64],
 class TriangleBvh:
     """Bounding volume hierarchy: a complete binary tree over triangles in Morton order.
 
-    The order is that of the floor plan: columns and boxes near the floor are looked up.
+    The order uses the floor plan only, which suits queries of columns and of boxes near the floor.
 
     Source: Lauterbach et al., "Fast BVH Construction on GPUs", Eurographics 2009.
 
     Args:
-        corners_m: (n, 3, 3).
+        corners_m: (n, 3, 3) corners of the triangles.
     """
 
     def __init__(self, corners_m: NDArray[np.float64]):
         low, high = bounds_of(corners_m)
         self._order = np.argsort(_morton_codes(0.5 * (low + high)[:, :2]), kind="stable")
         leaves = 1 << max(0, len(corners_m) - 1).bit_length()
-        # empty bounds beyond the last triangle meet no others
+        # empty bounds pad the leaves and overlap nothing
         rows = np.full((2, leaves, 3), -np.inf)
         rows[0] = np.inf
         rows[0, : len(low)], rows[1, : len(high)] = low[self._order], high[self._order]
@@ -94,13 +94,13 @@ class TriangleBvh:
     def overlaps(
         self, low_m: NDArray[np.float64], high_m: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Pairs of a box and a triangle whose bounds meet; infinite bounds are allowed.
+        """Pairs of a box and a triangle whose bounds overlap; boxes may be infinite.
 
         Args:
-            low_m, high_m: (n, 3) corners of the boxes.
+            low_m, high_m: (n, 3) smallest and largest corners of the boxes.
 
         Returns:
-            Indices (pairs,) of the boxes, and of the triangles; ordered by both.
+            Indices (pairs,) of the boxes and of the triangles, sorted by both.
         """
         boxes = np.arange(len(low_m))
         nodes = np.zeros(len(low_m), dtype=np.intp)
@@ -119,13 +119,13 @@ class TriangleBvh:
 def bounds_of(
     corners_m: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest coordinates (n, axes) of triangles (n, 3, axes)."""
+    """Smallest and largest coordinates (n, axes) of triangles (n, 3, axes)."""
     a, b, c = corners_m[:, 0], corners_m[:, 1], corners_m[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _morton_codes(points_m: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Codes (n,) of points (n, 2) along a Z-order curve."""
+    """Morton codes (n,) of points (n, 2) along a Z-order curve."""
     if not len(points_m):
         return np.zeros(0, dtype=np.int64)
     low = points_m.min(axis=0)

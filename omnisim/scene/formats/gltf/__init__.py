@@ -1,4 +1,4 @@
-"""glTF 2.0, read directly: one module for each part of the specification.
+"""glTF 2.0 importer, with one module per part of the specification.
 
-Damaged files raise a SceneError that names the place in the JSON.
+Damaged files raise a SceneError that names the location in the JSON.
 """

@@ -1,4 +1,4 @@
-"""Buffers, buffer views and accessors: arrays out of bytes."""
+"""Buffers, buffer views and accessors, decoded to arrays."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _SHAPES: dict[int | str, tuple[int, ...]] = {
     "SCALAR": (1,), "VEC2": (2,), "VEC3": (3,), "VEC4": (4,),
     "MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4),
 }  # fmt: skip
-# Elements of an accessor without a bufferView: a short file must not ask for all memory.
+# Element limit of an accessor without a bufferView: a short file must not exhaust the memory.
 MAX_UNBACKED_ELEMENTS = 1 << 22
 
 
 def read_uri(uri: str, assets: AssetResolver) -> bytes:
-    """Bytes of a data URI, or of a file beside the scene.
+    """Bytes of a data URI, or of a file referenced by the scene.
 
     Raises:
-        OSError, ValueError: there is no such file, or the data URI is damaged.
+        OSError, ValueError: a missing file or a damaged data URI.
     """
     if not uri.startswith("data:"):
         return assets[uri]
@@ -38,16 +38,16 @@ def read_uri(uri: str, assets: AssetResolver) -> bytes:
 
 
 class Accessors:
-    """Arrays of a file, read when they are asked for. All methods raise SceneErrors."""
+    """Arrays of a file, read on demand. All methods raise SceneErrors."""
 
     def __init__(self, root: JsonObject, chunk: memoryview, assets: AssetResolver):
-        """Read all buffers; one without a URI is the GLB file's `chunk`."""
+        """Read all buffers; the first one without a URI is the GLB file's `chunk`."""
         self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
         self._decoded: dict[int, NDArray[Any]] = {}
         self._decompressed: dict[int, memoryview] = {}
         self._buffers: list[memoryview] = []
         for index, buffer in enumerate(root.objects("buffers")):
-            # the chunk is the first buffer's; others without a URI are empty
+            # the chunk is the first buffer; other buffers without a URI are empty
             data, uri = chunk if index == 0 else memoryview(b""), buffer.text("uri", "")
             if uri:
                 try:
@@ -59,7 +59,7 @@ class Accessors:
             self._buffers.append(data[: buffer.integer("byteLength")])
 
     def view(self, owner: JsonObject) -> memoryview:
-        """Bytes of the bufferView that an object refers to."""
+        """Bytes of the bufferView that an object references."""
         index = owner.index("bufferView", self._views)
         view = self._views[index]
         compressed = meshopt.compression(view)
@@ -70,12 +70,12 @@ class Accessors:
         return self._decompressed[index]
 
     def _has_plain(self, view: JsonObject) -> bool:
-        """True for a compressed view beside which the file has the plain data."""
+        """True if a compressed view's file also contains the uncompressed data."""
         end = view.integer("byteOffset", 0) + view.integer("byteLength")
         return end <= len(self._buffers[view.index("buffer", self._buffers)])
 
     def _slice(self, view: JsonObject) -> memoryview:
-        """Bytes of a part of a buffer."""
+        """Bytes of a slice of a buffer."""
         buffer = self._buffers[view.index("buffer", self._buffers)]
         start = view.integer("byteOffset", 0)
         end = start + view.integer("byteLength")
@@ -84,27 +84,27 @@ class Accessors:
         return buffer[start:end]
 
     def replace(self, owner: JsonObject, key: str, values: NDArray[Any]) -> None:
-        """Store decompressed values for the accessor that a property refers to."""
+        """Store decompressed values for the accessor that a property references."""
         self._decoded[owner.index(key, self._accessors)] = values
 
     def floats(self, owner: JsonObject, key: str) -> NDArray[np.float64]:
-        """Values (count, …) of the accessor that a property refers to.
+        """Values (count, …) of the accessor that a property references.
 
-        Source: glTF 2.0, section 3.6.2.2: normalized integers stand for fractions.
+        Source: glTF 2.0, section 3.6.2.2: normalized integers represent fractions.
         """
         values = self._values(owner, key)
-        with np.errstate(invalid="ignore"):  # signalling NaNs
+        with np.errstate(invalid="ignore"):  # signaling NaNs
             floats = values.astype(np.float64)
         accessor = self._accessors[owner.index(key, self._accessors)]
         if accessor.flag("normalized") and values.dtype.kind in "iu":
-            # by the accessor's type: Draco's decoder widens 16 bits to 32
+            # use the accessor's component type, since Draco's decoder widens 16 bits to 32
             stored = np.dtype(accessor.choice("componentType", _COMPONENT_TYPES))
             if stored.kind in "iu":
                 return np.maximum(floats / np.iinfo(stored).max, -1.0)
         return floats
 
     def integers(self, owner: JsonObject, key: str) -> NDArray[np.int64]:
-        """Values (count, …) of the accessor of integers that a property refers to."""
+        """Values (count, …) of the integer accessor that a property references."""
         values = self._values(owner, key)
         if values.dtype.kind == "f":
             raise owner.error(key, "an accessor of integers")
@@ -138,7 +138,7 @@ class Accessors:
     def _elements(
         self, owner: JsonObject, count: int, component: str, shape: tuple[int, ...]
     ) -> NDArray[Any]:
-        """Elements (count, *shape) in an object's bufferView, without a copy."""
+        """Elements (count, *shape) of an object's bufferView, without a copy."""
         data, offset, dtype = self.view(owner), owner.integer("byteOffset", 0), np.dtype(component)
         size = dtype.itemsize * math.prod(shape)
         view = self._views[owner.index("bufferView", self._views)]

@@ -1,4 +1,4 @@
-"""Objects that an animation moves, nodes that it reshapes, and parts of it that are not played."""
+"""Dynamic objects of an animation, its non-rigid nodes, and its unplayed parts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from omnisim.scene.labels import BODY
 from omnisim.scene.motion.node_motion import NodeMotion
 
 _LIGHTS = "KHR_lights_punctual"
-_CHECKS = 32  # of a node's shape, over the animation
+_CHECKS = 32  # samples of a node's motion over the animation
 Moved = Mapping[int, MovedNode]
 Matrix = NDArray[np.float64]
 
@@ -26,13 +26,13 @@ def moving_objects(
     moved: Moved,
     world_from_file: Matrix,
 ) -> tuple[ImportedObject, ...]:
-    """Objects of the instances, one for each node that moves and has some.
+    """Dynamic objects, one for each moving node with instances.
 
     Args:
-        nodes: of the file.
-        owners: index of each instance's node; None: it rests.
-        moved: see `animated_nodes`.
-        world_from_file: (4, 4).
+        nodes: all nodes of the file.
+        owners: index of each instance's moving node; None: a static instance.
+        moved: moving nodes, see `animated_nodes`.
+        world_from_file: (4, 4) transform.
     """
     instances: dict[int, list[int]] = {}
     for number, owner in enumerate(owners):
@@ -57,13 +57,13 @@ def _free_name(name: str, taken: set[str]) -> str:
 
 
 def _axes(linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation (3, 3) of a node's frame: without scale, shear and mirroring."""
+    """Rotation (3, 3) of a node's frame, without scale, shear and mirroring."""
     axes = nearest_rotation(linear)
     return axes if np.linalg.det(axes) > 0.0 else -axes
 
 
 def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) -> set[int]:
-    """Indices of nodes with a mesh whose motion is not rigid: scale or shear changes."""
+    """Indices of mesh nodes with non-rigid motion: their scale or shear changes."""
     times_s = np.linspace(0.0, animation.period_s, _CHECKS, endpoint=False).tolist()
     is_rigid: dict[int, bool] = {}
     found = set()
@@ -81,7 +81,7 @@ def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) 
 def unplayed_parts(
     nodes: list[JsonObject], animation: Animation, moved: Moved
 ) -> dict[str, Sequence[JsonObject]]:
-    """Parts of an animation that rest, by their names in `DrawnObjects`."""
+    """Parts of an animation that are not played, by the field names of `DrawnObjects`."""
     return {
         "animations": animation.others,
         "channels": animation.channels,

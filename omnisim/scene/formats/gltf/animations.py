@@ -1,4 +1,4 @@
-"""Animations: keyframes of nodes and weights, and the nodes that move by them."""
+"""Animations: keyframes of nodes and weights, and the nodes that they move."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ Properties = dict[str, Keyframes]
 
 
 class AnimationChoice(NamedTuple):
-    """Choice of the animation that is played.
+    """Choice of the animation to play.
 
     Attributes:
-        name: of it; None: the first, and `NO_ANIMATION`: none.
-        moves_objects: nodes that it moves are objects; False: it deforms their meshes alone.
+        name: animation name; None: the first animation; `NO_ANIMATION`: no animation.
+        moves_objects: turn moving nodes into dynamic objects; False: deform their meshes only.
     """
 
     name: str | None = None
@@ -41,14 +41,14 @@ FIRST_ANIMATION = AnimationChoice()
 
 @dataclass
 class Animation:
-    """Animation that is played.
+    """Animation to play.
 
     Attributes:
-        nodes: keyframes of translation, rotation and scale, by the index of a node.
-        weights: keyframes of the weights of morph targets, likewise.
-        period_s: after which it begins again.
-        channels: of the file.
-        others: animations of the file that are not played, where none was chosen by its name.
+        nodes: keyframes of translation, rotation and scale, by node index.
+        weights: keyframes of the morph target weights, by node index.
+        period_s: period after which the animation repeats.
+        channels: channels in the file.
+        others: animations that are not played, if none was chosen by name.
     """
 
     nodes: dict[int, Properties] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class Animation:
 
     @property
     def moving(self) -> list[int]:
-        """Indices of the nodes whose keyframes move them."""
+        """Indices of the nodes with non-constant keyframes."""
         return [
             index
             for index, properties in self.nodes.items()
@@ -70,10 +70,10 @@ class Animation:
 def read_animation(
     root: JsonObject, nodes: list[JsonObject], accessors: Accessors, name: str | None
 ) -> Animation:
-    """Read an animation by its name; None: the first.
+    """Read an animation by name; None: the first.
 
     Raises:
-        SceneError: there is none of this name, or it is damaged.
+        SceneError: an unknown name or a damaged animation.
     """
     entries = root.objects("animations")
     if name == NO_ANIMATION or (name is None and not entries):
@@ -95,7 +95,7 @@ def read_animation(
             continue
         index = target.index("node", nodes)
         width = _WIDTHS.get(path) or _target_count(nodes[index], meshes)
-        if not width:  # weights of a mesh without targets
+        if not width:  # weights of a mesh without morph targets
             continue
         sampler = samplers[channel.index("sampler", samplers)]
         keyframes = _keyframes(sampler, accessors, path, width)
@@ -143,7 +143,7 @@ def _keyframes(sampler: JsonObject, accessors: Accessors, path: str, width: int)
 def transforms_at_start(
     nodes: list[JsonObject], parents: Mapping[int, int | None], animation: Animation
 ) -> dict[int, NDArray[np.float64]]:
-    """Own transforms (4, 4) of the scene's nodes at 0 s."""
+    """Local transforms (4, 4) of the scene's nodes at 0 s, by node index."""
     return {
         index: _before(nodes[index]) @ local_transform(*_start(nodes[index], properties))
         if (properties := animation.nodes.get(index))
@@ -153,12 +153,12 @@ def transforms_at_start(
 
 
 class MovedNode(NamedTuple):
-    """Node that an animation moves, itself or with one above it.
+    """Node that moves with the animation, by its own keyframes or by an ancestor's.
 
     Attributes:
-        owner: index of the nearest node with keyframes, itself or above it.
-        node: that one.
-        owner_from_node: (4, 4).
+        owner: index of the nearest node with keyframes: itself or an ancestor.
+        node: animated node of the owner.
+        owner_from_node: (4, 4) transform.
     """
 
     owner: int
@@ -173,21 +173,21 @@ def animated_nodes(
     animation: Animation,
     world_from_file: NDArray[np.float64],
 ) -> dict[int, MovedNode]:
-    """Nodes that move, by their indices.
+    """Nodes that move with the animation, by node index.
 
     Args:
-        nodes: of the file.
-        parents: of those of the scene, see `scene_parents`.
-        local: their own transforms at 0 s.
-        animation: that is played.
-        world_from_file: (4, 4).
+        nodes: all nodes of the file.
+        parents: parents of the scene's nodes, see `scene_parents`.
+        local: local transforms (4, 4) of the scene's nodes at 0 s.
+        animation: animation to play.
+        world_from_file: (4, 4) transform.
     """
     moving = set(animation.moving)
     found: dict[int, MovedNode] = {}
     offsets: dict[int | None, NDArray[np.float64]] = {None: world_from_file}
     for index, parent in parents.items():
         above = None if parent is None else found.get(parent)
-        # from the nearest node above that moves, or from the world
+        # relative to the nearest moving ancestor, or to the world
         offset = offsets[parent]
         if index in moving:
             node = nodes[index]
@@ -216,7 +216,7 @@ def animated_nodes(
 
 
 def _before(node: JsonObject) -> NDArray[np.float64]:
-    """Matrix (4, 4) of a node, which one that is animated should not have."""
+    """Matrix (4, 4) of a node; an animated node should not have one."""
     matrix = node.numbers("matrix", 16)
     return np.eye(4) if matrix is None else np.reshape(matrix, (4, 4)).T
 
@@ -224,7 +224,7 @@ def _before(node: JsonObject) -> NDArray[np.float64]:
 def _start(
     node: JsonObject, properties: Properties
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Translation, rotation and scale at 0 s."""
+    """Translation, rotation and scale of a node at 0 s."""
     translation, rotation, scale = (
         properties[key].at(0.0)
         if key in properties

@@ -1,4 +1,4 @@
-"""Cameras of nodes as viewpoints: poses alone, as their lenses are not omnidirectional."""
+"""Camera nodes as viewpoints: poses only, since their lenses are not omnidirectional."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from omnisim.scene.parts import CameraPose
 def read_cameras(
     root: JsonObject, nodes: list[JsonObject], world_from_node: Mapping[int, NDArray[np.float64]]
 ) -> tuple[CameraPose, ...]:
-    """Poses of the nodes' cameras; names are those of the nodes, or else of the cameras.
+    """Poses of the camera nodes, named after the nodes, or else after the cameras.
 
     Args:
-        root: top level of the file.
-        nodes: of the file.
-        world_from_node: poses (4, 4) by the node's index, in the order of drawing.
+        root: top-level object of the file.
+        nodes: all nodes of the file.
+        world_from_node: (4, 4) poses by node index, in drawing order.
 
-    Source: glTF 2.0, section 3.10: a camera looks along −z, its y up, and scale does not count.
+    Source: glTF 2.0, section 3.10: a camera looks along −z, with y up; its scale is ignored.
     """
     cameras, poses = root.objects("cameras"), dict[str, CameraPose]()
     for index in sorted(world_from_node):
@@ -41,8 +41,8 @@ def read_cameras(
 
 
 def _camera_pose(name: str, world_from_node: NDArray[np.float64]) -> CameraPose | None:
-    """Pose of a camera's node, or None where its axes are flat, or its numbers too large."""
-    if not np.abs(world_from_node).max() < MAX_COORDINATE:  # false for NaN, too
+    """Pose of a camera node; None: degenerate axes or coordinates that are too large."""
+    if not np.abs(world_from_node).max() < MAX_COORDINATE:  # false for NaN as well
         return None
     ahead, up = -world_from_node[:3, 2], world_from_node[:3, 1]
     left = np.cross(up, ahead)
@@ -52,7 +52,7 @@ def _camera_pose(name: str, world_from_node: NDArray[np.float64]) -> CameraPose 
     ahead, left = ahead / lengths[0], left / lengths[1]
     rotation = np.stack((ahead, left, np.cross(ahead, left)), axis=1)
     roll, pitch, yaw = (
-        round(angle, 6) + 0.0  # no -0.0
+        round(angle, 6) + 0.0  # avoids -0.0
         for angle in np.degrees(roll_pitch_yaw_from_rotation(rotation)).tolist()
     )
     x, y, z = world_from_node[:3, 3].tolist()

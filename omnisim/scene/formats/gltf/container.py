@@ -1,4 +1,4 @@
-"""Containers: JSON text, alone or with binary data in a GLB file."""
+"""File containers: plain JSON, or a GLB file with JSON and binary data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
 def read_container(data: bytes) -> tuple[JsonObject, memoryview]:
-    """Top-level JSON object, and the binary chunk of a GLB file (empty without one).
+    """Top-level JSON object, and the binary chunk of a GLB file (otherwise empty).
 
     Source: glTF 2.0, section 4.4.
     """
@@ -21,7 +21,7 @@ def read_container(data: bytes) -> tuple[JsonObject, memoryview]:
         if data.startswith(b"glTF"):
             data, chunk = _split(data)
         root = JsonObject(json.loads(data.decode("utf-8-sig")), "")
-    except (ValueError, RecursionError, struct.error) as reason:  # of JSON and UTF-8: ValueErrors
+    except (ValueError, RecursionError, struct.error) as reason:  # ValueErrors of JSON and UTF-8
         raise SceneError(f"not glTF: {reason}") from None
     version = root.object("asset").text("version", "none")
     if not version.startswith("2."):
@@ -41,5 +41,5 @@ def _split(data: bytes) -> tuple[bytes, memoryview]:
         size, kind = struct.unpack_from("<2I", data, start)
         if kind == _BIN:
             return text, memoryview(data)[start + 8 : start + 8 + size]
-        start += 8 + size  # a chunk of another kind
+        start += 8 + size  # skips a chunk of another type
     return text, memoryview(b"")

@@ -1,4 +1,4 @@
-"""Meshes of nodes that are skinned, morphed or reshaped, at rest or by an animation."""
+"""Meshes of skinned, morphed or non-rigidly moving nodes, static or animated."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from omnisim.scene.motion.deformation import Deformation, Skeleton
 from omnisim.scene.parts import Mesh
 
 Matrix = NDArray[np.float64]
-_CHECKS = 32  # of a mesh's size, over the animation
+_CHECKS = 32  # samples of a mesh's extent over the animation
 
 
 class DeformedMesh(NamedTuple):
-    """Mesh of a node's primitive, and its pose.
+    """Mesh of a node's primitive, with its pose.
 
     Attributes:
-        mesh: at 0 s.
-        file_from_mesh: (4, 4).
-        owner: index of the node that it moves with; None: it has its place by itself.
+        mesh: mesh at 0 s.
+        file_from_mesh: (4, 4) transform.
+        owner: index of the node that moves the mesh; None: placed by its joints or static.
     """
 
     mesh: Mesh
@@ -48,15 +48,15 @@ class DeformedMesh(NamedTuple):
 
 @dataclass(frozen=True)
 class PlayedNodes:
-    """Nodes of the scene and what an animation makes of them.
+    """Nodes of the scene and their motion in the played animation.
 
     Attributes:
-        nodes: of the file.
-        poses: (4, 4) file_from_node at 0 s, of those of the scene.
-        moved: those that move.
-        reshaped: those with a mesh whose motion is not rigid.
-        animation: that is played.
-        world_from_file: (4, 4).
+        nodes: all nodes of the file.
+        poses: (4, 4) file_from_node of the scene's nodes at 0 s, by node index.
+        moved: moving nodes, by node index.
+        reshaped: indices of mesh nodes with non-rigid motion.
+        animation: animation to play.
+        world_from_file: (4, 4) transform.
     """
 
     nodes: list[JsonObject]
@@ -68,10 +68,10 @@ class PlayedNodes:
 
 
 class DeformingMeshes:
-    """Makes meshes of nodes; all methods raise SceneErrors.
+    """Builder of deforming meshes; all methods raise SceneErrors.
 
     Attributes:
-        notices: one line for each kind of fault that was mended.
+        notices: one line for each kind of repaired fault.
     """
 
     def __init__(self, root: JsonObject, accessors: Accessors, played: PlayedNodes):
@@ -82,7 +82,7 @@ class DeformingMeshes:
 
     @property
     def notices(self) -> list[str]:
-        """One line for each kind of fault that was mended."""
+        """One line for each kind of repaired fault."""
         found = []
         if self._mended:
             vertices = counted(self._mended, "vertex", "vertices")
@@ -93,7 +93,7 @@ class DeformingMeshes:
         return found
 
     def make(self, index: int, primitive: Primitive, plain: Mesh) -> DeformedMesh | None:
-        """Make the mesh of a node's primitive; None: it is the plain one."""
+        """Deforming mesh of a node's primitive; None: use the plain mesh."""
         node = self._played.nodes[index]
         is_skinned = node.has("skin") and primitive.has("JOINTS_0")
         morphed = self._morph(index, primitive)
@@ -123,7 +123,7 @@ class DeformingMeshes:
         return self._by_itself(plain, morphed, weights, skeleton)
 
     def _morph(self, index: int, primitive: Primitive) -> Morphed | None:
-        """Vertices by morph targets; None: it has none that count."""
+        """Vertices with morph targets; None: no target has an effect."""
         if not primitive.targets:
             return None
         node, animation = self._played.nodes[index], self._played.animation
@@ -134,7 +134,7 @@ class DeformingMeshes:
         return morph(primitive, weights, animated, animation.period_s)
 
     def _by_its_node(self, index: int, plain: Mesh, morphed: Morphed) -> DeformedMesh:
-        """Morphed mesh, where its node is."""
+        """Morphed mesh, posed by its node."""
         pose = self._played.poses[index]
         if morphed.targets is None:
             mesh, center = _remade(plain, morphed.positions, morphed.normals)
@@ -147,19 +147,19 @@ class DeformingMeshes:
     def _by_itself(
         self, plain: Mesh, morphed: Morphed, weights: JointWeights, skeleton: Skeleton
     ) -> DeformedMesh:
-        """Mesh that its joints place in the file's frame."""
+        """Mesh posed by its joints in the file's frame."""
         file_from_world = np.linalg.inv(self._played.world_from_file).astype(np.float64)
         mesh, center = _deforming(plain, morphed, weights, skeleton, file_from_world)
         self._check(mesh)
         return DeformedMesh(mesh, translate(np.eye(4), center), None)
 
     def _check(self, mesh: Mesh) -> None:
-        """Refuse a mesh that becomes too large."""
+        """Reject a mesh whose coordinates become too large during the animation."""
         times_s = np.linspace(0.0, self._played.animation.period_s, _CHECKS).tolist()
         assert mesh.deformation is not None
         for time_s in times_s:
             center, radius = mesh.deformation.sphere_at(time_s)
-            if not np.abs(center).max() + radius < MAX_COORDINATE:  # also NaN
+            if not np.abs(center).max() + radius < MAX_COORDINATE:  # false for NaN as well
                 raise SceneError(
                     f"mesh {mesh.name!r}: expected finite coordinates below "
                     f"{MAX_COORDINATE:g} in its animation, got others at {time_s:g} s"
@@ -195,7 +195,7 @@ def _one_joint(count: int) -> JointWeights:
     return JointWeights(np.zeros((count, 1), dtype=np.int64), np.ones((count, 1)), 0)
 
 
-@np.errstate(all="ignore")  # what is not finite is refused with the mesh
+@np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
 def _deforming(
     plain: Mesh,
     morphed: Morphed,
@@ -223,7 +223,7 @@ def _deforming(
 
 
 def _remade(plain: Mesh, positions: Matrix, normals: Matrix | None) -> tuple[Mesh, Matrix]:
-    """Mesh of other positions and normals, and its origin (3,)."""
+    """Copy of a mesh with other positions and normals, and its origin (3,)."""
     return make_mesh(
         plain.name, positions, plain.triangles, plain.material,
         normals, plain.texture_coordinates, plain.colors, plain.second_texture_coordinates,

@@ -1,6 +1,6 @@
-"""Features of glTF: applied, left out with a notice, or refused.
+"""Features of glTF: applied, omitted with a notice, ignored or refused.
 
-The notices, the table in the documentation and its tests are made from `FEATURES`.
+`FEATURES` is the source of the notices, of the table in the documentation and of its tests.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES
 
 _GROUPS_OF_NODES = ("shining",)
-_NEAREST = 9728  # OpenGL's number
+_NEAREST = 9728  # OpenGL's constant
 
 
 class Support(Enum):
-    """Treatment of a feature."""
+    """Support level of a feature."""
 
     APPLIED = "applied"
     LEFT_OUT = "left out"
@@ -34,12 +34,12 @@ class Feature:
     """Property or extension of glTF.
 
     Attributes:
-        name: as in the file, or several of one purpose.
-        support: treatment.
-        effect: the notice of a feature that is left out, and its words in the documentation.
-        group: objects that have it, a name of `DrawnObjects`; empty: an extension that is left
-            out is noted by its name, another feature is not.
-        is_used: true for an object of the group that the feature would change.
+        name: name in the file, or several names with one purpose.
+        support: support level.
+        effect: notice for an omitted feature, also used in the documentation.
+        group: field of `DrawnObjects` with the objects that can have the feature; empty: an omitted
+            extension is reported by name, and other features are not reported.
+        is_used: predicate for objects of the group that the feature would change.
     """
 
     name: str
@@ -50,23 +50,23 @@ class Feature:
 
     @property
     def extensions(self) -> tuple[str, ...]:
-        """Names of the extensions that it is; empty: it is a property."""
+        """Extension names in `name`; empty: the feature is a property."""
         names = self.name.split(", ")
         return tuple(name for name in names if re.match(r"[A-Z]+_[a-z]", name))
 
 
 @dataclass(frozen=True)
 class DrawnObjects:
-    """Objects of a file, those that its scene draws.
+    """Objects of a file that its scene draws.
 
     Attributes:
-        nodes: of the scene.
-        primitives: of the nodes' meshes.
-        materials: of the primitives, without unlit ones, which have a base color only.
-        samplers: of the file.
-        animations: that are not played, where none was chosen by its name.
-        channels: of the animation that is played.
-        shining: nodes whose lights it would move.
+        nodes: nodes of the scene.
+        primitives: primitives of the nodes' meshes.
+        materials: materials of the primitives, except unlit ones, which have a base color only.
+        samplers: texture samplers of the file.
+        animations: animations that are not played, if none was chosen by name.
+        channels: channels of the played animation.
+        shining: nodes with lights that the animation would move.
     """
 
     nodes: Sequence[JsonObject] = ()
@@ -79,7 +79,7 @@ class DrawnObjects:
 
 
 def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list[str]:
-    """One line for each feature that a file uses and that is not drawn."""
+    """Notices for used features that are not drawn, one line each."""
     notices = []
     for feature in FEATURES:
         if feature.support is Support.LEFT_OUT and feature.group:
@@ -98,12 +98,12 @@ def _is_noted_by_name(feature: Feature) -> bool:
 def _uses(entry: JsonObject, feature: Feature) -> bool:
     try:
         return feature.is_used(entry)
-    except SceneError:  # a damaged value of what is not read
+    except SceneError:  # a damaged value of a feature that is not read
         return True
 
 
 def _extension(name: str, key: str, effect: str, neutral: float = 0.0) -> Feature:
-    """Extension of materials that is left out; the neutral value of its key changes nothing."""
+    """Omitted material extension; the neutral value of its key has no effect."""
 
     def is_used(material: JsonObject) -> bool:
         extension = material.extension(name)
@@ -244,7 +244,7 @@ FEATURES = (
     *(Feature(name, _LEFT_OUT, effect) for name, effect in LEFT_OUT.items()),
     *(Feature(name, Support.IGNORED, effect) for name, effect in IGNORED.items()),
 )  # fmt: skip
-# That a file may require: those that are applied, or without which it only looks otherwise.
+# Extensions that a file may require: applied ones, and those that only change the appearance.
 SUPPORTED_EXTENSIONS = frozenset(
     name
     for feature in FEATURES

@@ -1,11 +1,11 @@
-"""Extensions of Khronos's registry of which omnisim needs nothing, or has nothing.
+"""Registered extensions that omnisim can ignore or does not support.
 
 Source: https://github.com/KhronosGroup/glTF, extensions/2.0, July 2026.
 """
 
 from __future__ import annotations
 
-# Without an effect on an image.
+# Extensions without effect on an image.
 IGNORED = {
     "KHR_xmp_json_ld, KHR_xmp": "metadata",
     "KHR_interactivity, KHR_node_hoverability, KHR_node_selectability": "behavior",
@@ -20,9 +20,9 @@ IGNORED = {
         "the maps of the plain material are drawn"
     ),
 }
-# Images of other formats, beside which a file has plain ones, unless it requires these.
+# Other image formats; files also contain plain images, unless they require these.
 OTHER_IMAGES = ("EXT_texture_astc", "EXT_texture_avif", "MSFT_texture_dds")
-# With an effect that an image lacks.
+# Extensions with a visible effect, which are not supported.
 LEFT_OUT = {
     "KHR_gaussian_splatting": "splats are points, which are not drawn",
     "KHR_materials_volume_scatter": "light in volumes is not drawn",

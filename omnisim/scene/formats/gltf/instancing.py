@@ -1,4 +1,4 @@
-"""Copies of a node's mesh, each at its own place.
+"""Instanced copies of a node's mesh.
 
 Source: EXT_mesh_gpu_instancing.
 """
@@ -17,10 +17,10 @@ _COMPONENTS = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
 
 
 def read_copies(node: JsonObject, accessors: Accessors) -> NDArray[np.float64] | None:
-    """Transforms (n, 4, 4) node_from_copies of a node's copies; None: it has its mesh once.
+    """Transforms (n, 4, 4) node_from_copies of a node's copies; None: no instancing.
 
     Raises:
-        SceneError: attributes that are no vectors of one number, or more copies than are drawn.
+        SceneError: attributes that are not vectors of equal count, or too many copies.
     """
     extension = node.extension("EXT_mesh_gpu_instancing")
     if extension is None:

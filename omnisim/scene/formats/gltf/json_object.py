@@ -1,4 +1,4 @@
-"""JSON of a glTF file: properties of their types, and errors that name their place."""
+"""JSON of a glTF file: type-checked properties, and errors that name their location."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import TypeVar
 from omnisim.core.errors import SceneError
 
 Value = TypeVar("Value")
-MAX_NUMBER = 1e15  # beyond, products overflow a float32
+MAX_NUMBER = 1e15  # products of larger numbers overflow float32
 
 
 class JsonObject:
-    """Object in a glTF file; properties are checked when they are read.
+    """Object in a glTF file, with properties that are checked on reading.
 
-    Every method raises a SceneError where a property is of another type, or, if it has no default,
-    missing. A null is as good as missing.
+    Every method raises a SceneError for a property of the wrong type, or for a missing property
+    without a default. Null counts as missing.
 
     Attributes:
-        place: its path in the JSON, `nodes[3]`.
+        place: path in the JSON, such as `nodes[3]`.
     """
 
     def __init__(self, value: object, place: str):
@@ -31,36 +31,36 @@ class JsonObject:
         return iter(self._values)
 
     def has(self, key: str) -> bool:
-        """True where the property is there."""
+        """True if the property exists."""
         return self._values.get(key) is not None
 
     def error(self, key: str, expected: str) -> SceneError:
-        """Error that names a property, what was expected and what was got."""
+        """Error that names a property, the expected and the actual value."""
         return _error(self._path(key), expected, self._values.get(key))
 
     def integer(self, key: str, default: int | None = None) -> int:
-        """Integer ≥ 0."""
+        """Integer ≥ 0 of a property."""
         value = self._values[key] if self.has(key) else default
         if type(value) is not int or value < 0:
             raise self.error(key, "an integer ≥ 0")
         return value
 
     def index(self, key: str, entries: Sequence[object]) -> int:
-        """Index of one of `entries`."""
+        """Valid index into `entries`."""
         return _index(self._values.get(key), entries, self._path(key))
 
     def indices(self, key: str, entries: Sequence[object]) -> list[int]:
-        """Indices of some of `entries`; none where missing."""
+        """Valid indices into `entries`; empty if missing."""
         path = self._path(key)
         return [_index(v, entries, f"{path}[{i}]") for i, v in enumerate(self.array(key))]
 
     def number(self, key: str, default: float) -> float:
-        """Finite number."""
+        """Finite number of a property."""
         value = self._values[key] if self.has(key) else default
         return _number(value, self._path(key))
 
     def numbers(self, key: str, count: int) -> tuple[float, ...] | None:
-        """`count` finite numbers, or None where missing."""
+        """Tuple of `count` finite numbers; None: missing."""
         if not self.has(key):
             return None
         values = self.array(key)
@@ -69,38 +69,38 @@ class JsonObject:
         return tuple(_number(value, f"{self._path(key)}[{i}]") for i, value in enumerate(values))
 
     def choice(self, key: str, choices: Mapping[int | str, Value]) -> Value:
-        """The one of `choices` that the property names."""
+        """Entry of `choices` selected by the property."""
         value = self._values.get(key)
         if not isinstance(value, int | str) or value not in choices:
             raise self.error(key, f"one of {', '.join(map(str, choices))}")
         return choices[value]
 
     def text(self, key: str, default: str) -> str:
-        """Text; numbers count as such."""
+        """Text of a property; numbers are converted to text."""
         return str(self._values[key]) if self.has(key) else default
 
     def flag(self, key: str) -> bool:
-        """True where the property is there, and true."""
+        """True if the property exists and is true."""
         return bool(self._values.get(key))
 
     def array(self, key: str) -> list[object]:
-        """Array of anything; empty where missing."""
+        """Array with elements of any type; empty if missing."""
         value = self._values.get(key) or []
         if not isinstance(value, list):
             raise self.error(key, "an array")
         return value
 
     def object(self, key: str) -> JsonObject:
-        """Object; empty where missing."""
+        """Object of a property; empty if missing."""
         return JsonObject(self._values[key] if self.has(key) else {}, self._path(key))
 
     def objects(self, key: str) -> list[JsonObject]:
-        """Array of objects; empty where missing."""
+        """Array of objects; empty if missing."""
         path = self._path(key)
         return [JsonObject(value, f"{path}[{i}]") for i, value in enumerate(self.array(key))]
 
     def extension(self, name: str) -> JsonObject | None:
-        """Object of an extension, if any."""
+        """Object of an extension; None: missing."""
         extensions = self.object("extensions")
         return extensions.object(name) if extensions.has(name) else None
 
@@ -115,7 +115,7 @@ def _index(value: object, entries: Sequence[object], place: str) -> int:
 
 
 def _number(value: object, place: str) -> float:
-    if not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:  # also NaN
+    if not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:  # rejects NaN as well
         raise _error(place, "a finite number", value)
     return float(value)
 

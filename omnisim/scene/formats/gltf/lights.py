@@ -19,7 +19,7 @@ def read_lights(
 ) -> tuple[Light, ...]:
     """Lights of the scene's nodes, in the world frame.
 
-    Source: KHR_lights_punctual; a light points along the −z of its node.
+    Source: KHR_lights_punctual; a light shines along −z of its node.
     """
     extension = root.extension(_EXTENSION)
     entries = extension.objects("lights") if extension else []

@@ -1,4 +1,4 @@
-"""Materials, their textures and images."""
+"""Materials with their textures and images."""
 
 from __future__ import annotations
 
@@ -22,29 +22,30 @@ from omnisim.scene.formats.gltf.reflectance import with_reflectance
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import NO_IMAGE, TextureStore, unreadable_image
 
-_REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's numbers
+_REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's constants
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
 
 
 class _Place(NamedTuple):
-    """Placement of a texture: its set of coordinates, and their affine transform (2, 3)."""
+    """Placement of a texture: set of texture coordinates, and affine transform (2, 3)."""
 
     channel: int
     transform: NDArray[np.float64]
 
 
 class Materials:
-    """Materials of a file; after the last comes the default of primitives without any.
+    """Materials of a file, followed by the default material for primitives without one.
 
     Attributes:
-        entries: their JSON.
-        notices: one line for each texture that cannot be decoded.
+        entries: JSON of the materials.
+        notices: one line for each texture that cannot be decoded, and for each map that is not
+            drawn.
     """
 
     def __init__(
         self, root: JsonObject, accessors: Accessors, textures: TextureStore, assets: AssetResolver
     ):
-        """Open all images; those that cannot be read are then in `assets.faults`."""
+        """Open all images; unreadable ones are recorded in `assets.faults`."""
         self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
         self.notices: list[str] = []
         self._packs = PackedMaps()
@@ -55,18 +56,18 @@ class Materials:
         self._images = [self._open(entry, accessors) for entry in self._image_entries]
 
     def uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
-        """Texture coordinates (n, 2) of a primitive for its material's texture, if any."""
+        """Texture coordinates (n, 2) of a primitive for the base color texture; None: missing."""
         place = self._place(_base_color(self.entries[material])[1])
         uv = _coordinates(primitive, place.channel)
         return None if uv is None else uv @ place.transform[:, :2].T + place.transform[:, 2]
 
     def second_uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
-        """Texture coordinates (n, 2) for maps of the material that have another set."""
+        """Texture coordinates (n, 2) for maps that use a second set; None: no such map."""
         channel = self._second_channel(self.entries[material])
         return None if channel is None else _coordinates(primitive, channel)
 
     def _place(self, info: JsonObject) -> _Place:
-        """Placement of a texture.
+        """Placement of a texture by its texture coordinates and transform.
 
         Source: KHR_texture_transform, translation · rotation · scale.
         """
@@ -78,18 +79,18 @@ class Materials:
             rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
             matrix[:, :2] = rotation * (transform.numbers("scale", 2) or (1.0, 1.0))
             matrix[:, 2] = transform.numbers("offset", 2) or (0.0, 0.0)
-        # a mirrored texture is stored with its mirror image beside it
+        # a mirrored texture is stored next to its mirror image
         mirrored = np.where([wrap == _MIRRORED_REPEAT for wrap in self._wraps(info)], 0.5, 1.0)
         return _Place(channel, matrix * mirrored[:, None])
 
     def _second_channel(self, entry: JsonObject) -> int | None:
-        """Set of texture coordinates beside the base color's; maps have one at most."""
+        """Second set of texture coordinates, besides the base color's; maps use at most one."""
         first = self._place(_base_color(entry)[1]).channel
         others = [self._place(info).channel for info, _ in _maps(entry)]
         return next((channel for channel in others if channel != first), None)
 
     def read(self, used: set[int]) -> tuple[Material, ...]:
-        """All materials; textures of the used ones only."""
+        """All materials, with textures for the used ones only."""
         return tuple(self._read(index, index in used) for index in range(len(self.entries)))
 
     def _read(self, index: int, is_used: bool) -> Material:
@@ -106,12 +107,12 @@ class Materials:
             unlit=is_unlit(entry),
         )
         if plain.unlit or index == len(self.entries) - 1:
-            return plain  # what states no material is no metal, as by the defaults of one
+            return plain  # without a material, glTF's metallic default does not apply
         maps = [self._map(entry, info, linear, name) for info, linear in _maps(entry)]
         return with_reflectance(plain, entry, self._packed(maps if is_used else [None] * 9, name))
 
     def _packed(self, maps: Sequence[Texture | None], material: str) -> list[Texture | None]:
-        """Maps in the order of `Material.maps`, of those in the order of `_maps`."""
+        """Maps in the order of `Material.maps`, packed from maps in the order of `_maps`."""
         *plain, strength, color, coat, coat_roughness, coat_normal = maps
         gloss, clear = (
             ((color, (0, 1, 2)), (strength, (3,))),
@@ -131,7 +132,7 @@ class Materials:
     def _map(
         self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str
     ) -> Texture | None:
-        """Texture of a map, placed by the coordinates of the base color or by the second ones."""
+        """Texture of a map, placed relative to the first or the second texture coordinates."""
         texture = self._decode(info, material, is_linear) if info.has("index") else None
         if texture is None:
             return None
@@ -142,7 +143,7 @@ class Materials:
         elif own.channel != self._second_channel(entry):
             self.notices.append(f"third set of texture coordinates of {material!r} is not read")
             return None
-        if not np.abs(matrix).max() < MAX_COORDINATE:  # also false for NaN
+        if not np.abs(matrix).max() < MAX_COORDINATE:  # false for NaN as well
             self.notices.append(f"map of {material!r} cannot be placed: it is not drawn")
             return None
         (a, b, c), (d, e, f) = matrix.tolist()
@@ -154,7 +155,7 @@ class Materials:
         return self._textures[info.index("index", self._textures)]
 
     def _wraps(self, info: JsonObject) -> tuple[int, int]:
-        """OpenGL's numbers of the wrapping modes along u and v."""
+        """OpenGL constants of the wrapping modes along u and v."""
         if not info.has("index") or not self._texture(info).has("sampler"):
             return _REPEAT, _REPEAT
         sampler = self._samplers[self._texture(info).index("sampler", self._samplers)]
@@ -163,7 +164,7 @@ class Materials:
     def _decode(self, info: JsonObject, material: str, is_linear: bool = False) -> Texture | None:
         texture, image, uri, reason = self._texture(info), None, "", "has no image"
         source = texture.extension("EXT_texture_webp") or texture
-        if not source.has("source"):  # the plain image is left out where KTX 2 is required
+        if not source.has("source"):  # KHR_texture_basisu may omit the plain image
             source = texture.extension("KHR_texture_basisu") or texture
         if source.has("source"):
             index = source.index("source", self._images)
@@ -178,9 +179,9 @@ class Materials:
         return None
 
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
-        """Image, not yet decoded; None where it is missing or of an unknown format."""
+        """Image, not yet decoded; None: missing or in an unknown format."""
         uri, data = entry.text("uri", ""), b""
-        with suppress(Exception):  # Pillow's readers raise all kinds
+        with suppress(Exception):  # Pillow's readers raise exceptions of any type
             if entry.has("bufferView"):
                 data = bytes(accessors.view(entry))
             elif uri:
@@ -194,7 +195,7 @@ class Materials:
 
 
 def is_unlit(material: JsonObject) -> bool:
-    """True for a material that is drawn in its base color, without lights."""
+    """True for a material rendered in its base color, without lighting."""
     return material.extension("KHR_materials_unlit") is not None
 
 
@@ -207,7 +208,10 @@ def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObj
 
 
 def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
-    """Textures of all maps, see `Materials._packed`, and true for linear ones."""
+    """Texture references of all maps, each with a flag that is true for linear data.
+
+    `Materials._packed` relies on their order.
+    """
     specular, coat = (
         material.extension(f"KHR_materials_{name}") or JsonObject({}, material.place)
         for name in ("specular", "clearcoat")
@@ -235,7 +239,7 @@ def _coordinates(primitive: Primitive, channel: int) -> NDArray[np.float64] | No
 
 @np.errstate(all="ignore")
 def _relative(own: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Affine map (2, 3) from coordinates that one map (2, 3) has placed to those of another."""
+    """Affine map (2, 3) from coordinates placed by `base` to those placed by `own`."""
     a, b, c, d = base[:, :2].ravel()
     linear: NDArray[np.float64] = own[:, :2] @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
     return np.column_stack((linear, own[:, 2] - linear @ base[:, 2]))

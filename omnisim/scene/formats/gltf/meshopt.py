@@ -1,6 +1,6 @@
-"""Buffer views that are compressed with meshoptimizer.
+"""Decompression of buffer views with meshoptimizer.
 
-Source: EXT_meshopt_compression, of which KHR_meshopt_compression is the successor.
+Source: EXT_meshopt_compression, succeeded by KHR_meshopt_compression.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from omnisim.scene.formats.gltf.json_object import JsonObject
 
 EXTENSIONS = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 MODES: dict[int | str, str] = {mode: mode for mode in ("ATTRIBUTES", "TRIANGLES", "INDICES")}
-# Strides in bytes that a filter of attributes takes; without one: multiples of 4.
+# Valid strides in bytes per attribute filter; without a filter: multiples of 4.
 STRIDES = {
     "NONE": range(4, 257, 4),
     "OCTAHEDRAL": (4, 8),
@@ -24,16 +24,16 @@ STRIDES = {
     "EXPONENTIAL": range(4, 257, 4),
 }
 _INDEX_STRIDES = (2, 4)
-MAX_RATIO = 4096  # of compression: a short file must not ask for all memory
+MAX_RATIO = 4096  # compression ratio: a short file must not exhaust the memory
 
 
 def compression(view: JsonObject) -> JsonObject | None:
-    """Compression of a buffer view, if any."""
+    """Compression of a buffer view; None: uncompressed."""
     return next((each for name in EXTENSIONS if (each := view.extension(name))), None)
 
 
 def is_readable() -> bool:
-    """The decoder is installed."""
+    """True if the decoder is installed."""
     return is_installed("meshoptimizer")
 
 
@@ -41,11 +41,11 @@ def decode(entry: JsonObject, data: memoryview) -> memoryview:
     """Decoded bytes of a buffer view.
 
     Args:
-        entry: its compression.
-        data: its compressed bytes.
+        entry: compression entry of the view.
+        data: compressed bytes.
 
     Raises:
-        SceneError: the decoder is not installed, or the data are damaged.
+        SceneError: the decoder is not installed, or the data is damaged.
     """
     if not is_readable():
         raise SceneError(f"is compressed with meshopt, which needs {install_hint('meshopt')}")
@@ -88,5 +88,5 @@ def _indices(data: bytes, count: int, stride: int, mode: str) -> NDArray[np.unsi
 
     triangles = mode == "TRIANGLES"
     read = meshoptimizer.decode_index_buffer if triangles else meshoptimizer.decode_index_sequence
-    # decoded to 32 bits, whatever the stride: the package's array has them
+    # decoded to 32 bits for any stride: the package's array is 32-bit
     return read(count, 4, data).astype("<u2" if stride == 2 else "<u4")

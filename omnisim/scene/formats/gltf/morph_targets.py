@@ -17,12 +17,12 @@ Matrix = NDArray[np.float64]
 
 
 class Morphed(NamedTuple):
-    """Vertices of a primitive before any skin.
+    """Vertices of a primitive before skinning.
 
     Attributes:
-        positions: (n, 3), by the weights that rest.
-        normals: (n, 3) likewise, or None.
-        targets: whose weights are animated, or None.
+        positions: (n, 3), morphed by static weights.
+        normals: (n, 3), morphed by static weights; None: no normals.
+        targets: targets with animated weights; None: no animated weights.
     """
 
     positions: Matrix
@@ -31,7 +31,7 @@ class Morphed(NamedTuple):
 
 
 def resting_weights(node: JsonObject, mesh: JsonObject) -> tuple[float, ...]:
-    """Weights of a node's morph targets, or else its mesh's."""
+    """Static weights of a node's morph targets: the node's, or else its mesh's."""
     holder = node if node.has("weights") else mesh
     return holder.numbers("weights", len(holder.array("weights"))) or ()
 
@@ -42,7 +42,7 @@ def morph(
     animated: Keyframes | None,
     period_s: float,
 ) -> Morphed:
-    """Morph a primitive by weights that rest, or that are animated."""
+    """Morph a primitive by static weights, or set up targets with animated ones."""
     positions, normals = primitive.required("POSITION", 3), primitive.attribute("NORMAL")
     if normals is not None and normals.shape != positions.shape:
         normals = None
@@ -78,7 +78,7 @@ def morph(
 
 
 def _columns(keyframes: Keyframes, columns: NDArray[np.intp]) -> Keyframes:
-    """Keyframes of some of the values."""
+    """Keyframes with a subset of the value columns."""
     before, after = keyframes.in_tangents, keyframes.out_tangents
     return replace(
         keyframes,

@@ -13,9 +13,9 @@ from omnisim.scene.formats.gltf.json_object import JsonObject
 
 
 def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | None]:
-    """Parents of the nodes of the file's scene, in the order of drawing.
+    """Parent of each node of the file's scene, in drawing order.
 
-    Without any scene, all root nodes are shown.
+    Without any scene, all root nodes are drawn.
     """
     scenes = root.objects("scenes")
     if scenes:
@@ -26,7 +26,7 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
         roots = [index for index in range(len(nodes)) if index not in children]
     found: dict[int, int | None] = {}
     stack: list[tuple[int, int | None]] = [(index, None) for index in roots]
-    while stack:  # depth first, last child first: instances are labeled in this order
+    while stack:  # depth first, last child first: instance labels follow this order
         index, parent = stack.pop()
         if index in found:
             raise SceneError(f"nodes[{index}]: expected one parent, got two, or itself as ancestor")
@@ -38,7 +38,7 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
 def file_from_nodes(
     parents: Mapping[int, int | None], local: Mapping[int, NDArray[np.float64]]
 ) -> dict[int, NDArray[np.float64]]:
-    """Global transforms (4, 4) of nodes, in the order of drawing, from their own."""
+    """Global transforms (4, 4) of nodes, in drawing order, from their local ones."""
     found: dict[int, NDArray[np.float64]] = {}
     for index, parent in parents.items():
         found[index] = (np.eye(4) if parent is None else found[parent]) @ local[index]
@@ -65,7 +65,7 @@ def parent_from_node(node: JsonObject) -> NDArray[np.float64]:
 
 
 def _orthonormalize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A matrix (4, 4) that is rigid, mirrored or not, but for the digits that its file gives."""
+    """Matrix (4, 4), made exactly rigid (or mirrored) if it is so up to the file's digits."""
     linear = matrix[:3, :3]
     error = np.abs(linear @ linear.T - np.eye(3)).max()
     if not 1e-13 < error < 1e-5:

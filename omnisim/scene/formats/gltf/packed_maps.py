@@ -1,4 +1,4 @@
-"""Maps that a file may have in several images, as one texture."""
+"""Maps that a file may split over several images, packed into one texture."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from PIL import Image
 
 from omnisim.scene.model import Texture
 
-# Texture, and those of its channels that count; None: they are all 1.
+# Texture and its used channels; None: all channels are 1.
 Part = tuple[Texture | None, tuple[int, ...]]
 
 
 class PackedMaps:
-    """Textures of several maps, each packed once, however many materials use it."""
+    """Textures packed from several maps, each packed once for all materials."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[object, ...], tuple[Texture, list[Part]]] = {}
 
     def pack(self, parts: Sequence[Part]) -> Texture | None:
-        """Texture of the channels of all parts; None: there is no map.
+        """Texture with the channels of all parts; None: no part has a texture.
 
         Raises:
-            ValueError: maps that are placed differently.
+            ValueError: maps with different placements.
         """
         given = [texture for texture, _ in parts if texture is not None]
         if not given:
@@ -36,7 +36,7 @@ class PackedMaps:
         if len(given) == len(parts) and len({id(one.pixels) for one in given}) == 1:
             return given[0]
         key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
-        if key not in self._found:  # the parts are kept, so that no other gets the same identity
+        if key not in self._found:  # storing the parts keeps their ids from being reused
             self._found[key] = replace(given[0], pixels=_packed(parts, given)), list(parts)
         return self._found[key][0]
 

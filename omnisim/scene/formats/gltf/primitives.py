@@ -10,20 +10,20 @@ from omnisim.core.extras import install_hint
 from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.json_object import JsonObject
 
-# OpenGL's numbers, as `mode` has them
+# OpenGL constants for `mode`
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 POINTS_AND_LINES = {0, 1, 2, 3}
 
 
 class Primitive:
-    """Arrays of a primitive of triangles. All methods raise SceneErrors.
+    """Triangle primitive with its arrays. All methods raise SceneErrors.
 
     Attributes:
-        entry: its JSON.
+        entry: JSON of the primitive.
     """
 
     def __init__(self, entry: JsonObject, accessors: Accessors):
-        """Decompress it where needed."""
+        """Decompress the primitive if necessary."""
         self.entry = entry
         self._accessors, self._attributes = accessors, entry.object("attributes")
         if draco := entry.extension("KHR_draco_mesh_compression"):
@@ -31,13 +31,13 @@ class Primitive:
 
     @property
     def targets(self) -> list[JsonObject]:
-        """Morph targets."""
+        """Morph targets of the primitive."""
         return self.entry.objects("targets")
 
     def offsets(
         self, name: str, targets: NDArray[np.intp], count: int
     ) -> NDArray[np.float64] | None:
-        """Offsets (targets, count, 3) of an attribute in some targets; None: none has it."""
+        """Offsets (targets, count, 3) of an attribute in the given targets; None: no offsets."""
         entries = self.targets
         some = [entries[number] for number in targets.tolist()]
         if not any(target.has(name) for target in some):
@@ -52,11 +52,11 @@ class Primitive:
         return offsets
 
     def has(self, attribute: str) -> bool:
-        """True where the primitive has an attribute."""
+        """True if the primitive has an attribute."""
         return self._attributes.has(attribute)
 
     def attribute(self, name: str) -> NDArray[np.float64] | None:
-        """Vertex attribute (n, components), if any."""
+        """Vertex attribute (n, components); None: missing."""
         if not self.has(name):
             return None
         values = self._accessors.floats(self._attributes, name)
@@ -65,14 +65,14 @@ class Primitive:
         return values
 
     def required(self, name: str, components: int) -> NDArray[np.float64]:
-        """Vertex attribute (n, components)."""
+        """Vertex attribute (n, components) that must exist."""
         values = self.attribute(name)
         if values is None or values.shape[1] != components:
             raise self._attributes.error(name, f"an accessor of VEC{components}")
         return values
 
     def triangles(self, vertex_count: int) -> NDArray[np.int64]:
-        """Vertices (m, 3) of the triangles.
+        """Vertex indices (m, 3) of the triangles.
 
         Source: glTF 2.0, section 3.7.2.1.
         """
@@ -87,7 +87,7 @@ class Primitive:
             return np.stack((hub, order[1:-1], order[2:]), axis=1)
         if mode == TRIANGLE_STRIP:
             strip = np.stack((order[:-2], order[1:-1], order[2:]), axis=1)
-            strip[1::2] = strip[1::2, ::-1]  # every other triangle is wound the other way round
+            strip[1::2] = strip[1::2, ::-1]  # every other triangle of a strip is wound in reverse
             return strip
         raise self.entry.error("mode", f"0 to 6, and triangles of 3 of the {len(order)} indices")
 
@@ -100,13 +100,13 @@ class Primitive:
             ) from None
         try:
             mesh = DracoPy.decode(bytes(self._accessors.view(draco)))
-        except Exception as reason:  # the library documents none
+        except Exception as reason:  # DracoPy documents no exceptions
             raise SceneError(f"{draco.place}: cannot be decoded: {reason!s:.80}") from None
         values = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}
         ids = draco.object("attributes")
         for name in ids:
             if self._attributes.has(name) and ids.integer(name) in values:
                 self._accessors.replace(self._attributes, name, values[ids.integer(name)])
-        faces: NDArray[np.uint32] | None = getattr(mesh, "faces", None)  # a point cloud has none
+        faces: NDArray[np.uint32] | None = getattr(mesh, "faces", None)  # not in point clouds
         if faces is not None and self.entry.has("indices"):
             self._accessors.replace(self.entry, "indices", faces)

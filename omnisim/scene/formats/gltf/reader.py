@@ -1,4 +1,4 @@
-"""Importer: meshes, materials, instances and lights, exactly as a glTF file states them."""
+"""Importer for glTF: meshes, materials, instances and lights, exactly as stated in the file."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def read_gltf(
     world_from_file: NDArray[np.float64],
     choice: AnimationChoice = FIRST_ANIMATION,
 ) -> ImportedScene:
-    """Read a glTF or GLB file, which plays an animation.
+    """Read a glTF or GLB file with its animation.
 
     Raises:
-        SceneError: it is damaged, requires an extension that is not supported, or has no animation
-            of the name.
+        SceneError: the file is damaged, requires an unsupported extension, or lacks the chosen
+            animation.
     """
     root, chunk = read_container(data)
     unsupported = set(map(str, root.array("extensionsRequired"))) - SUPPORTED_EXTENSIONS
@@ -91,7 +91,7 @@ def read_gltf(
 def _drawn_objects(
     root: JsonObject, nodes: list[JsonObject], materials: list[JsonObject]
 ) -> DrawnObjects:
-    """Objects that the nodes of the scene draw."""
+    """Objects drawn by the nodes of the scene."""
     meshes = root.objects("meshes")
     drawn = [(node, meshes[node.index("mesh", meshes)]) for node in nodes if node.has("mesh")]
     primitives = [
@@ -110,7 +110,7 @@ def _drawn_objects(
 
 
 class _Part(NamedTuple):
-    """Primitive of a glTF mesh as a mesh of the scene, and that mesh's origin."""
+    """Primitive of a glTF mesh, with its scene mesh and that mesh's origin."""
 
     primitive: Primitive
     mesh: int
@@ -118,10 +118,10 @@ class _Part(NamedTuple):
 
 
 class _Meshes:
-    """Meshes of a file, one for each primitive. All methods raise SceneErrors.
+    """Meshes of a file, one per primitive. All methods raise SceneErrors.
 
     Attributes:
-        meshes: those of the file; `instantiate` adds skinned, morphed and reshaped ones.
+        meshes: meshes of the file; `instantiate` appends skinned, morphed and non-rigid ones.
     """
 
     def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
@@ -139,7 +139,7 @@ class _Meshes:
         poses: dict[int, NDArray[np.float64]],
         deforming: DeformingMeshes,
     ) -> Iterator[tuple[int | None, Instance]]:
-        """Instances of the nodes at their poses, with the indices of those that they move with.
+        """Instances of the nodes at their poses, each with the index of the node that moves it.
 
         Their `world_from_mesh` is still file_from_mesh.
         """
@@ -167,7 +167,7 @@ class _Meshes:
     def _copy(
         self, node: JsonObject, index: int, pose: NDArray[np.float64], copies: NDArray[np.float64]
     ) -> Iterator[tuple[int | None, Instance]]:
-        """Instances of a node's copies, numbered, which neither bend nor morph."""
+        """Instances of a node's copies, numbered, without deformation."""
         name = node.text("name", f"node {index}")
         parts = self._parts[node.index("mesh", self._parts)]
         for number, file_from_copy in enumerate(pose @ copies):
@@ -201,7 +201,7 @@ class _Meshes:
             yield _Part(primitive, len(self.meshes) - 1, center)
 
     def _unique(self, name: str) -> str:
-        """The name, numbered where another mesh has it."""
+        """Name with a number appended if another mesh already has it."""
         unique, number = name, self._name_counts.get(name, 0)
         while unique in self._name_counts:
             number += 1

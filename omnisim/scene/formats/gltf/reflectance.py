@@ -1,4 +1,4 @@
-"""Reflectance of materials: metal, roughness, gloss, clear coats and emission."""
+"""Reflectance of materials: metal, roughness, gloss, clear coat and emission."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.model import Material, Texture
 
 DEFAULT_IOR = 1.5
-_BRIGHTEST = 65504.0  # the largest half float, as of images
+_BRIGHTEST = 65504.0  # largest half float, the precision of images
 _MAX_SCALE = 1e3
 Color = tuple[float, float, float]
 
@@ -17,7 +17,7 @@ Color = tuple[float, float, float]
 def with_reflectance(
     material: Material, entry: JsonObject, maps: Sequence[Texture | None]
 ) -> Material:
-    """Material with the reflectance of its JSON, and with maps in the order of `Material.maps`.
+    """Material with the reflectance of its JSON entry, and maps in the order of `Material.maps`.
 
     Source: glTF 2.0, section 3.9; KHR_materials_emissive_strength, _ior, _specular, _clearcoat,
     and the glossiness of KHR_materials_pbrSpecularGlossiness.
@@ -64,13 +64,13 @@ def with_reflectance(
 
 
 def _specular_glossiness(material: Material, glossy: JsonObject) -> Material:
-    """A dielectric whose reflectance at normal incidence is the specular factor."""
+    """Dielectric whose reflectance at normal incidence is the specular factor."""
     red, green, blue = (min(max(one, 0.0), 1.0) for one in _color(glossy, "specularFactor", 1.0))
     return replace(
         material,
         roughness=1.0 - _share(glossy, "glossinessFactor", 1.0),
         specular=1.0,
-        specular_color=(25.0 * red, 25.0 * green, 25.0 * blue),  # times 4 %, of the default index
+        specular_color=(25.0 * red, 25.0 * green, 25.0 * blue),  # relative to 4 %, at index 1.5
     )
 
 

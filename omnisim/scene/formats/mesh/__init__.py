@@ -1,1 +1,1 @@
-"""Meshes by trimesh: OBJ, PLY, STL, COLLADA and others."""
+"""Mesh formats read by trimesh: OBJ, PLY, STL, COLLADA and others."""

@@ -1,7 +1,7 @@
-"""Faults of OBJ, PLY, STL, OFF and COLLADA files that trimesh cannot read.
+"""Diagnosis of OBJ, PLY, STL, OFF and COLLADA files that trimesh cannot read.
 
-trimesh's readers fail somewhere in NumPy; here a file is searched for the line or number that is
-wrong, which only a damaged one pays for.
+trimesh's readers fail somewhere inside NumPy. This module finds the faulty line or number, at a
+cost that only damaged files incur.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ _PLY_BYTES = {
     "float64": 8,
 }  # fmt: skip
 _COUNT = re.compile(r"\d{1,18}", re.ASCII)
-_HEAD = 4096  # bytes that a header of OFF is in
+_HEAD = 4096  # bytes that contain the header of an OFF file
 _STL_HEADER, _STL_TRIANGLE = 84, 50  # bytes
 
 
 def mesh_fault(kind: str, data: bytes) -> str:
-    """First fault of a file that cannot be read, or has nothing to draw; empty: none found.
+    """First fault of a file that is unreadable or has no geometry; empty: no fault found.
 
     Args:
-        kind: suffix without its point.
-        data: of the file.
+        kind: suffix without its dot.
+        data: content of the file.
     """
     find = _FINDERS.get(kind)
     return find(data) if find else ""
 
 
 def early_end(kind: str, data: bytes) -> str:
-    """Fault of a file that ends too early, which trimesh reads as a smaller one; empty: none.
+    """Fault of a truncated file, which trimesh would read as a smaller one; empty: no fault.
 
     Args:
-        kind: suffix without its point.
-        data: of the file.
+        kind: suffix without its dot.
+        data: content of the file.
     """
     return {"ply": _ply_end, "off": _off_end}[kind](data) if kind in ("ply", "off") else ""
 
 
 def _numbered(data: bytes) -> Iterator[tuple[int, list[str]]]:
-    """Words of the lines, with their numbers from 1; comments are left out."""
+    """Words of each non-empty line with its number from 1; comments are dropped."""
     for number, line in enumerate(decode_text(data).split("\n"), start=1):
         words = line.partition("#")[0].split()
         if words:
@@ -56,7 +56,7 @@ def _numbered(data: bytes) -> Iterator[tuple[int, list[str]]]:
 
 
 def _bad_number(words: list[str]) -> str:
-    """The first word that is not a number; empty: all are."""
+    """First word that is not a number; empty: all are numbers."""
     return next((word for word in words if not _NUMBER.fullmatch(word)), "")
 
 
@@ -94,7 +94,7 @@ def _ply(data: bytes) -> str:
 
 
 def _ply_elements(head: bytes) -> tuple[list[tuple[int, int]], str]:
-    """Counts of the elements, with the bytes of one at least; and the header's fault."""
+    """Counts of the elements, each with its minimum size in bytes; and the header's fault."""
     elements: list[tuple[int, int]] = []
     for _, (key, *values) in _numbered(head):
         if key == "element":
@@ -102,7 +102,7 @@ def _ply_elements(head: bytes) -> tuple[list[tuple[int, int]], str]:
                 return [], f"element: expected a name and a count, got {' '.join(values)!r}"
             elements.append((int(values[1]), 0))
         elif key == "property":
-            kind = (values[1:] if values[:1] == ["list"] else values)[:1]  # a list's is its count's
+            kind = (values[1:] if values[:1] == ["list"] else values)[:1]  # for a list: count type
             if not kind or kind[0] not in _PLY_BYTES or not elements:
                 return [], f"property: expected a type and a name, got {' '.join(values)!r}"
             count, size = elements[-1]
@@ -111,7 +111,7 @@ def _ply_elements(head: bytes) -> tuple[list[tuple[int, int]], str]:
 
 
 def _ply_end(data: bytes) -> str:
-    """Fault of a file with less than its header says."""
+    """Fault of a file with less data than its header states."""
     head, _, body = data.partition(b"end_header")
     is_text = re.search(rb"format\s+ascii", head) is not None
     body = body.partition(b"\n")[2]
@@ -122,7 +122,7 @@ def _ply_end(data: bytes) -> str:
 
 
 def _line_count(data: bytes) -> int:
-    """Number of lines with anything in them."""
+    """Number of non-blank lines."""
     return sum(1 for line in data.split(b"\n") if line.strip())
 
 
@@ -164,7 +164,7 @@ def _off(data: bytes) -> str:
 
 
 def _off_counts(data: bytes) -> tuple[int, tuple[int, int] | None]:
-    """Lines before the first vertex, and the counts of vertices and faces, if they are there."""
+    """Number of lines before the first vertex, and the counts of vertices and faces, if any."""
     heads = [words for _, words in itertools.islice(_numbered(data[:_HEAD]), 2)]
     if not heads or not heads[0][0].upper().endswith("OFF"):
         return 0, None
@@ -175,7 +175,7 @@ def _off_counts(data: bytes) -> tuple[int, tuple[int, int] | None]:
 
 
 def _off_end(data: bytes) -> str:
-    """Fault of a file with less than its counts say."""
+    """Fault of a file with fewer lines than its counts state."""
     first, counts = _off_counts(data)
     wanted, got = sum(counts or ()), _line_count(data) - first
     return "" if got >= wanted else _cut(wanted, "lines", got)

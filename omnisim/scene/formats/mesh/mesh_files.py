@@ -1,4 +1,4 @@
-"""Mesh export, through trimesh (of which mypy ignores what has no annotations)."""
+"""Mesh export through trimesh (mypy ignores its functions without annotations)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def check_mesh_target(path: Path) -> None:
     """Check early that a mesh can be written to a path.
 
     Raises:
-        OutputError: an unknown format, or a folder that is not there.
+        OutputError: an unknown format or a missing folder.
     """
     if path.suffix.lower() not in MIRROR_SUFFIXES:
         raise OutputError(
@@ -30,17 +30,17 @@ def check_mesh_target(path: Path) -> None:
 
 
 def write_mirror(path: Path, mesh: UnfoldedMirrorMesh, name: str) -> None:
-    """Write a mirror's mesh as GLB, OBJ or PLY; in Blender its axis z points to the pinhole.
+    """Write a mirror's mesh as GLB, OBJ or PLY; in Blender its z axis points to the pinhole.
 
-    The material is a perfect mirror; the texture coordinates are of the unfolded cube.
+    The material is a perfect mirror, and the texture coordinates are those of the unfolded cube.
 
     Raises:
-        OutputError: an unknown format, or a file that cannot be written; nothing is left then.
+        OutputError: an unknown format, or a file that cannot be written; no partial file remains.
     """
     check_mesh_target(path)
     u, v = mesh.texture_coordinates.T
-    if path.suffix.lower() == ".ply":  # written as it is, without a material
-        # Blender and MeshLab read texture coordinates of PLY as the vertex properties s and t
+    if path.suffix.lower() == ".ply":  # unchanged axes, no material
+        # Blender and MeshLab read the vertex properties s and t as texture coordinates
         attributes = {"s": u.astype(np.float32), "t": (1.0 - v).astype(np.float32)}
         plain = trimesh.Trimesh(
             mesh.vertices_m,
@@ -50,13 +50,13 @@ def write_mirror(path: Path, mesh: UnfoldedMirrorMesh, name: str) -> None:
             process=False,
         )
         data = plain.export(file_type="ply", vertex_normal=True, include_attributes=True)
-    else:  # glTF has y up, and what reads OBJ mostly assumes it
+    else:  # glTF is y up, and most OBJ readers assume that too
         exported = trimesh.Trimesh(
             mesh.vertices_m @ _FILE_FROM_Z_UP.T,
             mesh.triangles,
             vertex_normals=mesh.normals @ _FILE_FROM_Z_UP.T,
             visual=trimesh.visual.TextureVisuals(  # type: ignore[no-untyped-call]
-                np.stack((u, 1.0 - v), axis=-1),  # trimesh counts from the bottom
+                np.stack((u, 1.0 - v), axis=-1),  # trimesh's v points up
                 trimesh.visual.material.PBRMaterial(  # type: ignore[no-untyped-call]
                     "mirror", baseColorFactor=[1.0] * 4, metallicFactor=1.0, roughnessFactor=0.0
                 ),
@@ -71,7 +71,7 @@ def write_mirror(path: Path, mesh: UnfoldedMirrorMesh, name: str) -> None:
             )
         else:
             data = exported.export(file_type="obj", include_normals=True, write_texture=False)
-            # there is no material file: OBJ has no mirrors
+            # no material file, because MTL cannot describe mirrors
             lines = str(data).split("\n")
             data = "\n".join(x for x in lines if not x.startswith(("mtllib", "usemtl")))
     with atomic_write(path) as partial:

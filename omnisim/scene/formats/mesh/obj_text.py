@@ -1,26 +1,26 @@
-"""Normalization of OBJ and MTL text, as people and programs write it, for trimesh.
+"""Normalization of OBJ and MTL text for trimesh.
 
-Plain: UTF-8; one material file; indices counted from the start; texture coordinates at every
-corner or at none; texture maps without options, which go into keys of their own.
+Normalized text is UTF-8 and uses a single material file. Indices count from the start, and either
+all or no corners have texture coordinates. Options of texture maps become separate keys.
 """
 
 from __future__ import annotations
 
 import re
 
-MATERIAL_FILES = "omnisim material files.mtl"  # stands for all of them
-# How many values follow each option of a texture map (Wavefront's MTL specification).
+MATERIAL_FILES = "omnisim material files.mtl"  # placeholder for all material files
+# Number of values of each texture map option (Wavefront's MTL specification).
 _OPTION_VALUES = {
     "-blendu": 1, "-blendv": 1, "-bm": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-colorspace": 1,
     "-imfchan": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-type": 1,
 }  # fmt: skip
-NO_MATERIAL = {"None", "(null)", "null"}  # as exporters write it
+NO_MATERIAL = {"None", "(null)", "null"}  # placeholders that exporters write
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 _BARE_CORNER = re.compile(r"^[ \t]*f[ \t][^\n]*?\d(?:[ \t]|$|//)", re.MULTILINE)
 
 
 def decode_text(data: bytes) -> str:
-    """Decode UTF-8, or else Latin-1; every line ends in a line feed."""
+    """Decode UTF-8, or else Latin-1, with line feeds as line ends."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -29,7 +29,7 @@ def decode_text(data: bytes) -> str:
 
 
 def plain_obj(data: bytes) -> tuple[bytes, list[str]]:
-    """Return a plain OBJ and what its `mtllib` lines name, a line each."""
+    """Return a normalized OBJ, and the argument of each `mtllib` line."""
     text = decode_text(data).replace("\\\n", " ")
     text = re.sub(r"#[^\n]*", "", text)
     names = re.findall(r"^[ \t]*mtllib[ \t]+(\S[^\n]*?)[ \t]*$", text, re.MULTILINE)
@@ -44,8 +44,8 @@ def plain_obj(data: bytes) -> tuple[bytes, list[str]]:
 
 
 def _plain_corners(text: str) -> str:
-    """Indices that count back from their line become absolute; corners without texture
-    coordinates, in a file that has some, get a pair of zeros."""  # fmt: skip
+    """Make relative indices absolute, and give corners without texture coordinates a zero pair
+    if other corners have some."""  # fmt: skip
     counts = [0, 0, 0]
     columns = {"v": 0, "vt": 1, "vn": 2}
     lines = text.split("\n")
@@ -75,8 +75,8 @@ def _plain_corner(word: str, counts: list[int], total_coordinates: int) -> str:
 
 
 def undefined_materials(obj: bytes, mtl: bytes) -> list[str]:
-    """Notice of the materials that a plain OBJ uses and its plain MTL lacks."""
-    if b"newmtl" not in mtl:  # which is noted of the file itself
+    """Notice of the materials that a normalized OBJ uses but its MTL does not define."""
+    if b"newmtl" not in mtl:  # reported for the file itself
         return []
     used, defined = (
         dict.fromkeys(
@@ -92,7 +92,10 @@ def undefined_materials(obj: bytes, mtl: bytes) -> list[str]:
 
 
 def plain_mtl(data: bytes) -> bytes:
-    """Return a plain MTL: no comments, no quotes; options of maps as keys, `map_kd-s 2 2 1`."""
+    """Return a normalized MTL, without comments and quotes.
+
+    Map options become keys, such as `map_kd-s 2 2 1`.
+    """
     lines = []
     for line in decode_text(data).split("\n"):
         words = re.sub(r"(^|\s)#.*$", "", line).split()

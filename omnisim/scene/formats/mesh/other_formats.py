@@ -1,6 +1,6 @@
-"""OBJ, PLY, STL, COLLADA and all other formats that trimesh reads, with simpler materials.
+"""OBJ, PLY, STL, COLLADA and the other formats that trimesh reads, with simpler materials.
 
-Their meshes and materials are imported by `omnisim.scene.formats.mesh.trimesh_import`.
+Meshes and materials are imported by `omnisim.scene.formats.mesh.trimesh_import`.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from omnisim.scene.formats.mesh.obj_text import (
 from omnisim.scene.formats.mesh.trimesh_import import import_trimesh
 from omnisim.scene.textures import TextureStore, unreadable_image
 
-# trimesh also reads paths without surfaces, voxels, and archives of files.
+# Formats that trimesh reads, but not as surfaces: paths, voxels and archives.
 _NOT_SCENES = {"dxf", "svg", "binvox", "zip", "tar.gz", "tar.bz2", "tgz", "bz2", "gz"}
 _DAMAGED = "is damaged, or of another format than its name says"
-# What it would write to standard error is said by errors and notices.
+# Errors and notices replace trimesh's output to standard error.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
@@ -50,7 +50,7 @@ def check_format(path: Path) -> None:
 def read_other(
     path: Path, data: bytes, textures: TextureStore, assets: AssetResolver
 ) -> ImportedScene:
-    """Read a file of any format but glTF."""
+    """Read a file of any trimesh format."""
     plain = None
     if path.suffix.lower() == ".obj":
         plain, names = plain_obj(data)
@@ -72,40 +72,40 @@ def read_other(
 def _load_with_trimesh(
     kind: str, data: bytes, plain: bytes | None, assets: AssetResolver
 ) -> trimesh.Scene:
-    """Load a file, or the plain form that is read in its place."""
+    """Load a file with trimesh, from its normalized form `plain` if there is one."""
     try:
-        # without NumPy's warnings of a damaged file, and Pillow's of a large image
+        # suppresses NumPy's warnings about damaged files and Pillow's about large images
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             file = io.BytesIO(data if plain is None else plain)
             return trimesh.load_scene(file, file_type=kind, resolver=assets, process=False)
     except MemoryError:
         raise
-    except Exception as reason:  # a damaged file can make trimesh's readers fail in any way
+    except Exception as reason:  # trimesh's readers raise any exception on a damaged file
         if isinstance(reason, ImportError) and reason.name != "charset_normalizer":
             message = f"it needs {reason.name}: pip install {reason.name}"
-        else:  # trimesh guesses encodings with charset_normalizer
+        else:  # trimesh uses charset_normalizer only to guess encodings
             message = mesh_fault(kind, data) or _DAMAGED
         faults = "".join(f"{name} {fault}; " for name, fault in [*assets.faults.items()][-1:])
         raise SceneError(f"cannot be read as {kind}: {faults}{message}") from None
 
 
 def _check_image(name: str, assets: AssetResolver) -> None:
-    """Note an image that cannot be opened: trimesh ignores it silently."""
+    """Record an image that cannot be opened, which trimesh ignores silently."""
     data = b""
     try:
         data = assets[name]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a large image
+            warnings.simplefilter("ignore")  # about large images
             Image.open(io.BytesIO(data)).close()
     except MemoryError:
         raise
-    except Exception:  # Pillow's readers raise all kinds
+    except Exception:  # Pillow's readers raise exceptions of any type
         assets.faults[name] = unreadable_image(data)
 
 
 def _material_files(names: list[str], assets: AssetResolver) -> bytes:
-    """All material files that an OBJ's `mtllib` lines name, as one."""
+    """Concatenated, normalized material files of an OBJ's `mtllib` lines."""
     parts = []
     for line in names:
         # "a.mtl b.mtl" is two files, "my file.mtl" is one

@@ -1,8 +1,8 @@
-"""Meshes, materials and instances of trimesh's scenes, from files and from memory.
+"""Import of meshes, materials and instances from trimesh scenes, loaded or built in memory.
 
-Display values (sRGB) are decoded here: by the custom of these formats colors are such, but for the
-base colors of a `PBRMaterial` in memory, which are linear as in glTF. Nothing says reliably which
-side of a triangle is its front, so both are drawn, unless a `PBRMaterial` in memory says otherwise.
+Colors are sRGB by convention of these formats and are decoded here; only the base color of a
+`PBRMaterial` in memory is linear, as in glTF. Triangle winding is unreliable, so meshes are
+double-sided unless a `PBRMaterial` in memory says otherwise.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
 _OPAQUE_FROM = 0.999
 _NO_FILES: Mapping[str, bytes] = {}
 _ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
-_DEFAULT_DIFFUSE = (102, 102, 102, 255)  # of a SimpleMaterial that is not given any
+_DEFAULT_DIFFUSE = (102, 102, 102, 255)  # of a SimpleMaterial without a color
 
 
 def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[ImportedScene, float]:
-    """Import a scene or mesh that was made in memory, and find the meters in a unit of it.
+    """Import a trimesh scene or mesh built in memory, with its unit in meters.
 
     Raises:
-        SceneError: something else, nothing to draw, or an unknown unit.
+        SceneError: another type, no geometry or an unknown unit.
     """
     if isinstance(source, trimesh.Trimesh):
         scene = trimesh.Scene()
@@ -77,13 +77,13 @@ def import_trimesh(
     assets: Mapping[str, bytes] | None = None,
     smooth: bool | None = None,
 ) -> ImportedScene:
-    """Import the meshes of a scene of trimesh.
+    """Import the meshes of a trimesh scene.
 
     Args:
-        loaded: as trimesh has it.
-        textures: decodes its images.
-        assets: files beside the one that it was read from; None: it was made in memory.
-        smooth: True: normals at vertices; False: flat triangles; None: normals where it has them.
+        loaded: trimesh scene.
+        textures: store that decodes the scene's images.
+        assets: files referenced by the scene file; None: built in memory.
+        smooth: True: vertex normals; False: flat shading; None: vertex normals if present.
     """
     meshes: list[Mesh] = []
     materials: list[Material] = []
@@ -115,10 +115,10 @@ def _mesh(
 ) -> tuple[Mesh, NDArray[np.float64]]:
     visual = geometry.visual
     positions: NDArray[np.float64] = np.asarray(geometry.vertices)
-    if positions.shape[1] != 3:  # of an OBJ file with a damaged vertex
+    if positions.shape[1] != 3:  # from an OBJ file with a damaged vertex
         raise SceneError(f"mesh {name!r}: expected vertices of three numbers")
     triangles: NDArray[np.int64] = np.asarray(geometry.faces)
-    normals = geometry._cache.cache.get("vertex_normals")  # present where the file has them
+    normals = geometry._cache.cache.get("vertex_normals")  # present if the file has them
     if smooth is not None:
         normals = np.array(geometry.vertex_normals) if smooth else None
     coordinates = colors = None
@@ -132,16 +132,16 @@ def _mesh(
     elif visual is not None and visual.kind == "vertex":
         colors = _linear_colors(visual.vertex_colors)
     elif visual is not None and visual.kind == "face":
-        # one color a triangle: each gets vertices of its own
+        # one color per triangle requires separate vertices
         colors = np.repeat(_linear_colors(visual.face_colors), 3, axis=0)
         positions, normals = positions[triangles].reshape(-1, 3), None
         triangles = np.arange(len(positions)).reshape(-1, 3)
     return make_mesh(name, positions, triangles, material, normals, coordinates, colors)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is left out with the mesh
+@np.errstate(over="ignore", invalid="ignore")  # non-finite coordinates are dropped with the mesh
 def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> NDArray[np.float64]:
-    """Texture coordinates (n, 2), v down; MTL's scale and offset of the map applied."""
+    """Texture coordinates (n, 2) with v down, after MTL's scale and offset of the map."""
     extra = getattr(visual.material, "kwargs", {})
     coordinates = np.array(visual.uv, dtype=np.float64)[:, :2]
     coordinates *= _pair(extra, "s", 1.0)
@@ -151,7 +151,7 @@ def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> NDArray[np.fl
 
 
 def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> list[float]:
-    """The first two numbers of an option of MTL's map of colors."""
+    """First two numbers of an option of MTL's color map."""
     words = extra.get(f"map_kd-{option}") or ()
     try:
         return ([float(word) for word in words] + [default, default])[:2]
@@ -164,7 +164,7 @@ def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> li
 def _material_of_file(
     mesh_name: str, visual: Any, textures: TextureStore, assets: Mapping[str, bytes]
 ) -> Material:
-    """Material of a mesh that trimesh read from a file."""
+    """Material of a mesh loaded from a file."""
     if not isinstance(visual, trimesh.visual.TextureVisuals):
         return _untextured(mesh_name, visual)
     source = visual.material
@@ -172,16 +172,16 @@ def _material_of_file(
     if isinstance(source, PBRMaterial):
         image, factor = source.baseColorTexture, source.baseColorFactor
     elif "kd" not in getattr(source, "kwargs", {}):
-        factor = None  # trimesh's stand-in for a missing Kd
+        factor = None  # trimesh's placeholder for a missing Kd
     if getattr(image, "format", None) is None:
-        image = None  # trimesh's stand-in for a missing material, not an image from a file
+        image = None  # trimesh's placeholder for a missing material, not an image from a file
     return _material(mesh_name, source, image, factor, textures, assets)
 
 
 def _material_in_memory(
     mesh_name: str, visual: Any, textures: TextureStore, notices: list[str]
 ) -> Material:
-    """Material of a mesh that was made in memory."""
+    """Material of a mesh built in memory."""
     if not isinstance(visual, trimesh.visual.TextureVisuals):
         return _untextured(mesh_name, visual)
     source = visual.material
@@ -202,7 +202,7 @@ def _untextured(mesh_name: str, visual: Any) -> Material:
 
 
 def _pbr_material(mesh_name: str, source: PBRMaterial, textures: TextureStore) -> Material:
-    """Material by the rules of glTF."""
+    """Material under the rules of glTF."""
     name = str(source.name or mesh_name)
     image, factor = source.baseColorTexture, source.baseColorFactor
     texture = None if image is None else textures.texture(image, name)
@@ -226,7 +226,7 @@ def _material(
     textures: TextureStore,
     assets: Mapping[str, bytes],
 ) -> Material:
-    """Material of an image and a factor (3 or 4), both display values, and of MTL's options."""
+    """Material from an image and a factor (3 or 4), both sRGB, and from MTL's options."""
     name = str(getattr(source, "name", None) or mesh_name)
     extra = getattr(source, "kwargs", {})
     texture = None if image is None else textures.texture(image, name)
@@ -238,7 +238,7 @@ def _material(
         factor = [255] * 4 if texture is not None else [204, 204, 204, 255]
     rgba = np.resize(np.array(factor, dtype=np.float64) / 255.0, 4)
     if image is not None and not rgba[:3].any():
-        rgba[:3] = 1.0  # exporters write a black Kd beside map_Kd, and mean the map
+        rgba[:3] = 1.0  # exporters write a black Kd with map_Kd, but mean the map alone
     alpha = _opacity(extra, float(rgba[3]))
     mode = alpha_mode_of(texture) if alpha >= _OPAQUE_FROM else AlphaMode.BLEND
     red, green, blue = (float(value) for value in linear_from_srgb(rgba[:3]))
@@ -252,7 +252,7 @@ def _linear_colors(colors: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def _opacity(extra: dict[str, Any], default: float) -> float:
-    """MTL's `d`, or its opposite `Tr`; a word where a number belongs is as if not written."""
+    """Opacity from MTL's `d`, or its complement `Tr`; non-numeric values are ignored."""
     try:
         if "d" in extra:
             return _share(float(extra["d"][-1]))
@@ -260,7 +260,7 @@ def _opacity(extra: dict[str, Any], default: float) -> float:
             return _share(1.0 - float(extra["tr"][-1]))
     except (TypeError, ValueError, IndexError):
         return default
-    # COLLADA's ways to state transparency contradict each other; invisible surfaces are mistakes
+    # COLLADA files encode transparency inconsistently; a fully invisible surface is a mistake
     return default if default > 0.0 else 1.0
 
 
@@ -269,19 +269,19 @@ def _share(value: float) -> float:
 
 
 def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> NDArray[np.uint8] | None:
-    """MTL's `map_d` as levels (height, width) uint8."""
+    """Opacity levels (height, width) uint8 from MTL's `map_d`; None: no usable map."""
     if not extra.get("map_d"):
         return None
     try:
         pixels = rgba8(Image.open(io.BytesIO(assets[" ".join(extra["map_d"])])))
-    except Exception:  # missing: its name was noted; Pillow's readers raise all kinds
+    except Exception:  # a missing file is already reported; Pillow raises any type
         return None
     holes = pixels[..., 3]
     return holes if (holes < 255).any() else pixels[..., 0]
 
 
 def _with_alpha(texture: Texture, levels: NDArray[np.uint8]) -> Texture:
-    """The texture with `levels` as its alpha, each texel taking the nearest level."""
+    """Texture with `levels` as its alpha, sampled at the nearest level."""
     height, width = texture.pixels.shape[:2]
     rows = np.arange(height) * levels.shape[0] // height
     columns = np.arange(width) * levels.shape[1] // width

@@ -1,4 +1,4 @@
-"""Lenses of a model's own cameras."""
+"""Lenses of the cameras in a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.core.errors import SceneError
 from omnisim.scene.formats.mjcf.camera_mount import find_mount
 
-_DEFAULT_SIZE_PX = (640, 480)  # of a camera that states no resolution
+_DEFAULT_SIZE_PX = (640, 480)  # for cameras without a resolution
 
 
 def lens_of(
     model: mujoco.MjModel, camera: str, size_px: tuple[int, int] | None = None
 ) -> PerspectiveCamera | UnifiedCamera:
-    """Lens of a camera of the model: a pinhole, with which omnisim's images are MuJoCo's.
+    """Pinhole lens of a camera in the model; omnisim's images then match MuJoCo's.
 
     Args:
-        model: of MuJoCo.
-        camera: name.
-        size_px: (width, height); None: the camera's resolution, or 640 × 480 where it has none.
+        model: MuJoCo model.
+        camera: camera name.
+        size_px: (width, height); None: the camera's resolution, or 640 × 480 by default.
 
     Raises:
-        SceneError: there is no such camera, or it is orthographic.
+        SceneError: an unknown or an orthographic camera.
         OpticsError: a size below 1.
     """
     mount = find_mount(model, camera=camera)
@@ -40,8 +40,8 @@ def lens_of(
         half_rad = math.radians(0.5 * float(model.cam_fovy[index]))
         return PerspectiveCamera(width, height, 0.5 * height / math.tan(half_rad), middle)
     focal_x, focal_y, off_x, off_y = (float(value) for value in model.cam_intrinsic[index])
-    per_x, per_y = width / sensor_x, height / sensor_y  # pixels to a unit of the sensor
-    axis = (middle[0] - off_x * per_x, middle[1] - off_y * per_y)  # as MuJoCo draws it
+    per_x, per_y = width / sensor_x, height / sensor_y  # pixels per unit of sensor size
+    axis = (middle[0] - off_x * per_x, middle[1] - off_y * per_y)  # sign as in MuJoCo's images
     if math.isclose(focal_x * per_x, focal_y * per_y, rel_tol=1e-6):
         return PerspectiveCamera(width, height, focal_x * per_x, axis)
     return UnifiedCamera(width, height, (focal_x * per_x, focal_y * per_y), axis, xi=0.0)

@@ -1,4 +1,4 @@
-"""Elements of a model that carry cameras, and their poses."""
+"""Elements of a MuJoCo model that carry cameras, and their poses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.poses import pose_from_rotation
 
-# MuJoCo's cameras look along −z, y is up: OpenGL's frame.
+# MuJoCo's cameras look along −z with y up, as in OpenGL.
 _OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 _OPENGL_FROM_BASE = (BASE_FROM_OPTICAL_LOOKING_AHEAD @ _OPTICAL_FROM_OPENGL).T
 
@@ -22,14 +22,14 @@ class Mount(NamedTuple):
 
     Attributes:
         kind: "body", "site" or "camera".
-        number: in the model.
+        number: index in the model.
     """
 
     kind: str
     number: int
 
     def pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
-        """Pose (4, 4) world_from_mount: x forward, z up."""
+        """Pose (4, 4) world_from_mount, x forward, z up."""
         if self.kind == "body":
             rotation, position = data.xmat[self.number], data.xpos[self.number]
         elif self.kind == "site":
@@ -43,10 +43,10 @@ class Mount(NamedTuple):
 
 
 def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
-    """Element of a model by its kind and name; None: there is no name.
+    """Element of a model by its kind and name; None: no name is given.
 
     Raises:
-        SceneError: there is no such element, or several are named.
+        SceneError: an unknown element, or several names.
     """
     given = {kind: name for kind, name in names.items() if name is not None}
     if len(given) > 1:

@@ -1,4 +1,4 @@
-"""Skins and flexible bodies of a model, as they are at a moment."""
+"""Skins and flexible bodies of a MuJoCo model, in their current state."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Deformable(NamedTuple):
     """Skin or flexible body.
 
     Attributes:
-        name: of the element.
-        mapped: its surface, in the world.
-        material: of the model; -1: none.
-        rgba: color that counts.
-        group: for visibility.
+        name: name of the element.
+        mapped: surface, world frame.
+        material: material index in the model; −1: none.
+        rgba: effective color.
+        group: visibility group.
     """
 
     name: str
@@ -36,13 +36,13 @@ class Deformable(NamedTuple):
 def visible_deformables(
     model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]
 ) -> list[Deformable]:
-    """Skins and flexible bodies of some groups that have a surface."""
+    """Skins and flexible bodies of the given groups that have a surface."""
     every = (*_skins(model, data), *_flexes(model, data))
     return [one for one in every if one.group in groups and len(one.mapped.surface.triangles)]
 
 
 def _skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
-    """Skins, as their bones bend them."""
+    """Skins, deformed by their bones."""
     for skin in range(model.nskin):
         material = int(model.skin_matid[skin])
         first, count = int(model.skin_vertadr[skin]), int(model.skin_vertnum[skin])
@@ -65,7 +65,7 @@ def _skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
 
 
 def _flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
-    """Flexible bodies: cloths, and the shells of solids; ropes have no surface."""
+    """Flexible bodies: cloths and the shells of solids; ropes have no surface."""
     for flex in range(model.nflex):
         dimension = int(model.flex_dim[flex])
         if dimension == 1:
@@ -94,7 +94,7 @@ def _flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
 def _bent(
     model: mujoco.MjModel, data: mujoco.MjData, skin: int, rest: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Positions (n, 3) of a skin's vertices: the weighted mean of where its bones take them.
+    """Positions (n, 3) of a skin's vertices, as weighted means of their bones' transforms.
 
     Source: linear blend skinning, as MuJoCo's mjv_updateSkin.
     """
@@ -117,7 +117,7 @@ def _bent(
 def _vertex_normals(
     positions: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Unit normals (n, 3), by the areas of the triangles around each vertex."""
+    """Unit normals (n, 3), area-weighted over the triangles around each vertex."""
     corners = positions[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros(positions.shape)

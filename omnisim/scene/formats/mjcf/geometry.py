@@ -1,4 +1,4 @@
-"""Triangles of a model's geoms, each in the geom's frame."""
+"""Triangles of a MuJoCo model's geoms, each in its geom's frame."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from omnisim.scene.primitives import (
 )
 
 Geom = mujoco.mjtGeom
-# Half size of an infinite plane: where MuJoCo's own cameras end, or this far at least.
+# Minimum half size of an infinite plane, which otherwise reaches MuJoCo's far clipping plane.
 MIN_REACH_M = 100.0
 
 
 class Shape(NamedTuple):
-    """Surface of a geom, and what textures are mapped by.
+    """Surface of a geom, with the inputs of texture mapping.
 
     Attributes:
-        surface: meters.
-        texture_coordinates: (n, 2) that the mesh file has, or None.
+        surface: triangles, m.
+        texture_coordinates: (n, 2) from the mesh file; None: not in the file.
         scaled: (n, 3) positions divided by the geom's sizes, as MuJoCo's renderer scales its
-            built-in shapes; textures without coordinates are mapped by them.
+            built-in shapes; they map textures without coordinates.
     """
 
     surface: Surface
@@ -43,10 +43,10 @@ class Shape(NamedTuple):
 
 
 def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
-    """Shape of a geom; a signed distance field has that of its mesh.
+    """Shape of a geom; a signed distance field takes the shape of its mesh.
 
     Raises:
-        SceneError: an infinite size.
+        SceneError: a size that is not finite.
     """
     kind, size = Geom(int(model.geom_type[geom])), model.geom_size[geom]
     if not np.isfinite(size).all():
@@ -67,7 +67,7 @@ def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
 
 
 def _scaled(surface: Surface, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Positions divided by sizes (3,), of which those that are 0 stand for 1."""
+    """Positions divided by sizes (3,); sizes of 0 count as 1."""
     return surface.positions / np.where(sizes > 0.0, sizes, 1.0)
 
 
@@ -76,11 +76,11 @@ def _of_sizes(surface: Surface, sizes: NDArray[np.float64]) -> Shape:
 
 
 def _capsule(size: NDArray[np.float64]) -> Shape:
-    """Capsule, whose half spheres are scaled by the radius, from the ends of its tube on."""
+    """Capsule, with hemispheres scaled by the radius, measured from the ends of the tube."""
     radius, half = float(size[0]), float(size[1])
     surface = capsule(radius, half)
     scaled = surface.positions / (radius, radius, half)
-    domes = slice(2 * (segments(radius) + 1), None)  # what follows the tube
+    domes = slice(2 * (segments(radius) + 1), None)  # vertices after those of the tube
     z = surface.positions[domes, 2]
     scaled[domes, 2] = np.sign(z) * (1.0 + (np.abs(z) - half) / radius)
     return Shape(surface, None, scaled)
@@ -98,7 +98,7 @@ _PRIMITIVES: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], Shape]] = {
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, NDArray[np.float64] | None]:
-    """Surface and texture coordinates of a mesh, whose faces index each on its own."""
+    """Surface and texture coordinates of a mesh, whose faces index each of them separately."""
     faces = slice(
         int(model.mesh_faceadr[mesh]), int(model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     )
@@ -128,7 +128,7 @@ def _rows(
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Surface:
-    """Top of a height field, and its four sides and base; flat triangles, as MuJoCo draws them."""
+    """Height field with its sides and base, flat-shaded as in MuJoCo."""
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     half_x, half_y, top, base = (float(size) for size in model.hfield_size[field])
     start = int(model.hfield_adr[field])
@@ -148,7 +148,7 @@ def _height_field(model: mujoco.MjModel, field: int) -> Surface:
 
 
 def _side(edge: NDArray[np.float64], base: float) -> Surface:
-    """Wall below an edge (n, 3), down to a height."""
+    """Wall from an edge (n, 3) down to a height."""
     below = edge.copy()
     below[:, 2] = base
     return Surface(np.concatenate((below, edge)), grid_triangles(2, len(edge)), None)

@@ -1,6 +1,6 @@
-"""Lights of a model, and its background.
+"""Lights of a MuJoCo model, and its background.
 
-Levels are those of MuJoCo's renderer: a white surface is white where they add up to 1.
+Levels follow MuJoCo's renderer: a white surface is white where the levels add up to 1.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.parts import MAX_LIGHTS, Light, Lighting, LightKind
 
 _Type = mujoco.mjtLightType
-# Mean cosine of what is seen of a ball from afar: the share of a light beside the eye.
+# Mean cosine over the visible half of a distant ball: the share of a light next to the eye.
 _HEADLIGHT_SHARE = 2.0 / 3.0
 _NEAREST_M = 0.1
-_VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)  # groups of geoms
+_VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)  # mask of the visible geom groups
 _FULL_TURN_DEG = 180.0
 
 
 def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting, list[str]]:
-    """Lighting of a model, daylight where it has no lights; and notices."""
+    """Lighting of a model, or daylight for a model without lights; and notices."""
     active = [light for light in range(model.nlight) if model.light_active[light]]
     images = [light for light in active if int(model.light_type[light]) == _Type.mjLIGHT_IMAGE]
     notices = ["lights of images are not drawn"] if images else []
@@ -55,7 +55,7 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
 def read_background(
     model: mujoco.MjModel, textures: Textures
 ) -> tuple[tuple[float, float, float], list[str]]:
-    """Linear RGB where nothing is hit: the mean of the sky box; and notices."""
+    """Linear RGB of rays without a hit, the mean of the sky box; and notices."""
     for texture in range(model.ntex):
         if int(model.tex_type[texture]) == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             return textures.mean_color(texture), ["the sky box is drawn in its mean color"]
@@ -63,7 +63,7 @@ def read_background(
 
 
 def turned(lighting: Lighting, world_from_file: NDArray[np.float64]) -> Lighting:
-    """Lighting of a file in the world, as bright in any unit; daylight is of the world already."""
+    """Lighting transformed to the world, equally bright in any unit; daylight stays unchanged."""
     if lighting is DEFAULT_LIGHTING:
         return lighting
     rotation, offset = world_from_file[:3, :3], world_from_file[:3, 3]
@@ -109,7 +109,7 @@ def _distance_m(
     position: NDArray[np.float64],
     direction: NDArray[np.float64],
 ) -> float:
-    """Distance at which a lamp's axis meets the model, or else of the model's middle."""
+    """Distance at which a lamp's axis meets the model, or else that of the model's center."""
     geom = np.array([-1], dtype=np.int32)
     distance_m = mujoco.mj_ray(model, data, position, direction, _VISIBLE, 1, -1, geom)
     if distance_m >= 0.0:
@@ -118,10 +118,10 @@ def _distance_m(
 
 
 def _cone_cosines(cutoff_deg: float, exponent: float) -> tuple[float, float]:
-    """Cosines of the inner and outer cone that are as bright as OpenGL's spot at half its level.
+    """Cosines of the inner and outer cone whose half-level angle matches OpenGL's spot light.
 
-    OpenGL's falls with the exponent of the cosine until the cutoff; glTF's with the square of the
-    cosine's share between the cones.
+    OpenGL's spot falls with a power of the cosine up to the cutoff; glTF's falls with the square of
+    the cosine's share between the cones.
     """
     outer = math.cos(math.radians(min(max(cutoff_deg, 0.0), 90.0)))
     half = 0.5 ** (1.0 / exponent) if exponent > 0.0 else 0.0

@@ -1,6 +1,6 @@
-"""Materials of a model, with the colors of the geoms that have them.
+"""Materials of a MuJoCo model, combined with the colors of its geoms.
 
-Colors of a model are display values, sRGB, as its own renderer shows them.
+Colors of a model are sRGB, as its own renderer displays them.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from omnisim.scene.formats.mjcf.textures import Textures
 from omnisim.scene.parts import AlphaMode, Material, Texture
 
 NO_MATERIAL = -1
-_OPAQUE_FROM = 0.995  # as for MuJoCo's renderer
-_GEOM_GRAY = (0.5, 0.5, 0.5, 1.0)  # of a geom that states no color
+_OPAQUE_FROM = 0.995  # threshold of MuJoCo's renderer
+_GEOM_GRAY = (0.5, 0.5, 0.5, 1.0)  # default color of a geom
 _Role = mujoco.mjtTextureRole
 _COLORS = (_Role.mjTEXROLE_RGB, _Role.mjTEXROLE_RGBA)
 
@@ -24,7 +24,7 @@ Rgba = tuple[float, float, float, float]
 
 
 def own_or_material_rgba(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> Rgba:
-    """Color (4,) that counts: the material's, unless the geom or skin states another."""
+    """Effective color (4,): the material's, unless the geom or skin states another."""
     own = tuple(rgba.tolist())
     if material != NO_MATERIAL and own == _GEOM_GRAY:
         own = tuple(model.mat_rgba[material].tolist())
@@ -33,10 +33,10 @@ def own_or_material_rgba(model: mujoco.MjModel, rgba: NDArray[np.float32], mater
 
 
 class Materials:
-    """Materials of a model, each made once for each color and face of a cube.
+    """Materials of a model, each created once per color and cube face.
 
     Attributes:
-        entries: made so far.
+        entries: materials created so far.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -46,20 +46,20 @@ class Materials:
         self._index_of: dict[tuple[int, Rgba, int | None, bool], int] = {}
 
     def color_texture(self, material: int) -> int | None:
-        """Texture of a material's base color."""
+        """Index of a material's base color texture; None: no texture."""
         if material == NO_MATERIAL:
             return None
         found = [int(self._model.mat_texid[material, role]) for role in _COLORS]
         return next((texture for texture in found if texture >= 0), None)
 
     def index(self, material: int, rgba: Rgba, face: int | None, is_solid: bool) -> int:
-        """Index of a material.
+        """Index of a material in `entries`.
 
         Args:
-            material: of the model, or `NO_MATERIAL`.
-            rgba: color that counts.
-            face: of the cube that its texture is; None: an image, or no texture.
-            is_solid: seen from outside only.
+            material: material index in the model, or `NO_MATERIAL`.
+            rgba: effective color.
+            face: face of its cube texture; None: an image, or no texture.
+            is_solid: visible from outside only.
         """
         key = (material, rgba, face, is_solid)
         if key not in self._index_of:
@@ -89,7 +89,7 @@ class Materials:
             self._color_texture(material, face),
             mode,
             double_sided=not is_solid,
-            metallic=min(max(metallic, 0.0), 1.0),  # negative: not stated
+            metallic=min(max(metallic, 0.0), 1.0),  # negative means unspecified
             roughness=min(roughness, 1.0) if roughness >= 0.0 else 1.0,
             emissive=(emission * red, emission * green, emission * blue),
             normal_map=self._map(material, _Role.mjTEXROLE_NORMAL),
@@ -114,7 +114,7 @@ class Materials:
 
     @property
     def notices(self) -> list[str]:
-        """One line for each feature of the materials made that is not drawn."""
+        """Notices for unsupported features of the created materials, one line each."""
         used = sorted({material for material, _, _, _ in self._index_of if material != NO_MATERIAL})
         model = self._model
         mirrors = sum(model.mat_reflectance[material] > 0.0 for material in used)

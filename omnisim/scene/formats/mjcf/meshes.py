@@ -1,4 +1,4 @@
-"""Meshes of a model's geoms, each made once for each shape and appearance."""
+"""Meshes of a MuJoCo model's geoms, each created once per shape and appearance."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from omnisim.scene.formats.mjcf.materials import Materials, Rgba, own_or_materia
 from omnisim.scene.formats.mjcf.texture_mapping import Mapped, map_cube, map_plane
 from omnisim.scene.parts import Mesh
 
-# Geoms with an inside; what meshes and height fields are is not known.
+# Geoms with an inside; for meshes and height fields this is unknown.
 _SOLIDS = (
     Geom.mjGEOM_PLANE, Geom.mjGEOM_SPHERE, Geom.mjGEOM_CAPSULE, Geom.mjGEOM_ELLIPSOID,
     Geom.mjGEOM_CYLINDER, Geom.mjGEOM_BOX,
 )  # fmt: skip
-# Meshes of a geom by their index, and where their middles are in its frame.
+# Mesh indices of a geom, with the mesh centers in the geom's frame.
 Parts = tuple[tuple[int, NDArray[np.float64]], ...]
 
 
@@ -25,8 +25,8 @@ class Meshes:
     """Meshes of a model.
 
     Attributes:
-        entries: made so far.
-        materials: of them.
+        entries: meshes created so far.
+        materials: materials of the meshes.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -37,12 +37,12 @@ class Meshes:
         self._parts: dict[tuple[object, ...], Parts] = {}
 
     def rgba(self, geom: int) -> Rgba:
-        """Color of a geom, display values."""
+        """Effective color of a geom, sRGB."""
         model = self._model
         return own_or_material_rgba(model, model.geom_rgba[geom], int(model.geom_matid[geom]))
 
     def of_geom(self, geom: int, name: str) -> Parts:
-        """Meshes of a geom; of a name if they are new."""
+        """Meshes of a geom, created under `name` if they are new."""
         model = self._model
         kind, material = int(model.geom_type[geom]), int(model.geom_matid[geom])
         shape_key = (kind, int(model.geom_dataid[geom]), *model.geom_size[geom].tolist())
@@ -57,11 +57,11 @@ class Meshes:
         return self._parts[key]
 
     def add(self, name: str, mapped: Mapped, material: int, rgba: Rgba) -> Parts:
-        """Meshes of what is no geom, and seen from both sides."""
+        """Double-sided meshes of skins and flexible bodies."""
         return (self._add(name, mapped, material, rgba, False),)
 
     def _map(self, shape: Shape, material: int, sizes: NDArray[np.float64]) -> list[Mapped]:
-        """Parts of a shape with texture coordinates, as far as the material has a texture."""
+        """Parts of a shape, with texture coordinates if the material has a texture."""
         model = self._model
         texture = self.materials.color_texture(material)
         plain = Mapped(None, shape.surface, shape.texture_coordinates)

@@ -1,4 +1,4 @@
-"""Files that a MuJoCo model names, which MuJoCo reads by itself, recorded as sources."""
+"""Files referenced by a MuJoCo model and read by MuJoCo itself, recorded as sources."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _FOLDERS = ("assetdir", "meshdir", "texturedir")
 
 
 def note_model_files(path: Path) -> None:
-    """Record the files of a model: those that it includes, its meshes, textures and heights."""
+    """Record the files of a model: included files, meshes, textures and height fields."""
     names, folders = {""}, {""}
     waiting, seen = [path], set()
     while waiting:
@@ -22,11 +22,11 @@ def note_model_files(path: Path) -> None:
         note_file(file)
         try:
             elements = list(ElementTree.parse(file).iter())
-        except (OSError, ElementTree.ParseError):  # MuJoCo has read it, or says why not
+        except (OSError, ElementTree.ParseError):  # MuJoCo reports faults itself
             continue
         for element in elements:
             folders |= {element.get(key, "") for key in _FOLDERS}
-            # of cubes the sides have a file each: fileright, fileleft, …
+            # cube textures have one file per side: fileright, fileleft, …
             given = {value for key, value in element.items() if key.startswith("file")}
             names |= given
             if element.tag == "include":

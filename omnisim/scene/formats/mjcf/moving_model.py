@@ -1,4 +1,4 @@
-"""Models in motion: the static scene, and the moving bodies as objects."""
+"""MuJoCo models in motion: a static scene, and moving bodies as objects."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _ORIGIN = StartPose((0.0, 0.0, 0.0))
 
 
 class MovingModel(NamedTuple):
-    """Model whose bodies move.
+    """Model split into static geometry and moving bodies.
 
     Attributes:
-        static: what never moves, in the world, with lights and background.
-        objects: by name, each a body with all that is fixed to it, in the body's frame.
-        bodies: (n,) of the model, in the order of `objects`.
-        geom_of_instance: geoms by the names of their instances.
+        static: static geometry in the world, with lights and background.
+        objects: moving bodies by name, each with everything fixed to it, in the body's frame.
+        bodies: (n,) body indices in the model, in the order of `objects`.
+        geom_of_instance: geom indices by instance name.
     """
 
     static: Scene
@@ -48,9 +48,9 @@ class MovingModel(NamedTuple):
 def bent(
     static: Scene, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]
 ) -> Scene:
-    """Static geometry of a model with its skins and flexible bodies as they are by now.
+    """Static scene of a model with its skins and flexible bodies in their current state.
 
-    They are its last instances, as `split_model` made them, and stay so.
+    They are the last instances, in the order of `split_model`, before and after.
     """
     soft = visible_deformables(model, data, groups)
     if not soft:
@@ -76,12 +76,12 @@ def split_model(
     """Split a model into its static geometry and its moving bodies.
 
     Args:
-        model, data: of MuJoCo, with poses.
-        groups: of the geoms that are drawn.
-        hidden: names of geoms' instances that are not.
+        model, data: MuJoCo model and its data, with computed poses.
+        groups: visible geom groups.
+        hidden: instance names of hidden geoms.
 
     Raises:
-        SceneError: a hidden name that the model does not have.
+        SceneError: an unknown name in `hidden`.
     """
     reader = ModelReader(model, data, groups)
     for name in hidden:
@@ -107,7 +107,7 @@ def split_model(
 
 
 def moving_roots(model: mujoco.MjModel) -> NDArray[np.int32]:
-    """Body (nbody,) whose pose each body follows without a joint between; 0: it never moves."""
+    """Body (nbody,) to which each body is rigidly attached; 0: it never moves."""
     trees = model.body_rootid
     is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
     roots: NDArray[np.int32] = np.where(is_mocap, trees, model.body_weldid)
@@ -115,7 +115,7 @@ def moving_roots(model: mujoco.MjModel) -> NDArray[np.int32]:
 
 
 def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:
-    """Scene of some instances, with the meshes that they have."""
+    """Scene of some of the instances, with only the meshes that they use."""
     chosen = tuple(instances)
     index_of = {mesh: index for index, mesh in enumerate(dict.fromkeys(one.mesh for one in chosen))}
     return Scene(

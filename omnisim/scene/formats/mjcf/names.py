@@ -1,4 +1,4 @@
-"""Names of a model's elements, and of the instances that its geoms become."""
+"""Names of a MuJoCo model's elements, and of the instances made from its geoms."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _WORLD = 0
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
-    """Name of a body; body_7 where it has none."""
+    """Name of a body; an unnamed one is named by index, such as body_7."""
     return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body_{body}"
 
 
 def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Distinct names of all geoms: body/geom, and those of the world without "world/".
+    """Unique names of all geoms: body/geom; geoms of the world lack the "world/" prefix.
 
-    A geom without a name has its mesh's, or its type's.
+    An unnamed geom is named after its mesh, or else after its type.
     """
     counts: Counter[str] = Counter()
     names = []

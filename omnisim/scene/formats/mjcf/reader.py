@@ -1,4 +1,4 @@
-"""Importer of MuJoCo models, from files and from memory."""
+"""Importer for MuJoCo models, from files and from memory."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from omnisim.scene.formats.mjcf.names import geom_names
 from omnisim.scene.formats.mjcf.viewpoint import find_viewpoint
 from omnisim.scene.parts import Instance
 
-# Groups of geoms that MuJoCo's own viewer shows; others mostly are collision shapes.
+# Geom groups shown by MuJoCo's own viewer; the others usually are collision shapes.
 VISIBLE_GROUPS = (0, 1, 2)
 
 
 def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene:
-    """Read a model's file, in its first keyframe, or else in its initial configuration.
+    """Read a model file in its first keyframe, or else in its initial configuration.
 
     Raises:
-        SceneError: MuJoCo cannot read it.
+        SceneError: MuJoCo cannot read the file.
     """
     model, data, warnings = load_model(path)
     note_model_files(path)
@@ -46,10 +46,10 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
 
 
 def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
-    """Model of a file and its data, in its first keyframe or else initially, and its warnings.
+    """Model of a file, its data in the first keyframe or else initially, and MuJoCo's warnings.
 
     Raises:
-        SceneError: MuJoCo cannot read it.
+        SceneError: MuJoCo cannot read the file.
     """
     with _warnings() as warnings:
         try:
@@ -65,7 +65,7 @@ def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
 
 @contextmanager
 def _warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings, which it else writes to the console and a log file."""
+    """Collect MuJoCo's warnings, which otherwise go to the console and to a log file."""
     before, texts = mujoco.get_mju_user_warning(), list[str]()
     mujoco.set_mju_user_warning(texts.append)
     try:
@@ -75,24 +75,24 @@ def _warnings() -> Iterator[list[str]]:
 
 
 def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Compute poses from the joints, as the first part of mj_forward."""
+    """Compute poses from the joints, like the first part of mj_forward."""
     mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)  # of which lights and cameras are in the tracking modes
+    mujoco.mj_comPos(model, data)  # lights and cameras in tracking modes need the centers of mass
     mujoco.mj_camlight(model, data)
     mujoco.mj_flex(model, data)
 
 
 class ModelReader:
-    """Importer of a model at the moment of its data, whose poses are computed.
+    """Importer of a model in the state of its data, with computed poses.
 
     Args:
-        model, data: of MuJoCo.
-        groups: of the geoms, skins and flexible bodies that are drawn.
+        model, data: MuJoCo model and its data.
+        groups: visible groups of geoms, skins and flexible bodies.
 
     Attributes:
-        geoms: that are drawn.
-        names: of all geoms.
-        meshes: of those that became instances.
+        geoms: indices of the visible geoms.
+        names: names of all geoms.
+        meshes: meshes of the geoms with instances.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]):
@@ -105,11 +105,11 @@ class ModelReader:
         ]
 
     def read(self) -> ImportedScene:
-        """Import everything that is drawn."""
+        """Import all visible elements."""
         return self.content([*self.instances(self.geoms, np.eye(4)), *self.deformables()])
 
     def content(self, instances: Iterable[Instance]) -> ImportedScene:
-        """Import some instances that were made here."""
+        """Import instances created by this reader."""
         lighting, lights = read_lighting(self._model, self._data)
         background, sky = read_background(self._model, self.meshes.materials.textures)
         return ImportedScene(
@@ -124,7 +124,7 @@ class ModelReader:
     def instances(
         self, geoms: Iterable[int], frame_from_world: NDArray[np.float64]
     ) -> list[Instance]:
-        """Instances of geoms in a frame, whose pose (4, 4) is that at the moment of the data."""
+        """Instances of geoms in a frame, from its pose (4, 4) in the state of the data."""
         instances = []
         for geom in geoms:
             rotation = self._data.geom_xmat[geom].reshape(3, 3)
@@ -134,7 +134,7 @@ class ModelReader:
         return instances
 
     def deformables(self) -> list[Instance]:
-        """Instances of the skins and flexible bodies in the world."""
+        """Instances of the skins and flexible bodies, in the world."""
         instances = []
         for one in visible_deformables(self._model, self._data, self._groups):
             parts = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
@@ -142,7 +142,7 @@ class ModelReader:
         return instances
 
     def _notices(self) -> list[str]:
-        """One line for each kind of geom that is not drawn, or not as it is."""
+        """Notices for geoms that are not drawn, or only approximately, one line per kind."""
         model, groups, notices = self._model, self._groups, []
         hidden = sum(int(group) not in groups for group in model.geom_group)
         if hidden:
@@ -159,7 +159,7 @@ class ModelReader:
 
 
 def _place(name: str, parts: Parts, pose: NDArray[np.float64]) -> list[Instance]:
-    """Instances of meshes at the pose of what they belong to."""
+    """Instances of an element's meshes at its pose."""
     return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
 
 

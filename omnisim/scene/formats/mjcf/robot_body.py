@@ -1,4 +1,4 @@
-"""Body of a robot whose model stands in a world of its own."""
+"""Body of a robot whose model includes its own world."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _WORLD = 0
 
 
 def without_world(scene: Scene, path: Path) -> Scene:
-    """Scene of a model without the world's own geoms, a floor as a rule, where bodies have any.
+    """Scene of a model without the world's own geoms, usually a floor, if bodies have any geoms.
 
     Args:
-        scene: of the model.
-        path: of the model's file.
+        scene: scene of the model.
+        path: path of the model file.
 
     Raises:
-        SceneError: MuJoCo cannot read it.
+        SceneError: MuJoCo cannot read the file.
     """
     model, _, _ = load_model(path)
     owners = dict(zip(geom_names(model), model.geom_bodyid.tolist(), strict=True))

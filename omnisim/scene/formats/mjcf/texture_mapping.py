@@ -1,6 +1,6 @@
-"""Texture coordinates of geoms whose mesh has none, as MuJoCo's renderer makes them.
+"""Texture coordinates for geoms without their own, matching MuJoCo's renderer.
 
-A plane image is projected along z, a cube from the geom's middle.
+A flat image is projected along z, a cube texture from the geom's center.
 
 Source: MuJoCo, render_gl3.c, settexture (object-linear texture coordinates); OpenGL 4.6, table 8.19
 (faces of a cube).
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from omnisim.scene.formats.mjcf.geometry import Shape
 from omnisim.scene.primitives import Surface
 
-# Axis of each face, and the axes and signs of its image's right and down.
+# Axis of each cube face, and the axes and signs of right and down in its image.
 _FACES = (
     (0, 1.0, (2, -1.0), (1, -1.0)),
     (0, -1.0, (2, 1.0), (1, -1.0)),
@@ -32,8 +32,8 @@ class Mapped(NamedTuple):
     """Part of a surface with texture coordinates.
 
     Attributes:
-        face: of the cube; None: one image.
-        surface, texture_coordinates: of the part.
+        face: face of the cube; None: a flat image.
+        surface, texture_coordinates: triangles and texture coordinates of the part.
     """
 
     face: int | None
@@ -44,13 +44,13 @@ class Mapped(NamedTuple):
 def map_plane(
     shape: Shape, repeat: NDArray[np.float32], sizes: NDArray[np.float64], is_uniform: bool
 ) -> Mapped:
-    """Project an image along z.
+    """Texture coordinates of an image projected along z.
 
     Args:
-        shape: of the geom.
-        repeat: times that it is repeated along x and y: across the geom, or across 2 m.
-        sizes: of the geom.
-        is_uniform: repeats are across 2 m.
+        shape: shape of the geom.
+        repeat: number of repetitions along x and y, across the geom or across 2 m.
+        sizes: sizes of the geom.
+        is_uniform: repeat across 2 m instead of across the geom.
     """
     scale = np.asarray(repeat, dtype=np.float64)
     if is_uniform:
@@ -59,7 +59,7 @@ def map_plane(
 
 
 def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list[Mapped]:
-    """Project the faces of a cube from the middle; triangles are cut at its edges."""
+    """Texture coordinates of a cube projected from the center; triangles are cut at its edges."""
     ray = shape.scaled * np.where(sizes > 0.0, sizes, 1.0) if is_uniform else shape.scaled
     surface = shape.surface
     has_normals = surface.normals is not None
@@ -95,7 +95,7 @@ def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list
 
 
 def _is_on_one_face(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (m,) of triangles (m, 3, 3) whose corners are all seen on one face of the cube."""
+    """Mask (m,) of triangles (m, 3, 3) whose corners all project to one face of the cube."""
     reach = np.abs(rays).max(axis=2, keepdims=True) * (1.0 - 1e-9)
     is_far = np.concatenate((rays >= reach, rays <= -reach), axis=2)  # along +x, …, −z
     most: NDArray[np.int64] = is_far.sum(axis=1).max(axis=1, initial=0)
@@ -104,14 +104,14 @@ def _is_on_one_face(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cut triangles (m, 3, k) where a value (m, 3) of their corners changes its sign."""
+    """Cut triangles (m, 3, k) where a value (m, 3) given at their corners changes sign."""
     level = np.abs(sides).max(initial=0.0) * 1e-9
     sides = np.where(np.abs(sides) <= level, 0.0, sides)
     is_cut = (sides.min(axis=1) < 0.0) & (sides.max(axis=1) > 0.0)
     if not is_cut.any():
         return corners
     tri, side = corners[is_cut], sides[is_cut]
-    # The corner alone on its side first; of one on the edge, its two neighbors are on two sides.
+    # Rotates the corner alone on its side to the front; if one is on the edge, the positive one.
     signs = np.sign(side)
     alone = np.argmax(signs * np.sign(signs.sum(axis=1, keepdims=True)) < 0.0, axis=1)
     on_edge = (signs == 0.0).any(axis=1)
@@ -135,7 +135,7 @@ def _crossing(
     first_side: NDArray[np.float64],
     second_side: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Points (m, k) where the value is zero between two corners; an end where it is no change."""
+    """Points (m, k) between two corners where the value is zero; an end without a sign change."""
     difference = first_side - second_side
     share = np.clip(first_side / np.where(difference == 0.0, 1.0, difference), 0.0, 1.0)[:, None]
     return first + share * (second - first)

@@ -1,4 +1,4 @@
-"""Start pose of a model: its first camera in the world, or a look at its middle."""
+"""Start pose for a MuJoCo model: its first fixed camera, or an overview of its center."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from omnisim.scene.parts import StartPose
 
 _WORLD = 0
-# In front of what mostly faces +x, and above its middle.
+# In front of a model that faces +x, and above its center.
 _OFFSET_PER_EXTENT = np.array([0.6, 0.0, 0.3])
 
 
-@np.errstate(over="ignore", invalid="ignore")  # of a model without end
+@np.errstate(over="ignore", invalid="ignore")  # for models of infinite extent
 def find_viewpoint(
     model: mujoco.MjModel, data: mujoco.MjData, world_from_file: NDArray[np.float64]
 ) -> StartPose:
-    """Start pose of a model in the world."""
+    """Start pose for a model, in the world."""
     position, ahead = _camera(model, data) or _overview(model)
     rotation = world_from_file[:3, :3]
     x, y, z = (rotation @ position + world_from_file[:3, 3]).tolist()
@@ -30,11 +30,11 @@ def find_viewpoint(
 def _camera(
     model: mujoco.MjModel, data: mujoco.MjData
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Position (3,) of the first camera that no body carries, and the way that it looks (3,)."""
+    """Position (3,) and viewing direction (3,) of the first camera fixed to the world."""
     for camera in range(model.ncam):
         if int(model.cam_bodyid[camera]) == _WORLD:
             axes = data.cam_xmat[camera].reshape(3, 3)
-            is_level = abs(axes[2, 2]) < 0.99  # else the top of its image is ahead
+            is_level = abs(axes[2, 2]) < 0.99  # otherwise its image top points ahead
             return data.cam_xpos[camera].copy(), -axes[:, 2] if is_level else axes[:, 1]
     return None
 

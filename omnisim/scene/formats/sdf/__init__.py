@@ -1,4 +1,4 @@
-"""Worlds and models of Gazebo: SDFormat 1.4 to 1.12, visuals and lights.
+"""Gazebo worlds and models: visuals and lights of SDFormat 1.4 to 1.12.
 
-Source: SDFormat's specification, http://sdformat.org/spec.
+Source: SDFormat specification, http://sdformat.org/spec.
 """

@@ -1,4 +1,4 @@
-"""Models that worlds of Gazebo Classic expect to be installed, for those who lack them."""
+"""Substitutes for models that Gazebo Classic worlds expect to be installed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Submesh names of COLLADA files, as Gazebo gives them.
+"""Submesh names of COLLADA files, as Gazebo assigns them.
 
-Gazebo names a submesh after the node that instantiates it; a node without a name takes that of its
-nearest named ancestor, and without any `unnamed_submesh_N`.
+Gazebo names a submesh after the node that instantiates it. An unnamed node takes the name of its
+nearest named ancestor, or else `unnamed_submesh_N`.
 
 Source: gz-common, graphics/src/ColladaLoader.cc, `LoadNode`.
 """
@@ -16,7 +16,7 @@ from typing import Any
 import collada  # type: ignore[import-untyped]
 from trimesh.util import unique_name
 
-# Faults past which trimesh reads on, and so does this.
+# Faults that trimesh tolerates, and so does this module.
 _TOLERATED = [
     collada.common.DaeError,
     collada.common.DaeIncompleteError,
@@ -28,10 +28,10 @@ _SURFACES = (collada.polylist.Polylist, collada.triangleset.TriangleSet)
 
 
 def submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
-    """Names of submeshes and of their geometries, by the names that trimesh gives the meshes.
+    """Names of submeshes and of their geometries, keyed by trimesh's mesh names.
 
     Args:
-        data: COLLADA file that trimesh has read.
+        data: COLLADA file, already read by trimesh.
     """
     names: dict[str, tuple[str, str]] = {}
     counts: dict[str | None, int] = {}
@@ -46,12 +46,12 @@ def submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
 
 
 def _instances(node: Any, ancestor: str, unnamed: Iterator[str]) -> Iterator[tuple[Any, str]]:
-    """Geometries below a node in the order of the file, with the names of their nodes."""
+    """Geometries below a node in file order, each with the name of its node."""
     if isinstance(node, collada.scene.GeometryNode):
         yield node.geometry, ancestor
     if not isinstance(node, collada.scene.Node):
         return
-    target = getattr(node, "node", node)  # of an instance of a node
+    target = getattr(node, "node", node)  # the target, if this is an instance of a node
     name = target.xmlnode.get("name") or ancestor
     below = [
         list(_instances(child, name, unnamed))

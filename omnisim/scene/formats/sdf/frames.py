@@ -1,4 +1,4 @@
-"""Frames of a world or model: poses relative to others, by name.
+"""Named frames of a world or model, with poses relative to each other.
 
 Source: SDFormat, pose frame semantics; https://github.com/gazebosim/sdformat.
 """
@@ -21,10 +21,10 @@ class _Frame(NamedTuple):
     """Frame in a scope.
 
     Attributes:
-        element: has its pose.
-        default: frame of that pose where it names none.
-        inner: scope of a nested model.
-        placement: frame of the inner scope that the pose is of.
+        element: element with the frame's pose.
+        default: reference frame if the pose names none.
+        inner: scope of a nested model; None: not a model.
+        placement: frame of the inner scope to which the pose applies; empty: the model's own frame.
     """
 
     element: XmlElement
@@ -34,11 +34,11 @@ class _Frame(NamedTuple):
 
 
 class UnplacedError(SceneError):
-    """Error of a pose relative to an unknown model."""
+    """Error for a pose relative to a missing model."""
 
 
 class Scope:
-    """Named frames of the world, or of a model; the empty name is its own frame."""
+    """Named frames of the world or of a model; the empty name is its own frame."""
 
     def __init__(self) -> None:
         self._frames: dict[str, _Frame] = {}
@@ -48,12 +48,12 @@ class Scope:
         self._active: list[str] = []
 
     def add(self, name: str, element: XmlElement, default: str = "") -> None:
-        """Add a link, frame or joint, unless the name is taken.
+        """Add a link, frame or joint, unless the name exists.
 
         Args:
-            name: its own.
-            element: with its pose.
-            default: frame of that pose where it names none.
+            name: name of the frame.
+            element: element with the frame's pose.
+            default: reference frame if the pose names none.
         """
         self._frames.setdefault(name, _Frame(element, default, None, ""))
 
@@ -61,35 +61,35 @@ class Scope:
         """Add a nested model.
 
         Args:
-            name: its own.
-            element: with its pose, of the `<include>` or the `<model>`.
-            inner: its frames.
-            placement: frame in it that the pose is of.
+            name: name of the model.
+            element: `<include>` or `<model>` with the pose.
+            inner: frames of the model.
+            placement: frame of the model to which the pose applies; empty: the model's own frame.
         """
         self._frames.setdefault(name, _Frame(element, "", inner, placement))
 
     def add_missing(self, name: str) -> None:
-        """Add a nested model that is not found: what is relative to it has no pose."""
+        """Add a missing nested model; poses relative to it are undefined."""
         self._missing.add(name)
 
     def add_alias(self, name: str, frame: str) -> None:
-        """Make a frame of a merged model known by its own name."""
+        """Make a frame of a merged model accessible by its own name."""
         self._aliases.setdefault(name, frame)
 
     def place(self, name: str, scope_from_frame: NDArray[np.float64]) -> None:
-        """Put a link or model elsewhere than its file does."""
+        """Override the pose of a link or model from the file."""
         self._poses[name] = scope_from_frame
 
     def pose_of(self, element: XmlElement, default: str = "") -> NDArray[np.float64]:
         """Pose (4, 4) scope_from_element.
 
         Args:
-            element: with the pose.
-            default: frame of that pose where it names none.
+            element: element with the pose.
+            default: reference frame if the pose names none.
 
         Raises:
-            UnplacedError: a frame of a model that is not found.
-            SceneError: a frame that is not there, or that is relative to itself.
+            UnplacedError: a pose relative to a missing model.
+            SceneError: an unknown frame, or a frame relative to itself.
         """
         pose: NDArray[np.float64] = (
             self._scope_from(element.relative_to or default, element) @ element.pose()
@@ -118,7 +118,7 @@ class Scope:
         return pose
 
     def _outside(self, name: str, asking: XmlElement) -> NDArray[np.float64]:
-        """Pose of the scope itself, or of a frame in a nested model: `model::frame`."""
+        """Pose of the scope itself, or of a frame `model::frame` in a nested model."""
         if name in _OWN:
             return np.eye(4)
         name = self._aliases.get(name, name)

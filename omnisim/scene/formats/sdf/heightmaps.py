@@ -1,6 +1,6 @@
-"""Terrain of gray images, and its textures, which change with the height.
+"""Terrain from gray images, with textures that vary with height.
 
-The brightest pixel is as high as the map's size, black is at 0. The first row of the image is at
+The brightest pixel is at the height of the map's size, and black is at 0. The first image row is at
 the largest y.
 """
 
@@ -16,17 +16,17 @@ from omnisim.scene.formats.sdf.shapes import Shape
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.primitives import Surface, grid_triangles
 
-MAX_POINTS = 513  # of a side: half a million triangles
-_BAKED_PX = (256, 2048)  # side of a texture that is made of several, at least and at most
+MAX_POINTS = 513  # per side, about half a million triangles
+_BAKED_PX = (256, 2048)  # minimum and maximum side of a texture blended from several layers
 
 
 class Layer(NamedTuple):
-    """Texture of a terrain.
+    """Texture layer of a terrain.
 
     Attributes:
-        image: RGB; it is repeated.
-        size_m: side that it covers.
-        from_m, fade_m: height at which it begins, and over which it comes.
+        image: RGB image, which repeats.
+        size_m: side length of one repetition.
+        from_m, fade_m: height at which the layer starts, and height range over which it fades in.
     """
 
     image: Image.Image
@@ -36,10 +36,10 @@ class Layer(NamedTuple):
 
 
 def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
-    """Levels (rows, columns) from 0 to 1, of at most `MAX_POINTS` a side; None: no gray image."""
+    """Levels (rows, columns) in [0, 1], at most `MAX_POINTS` per side; None: not a gray image."""
     if image.mode.startswith("I"):
         levels = np.asarray(image, dtype=np.float64) / 65535.0
-    elif image.mode == "F":  # an elevation model, in meters
+    elif image.mode == "F":  # an elevation model in meters
         return None
     else:
         levels = np.asarray(image.convert("RGB"), dtype=np.float64)[..., 0] / 255.0
@@ -51,7 +51,7 @@ def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
 
 
 def _evenly(count: int) -> NDArray[np.intp]:
-    """Indices of at most `MAX_POINTS` of so many, the first and last among them."""
+    """Indices of at most `MAX_POINTS` of `count` samples, including the first and the last."""
     return np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.intp)
 
 
@@ -59,9 +59,9 @@ def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> 
     """Surface of a `<heightmap>`.
 
     Args:
-        element: has its size and place.
-        levels: (rows, columns) from 0 to 1.
-        tile_m: side that its texture covers; 0: the whole.
+        element: element with size and position.
+        levels: (rows, columns) levels in [0, 1].
+        tile_m: side length of one texture repetition; 0: the whole terrain.
     """
     size = element.vector("size", (1.0, 1.0, 1.0))
     if min(size[:2]) <= 0.0:
@@ -85,16 +85,16 @@ def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> 
 
 
 def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, ...]) -> Image.Image:
-    """Image of the whole terrain from above, of its layers.
+    """Image of the whole terrain from above, blended from its layers.
 
     Args:
-        layers: from low to high.
-        levels: (rows, columns) from 0 to 1.
-        size: of the terrain, meters.
+        layers: layers from low to high.
+        levels: (rows, columns) levels in [0, 1].
+        size: size of the terrain, m.
     """
     finest = max(
         max(layer.image.size) * max(size[:2]) / layer.size_m for layer in layers
-    )  # texels of the whole terrain
+    )  # texels across the whole terrain
     side = round(min(max(finest, _BAKED_PX[0]), _BAKED_PX[1]))
     gray = Image.fromarray((levels / max(float(levels.max()), 1e-9)).astype(np.float32))
     heights = np.asarray(gray.resize((side, side), Image.Resampling.BILINEAR)) * size[2]
@@ -107,7 +107,7 @@ def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, .
 
 
 def _tiled(layer: Layer, size: tuple[float, ...], side: int) -> NDArray[np.uint8]:
-    """Layer (side, side, 3) all over the terrain."""
+    """Layer (side, side, 3) repeated over the terrain."""
     width, height = (
         min(max(1, round(side * layer.size_m / extent)), 4 * side) for extent in size[:2]
     )

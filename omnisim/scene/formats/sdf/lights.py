@@ -12,19 +12,19 @@ from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import Light, LightKind
 
 _KINDS = {kind.value: kind for kind in LightKind}
-_REFERENCE_M = 5.0  # where light that falls off otherwise is as bright as the file says
+_REFERENCE_M = 5.0  # distance of equal brightness for lights with another falloff
 _ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few meters"
 
 
 def read_light(
     element: XmlElement, world_from_light: NDArray[np.float64], omissions: Omissions
 ) -> Light | None:
-    """Light in the world; None: it is off, or black.
+    """Light in the world; None: switched off or black.
 
-    Intensities are relative: 1 shows a white surface as white.
+    Intensities are relative: at intensity 1 a white surface appears white.
 
     Raises:
-        SceneError: values that are none.
+        SceneError: invalid values.
     """
     kind = _KINDS.get(element.attribute("type") or "point")
     if kind is None:
@@ -36,7 +36,7 @@ def read_light(
     direction = np.array(element.vector("direction", (0.0, 0.0, -1.0)))
     length = float(np.linalg.norm(direction))
     axis = world_from_light[:3, :3] @ (direction / length if length > 1e-9 else (0.0, 0.0, -1.0))
-    # Gazebo's point lights never do, and are inside of their lamps
+    # Gazebo's point lights cast no shadows, and often sit inside lamp meshes
     casts_shadow = element.flag("cast_shadows") and kind is not LightKind.POINT
     if kind is LightKind.DIRECTIONAL:
         return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
@@ -54,7 +54,7 @@ def read_light(
 
 
 def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float:
-    """Candela of a light of intensity 1."""
+    """Luminous intensity, cd, of a light with intensity 1."""
     constant, linear, quadratic = (
         max(element.number(f"attenuation/{key}", default), 0.0)
         for key, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
@@ -68,7 +68,7 @@ def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float
 
 
 def _cone_cosines(element: XmlElement) -> tuple[float, float]:
-    """Cosines of the inner and outer half-angle; the file has the whole angles."""
+    """Cosines of the inner and outer half-angles; the file states full angles."""
     outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
     inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
     return math.cos(0.5 * inner), math.cos(0.5 * outer)

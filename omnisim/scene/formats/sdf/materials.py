@@ -22,15 +22,15 @@ from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Material, Texture
 from omnisim.scene.textures import NO_IMAGE, TextureStore, alpha_mode_of, unreadable_image
 
-_DEFAULT = (0.7, 0.7, 0.7)  # of a visual without a material; Gazebo's
+_DEFAULT = (0.7, 0.7, 0.7)  # Gazebo's color for visuals without a material
 _TEXTURE_FOLDERS = ("", "materials/textures", "../materials/textures", "../textures")
 
 
 class MaterialReader:
-    """Reads materials; equal ones are one.
+    """Reader of materials, which merges equal ones.
 
     Attributes:
-        materials: all of them.
+        materials: all materials read so far.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class MaterialReader:
         self._scripts: dict[tuple[Path, ...], dict[str, ScriptMaterial]] = {}
 
     def read(self, visual: XmlElement, double_sided: bool) -> int:
-        """Index of the material of a visual; of a default one where it has none."""
+        """Index of a visual's material, or of a default one."""
         element = visual.find("material")
         material = Material("", (*_DEFAULT, 1.0), double_sided=double_sided)
         if element is not None:
@@ -52,7 +52,7 @@ class MaterialReader:
         return self._index(_of_visual(material, visual))
 
     def _plain(self, element: XmlElement, double_sided: bool) -> Material:
-        """Color, texture and sides of a `<material>`."""
+        """Material with color, texture and sides of a `<material>`."""
         script = self._script(element) or ScriptMaterial()
         texture = self._albedo(element, script)
         color = (
@@ -75,7 +75,7 @@ class MaterialReader:
         )
 
     def _reflectance(self, element: XmlElement, plain: Material) -> Material:
-        """Material with metal, roughness and maps of its `<pbr>`; others are matte."""
+        """Material with metal, roughness and maps of its `<pbr>`; matte without `<pbr>`."""
         metal = element.find("pbr/metal")
         values = metal or element.find("pbr/specular")
         if values is None:
@@ -92,7 +92,7 @@ class MaterialReader:
             normal_map=self._normal_map(values),
             occlusion_map=self._map(values, "ambient_occlusion_map"),
         )
-        if metal is None:  # Gazebo draws it as matte, too
+        if metal is None:  # Gazebo also renders it as matte
             return material
         return replace(
             material,
@@ -103,7 +103,7 @@ class MaterialReader:
         )
 
     def is_stated(self, visual: XmlElement) -> bool:
-        """True for a visual whose own material replaces that of its mesh."""
+        """True if a visual has a material that replaces its mesh's."""
         element = visual.find("material")
         if element is None:
             return False
@@ -112,7 +112,7 @@ class MaterialReader:
         return self._script(element) is not None
 
     def terrain(self, element: XmlElement, levels: NDArray[np.float64]) -> tuple[int, float]:
-        """Index of a heightmap's material, and the side that its texture covers; 0: the whole."""
+        """Index of a heightmap's material, and its texture's side length, m; 0: the whole map."""
         layers = []
         blends = [
             (one.number("min_height", 0.0), one.number("fade_dist", 0.0))
@@ -134,7 +134,7 @@ class MaterialReader:
         return self._index(Material("", texture=texture)), tile_m
 
     def of_mesh(self, material: Material, visual: XmlElement) -> int:
-        """Index of a mesh's own material, as its visual shows it."""
+        """Index of a mesh's own material, with its visual's transparency and shadow settings."""
         return self._index(_of_visual(material, visual))
 
     def _index(self, material: Material) -> int:
@@ -166,7 +166,7 @@ class MaterialReader:
         return self._map(values, "normal_map")
 
     def _metal_map(self, metal: XmlElement) -> Texture | None:
-        """Roughness and metal of two gray images as green and blue of one."""
+        """Texture with roughness in green and metal in blue, from two gray images."""
         images = []
         for key in ("roughness_map", "metalness_map"):
             found = metal.find(key)
@@ -190,7 +190,7 @@ class MaterialReader:
         return self._textures.texture(image, Path(name).name, is_linear=is_linear)
 
     def _image(self, element: XmlElement, name: str) -> Image.Image | None:
-        """Image by the name that an element has; None, with a notice, where it cannot be read."""
+        """Image by its name in an element; None, with a notice, if it cannot be read."""
         path = self.find_image(element, name)
         if path is None:
             self._omissions.add(f"image {name} is not there: drawn without it", "material")
@@ -204,30 +204,30 @@ class MaterialReader:
         return image
 
     def find_image(self, element: XmlElement, name: str) -> Path | None:
-        """Image file by the name that an element has, or None."""
+        """Path of an image file by its name in an element; None: not found."""
         folder = element.file.parent
         folders = [folder / inner for inner in _TEXTURE_FOLDERS]
         found = self._resources.find(name, *folders, *self._folders(element))
         return found if found is not None and found.is_file() else None
 
     def image(self, path: Path) -> Image.Image | None:
-        """Image of a file, opened once; None where that fails."""
+        """Image of a file, opened once; None: unreadable."""
         if path not in self._images:
             self._images[path] = None
             try:
                 with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")  # of a large image
+                    warnings.simplefilter("ignore")  # about large images
                     image = Image.open(io.BytesIO(read_source(path)))
                     image.load()
                     self._images[path] = image
             except MemoryError:
                 raise
-            except Exception:  # Pillow's readers raise all kinds
+            except Exception:  # Pillow's readers raise exceptions of any type
                 return None
         return self._images[path]
 
     def _folders(self, element: XmlElement) -> Iterator[Path]:
-        """Folders that a script's URIs name."""
+        """Folders referenced by a script's URIs."""
         for uri in element.children("script"):
             for each in uri.children("uri"):
                 found = self._resources.find(each.own_text, element.file.parent)
@@ -237,7 +237,7 @@ class MaterialReader:
                     yield folder.parent / "textures"
 
     def _script(self, element: XmlElement) -> ScriptMaterial | None:
-        """Material of a script, of its files or Gazebo's own; None: there is none."""
+        """Material of a script, from its files or among Gazebo's own; None: not found."""
         name = element.text("script/name")
         script = element.find("script")
         if script is None or not name:
@@ -258,7 +258,7 @@ class MaterialReader:
 
 
 def _of_visual(material: Material, visual: XmlElement) -> Material:
-    """Material as transparent as its visual, and with its shadow or without."""
+    """Material with its visual's transparency and shadow settings."""
     material = replace(material, casts_shadow=visual.flag("cast_shadows", default=True))
     transparency = min(max(visual.number("transparency", 0.0), 0.0), 1.0)
     if transparency == 0.0:

@@ -1,4 +1,4 @@
-"""Mesh files of visuals, each read once."""
+"""Mesh files of visuals, each read only once."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ class MeshFile(NamedTuple):
     """Contents of a mesh file.
 
     Attributes:
-        instances: `world_from_mesh` is still file_from_mesh, in meters, in the file's axes.
-        meshes, materials: of the file.
-        data: content of a COLLADA file, from which Gazebo's names of its submeshes follow.
+        instances: instances in the file's axes; `world_from_mesh` is still file_from_mesh, in
+            meters.
+        meshes, materials: meshes and materials of the file.
+        data: content of a COLLADA file, for Gazebo's submesh names; otherwise empty.
     """
 
     instances: tuple[Instance, ...]
@@ -40,7 +41,7 @@ class MeshFile(NamedTuple):
 
 
 class MeshLibrary:
-    """Mesh files by path. Gazebo turns none of them, and neither does this.
+    """Mesh files by path. As in Gazebo, their axes are not rotated.
 
     Attributes:
         notices: one line for each feature that is not drawn.
@@ -55,7 +56,7 @@ class MeshLibrary:
         """Contents of a file, or the reason why it cannot be read.
 
         Raises:
-            SceneError: the extra for COLLADA is missing.
+            SceneError: the extra for COLLADA is not installed.
         """
         if path not in self._files:
             if path.suffix.lower() in _COLLADA:
@@ -98,9 +99,9 @@ class MeshLibrary:
 
 
 def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
-    """Instances of a submesh: those whose node or mesh has the name, or has it numbered.
+    """Instances of a submesh, whose node or mesh has the name, possibly with a number appended.
 
-    Of COLLADA the nodes count, as in Gazebo, and its geometries where no node has the name.
+    In COLLADA files, node names decide, as in Gazebo, then geometry names if no node matches.
     """
     if file.data:
         from omnisim.scene.formats.sdf.collada_submeshes import submesh_names  # slow to import
@@ -119,14 +120,14 @@ def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
 
 
 def _is_numbered(own: str, name: str) -> bool:
-    """True for a name with a number behind it: readers make names distinct so."""
+    """True for a name with a number appended, as readers do to make names unique."""
     return own.startswith(name) and own[len(name) :].lstrip("._- ").isdigit()
 
 
 def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance, ...]:
-    """Instances moved to the origin, each by the middle of its own bounding box.
+    """Instances moved to the origin, each by the center of its own bounding box.
 
-    Source: gz-rendering, Ogre2MeshFactory: each part of a submesh is centered by itself.
+    Source: gz-rendering, Ogre2MeshFactory: each part of a submesh is centered separately.
     """
     return tuple(_centered(one, file.meshes[one.mesh]) for one in instances)
 

@@ -1,4 +1,4 @@
-"""Folders of Gazebo's models: a `model.config` names their SDF files."""
+"""Folders of Gazebo models, whose SDF files are listed in `model.config`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MANIFESTS = ("model.config", "manifest.xml")
 
 
 def model_file(folder: Path) -> Path | None:
-    """SDF file of a model's folder: of the latest version that its `model.config` names.
+    """SDF file in a model folder, of the latest version listed in its `model.config`.
 
     Raises:
         SceneError: the `model.config` is damaged.
@@ -34,7 +34,7 @@ def read_xml(path: Path) -> Element:
     """Root of an XML file.
 
     Raises:
-        SceneError: naming the file; it cannot be read, or is none.
+        SceneError: naming the file, which is unreadable or invalid XML.
     """
     try:
         return parse_xml(read_source(path))

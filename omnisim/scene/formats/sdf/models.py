@@ -1,4 +1,4 @@
-"""Tree of models: nested ones, and those that others include from files."""
+"""Tree of models: nested ones, and those included from files."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.formats.xml.omissions import Omissions
 
-_MAX_DEPTH = 24  # models in models
-_MAX_MODELS = 200_000  # models of a world: a few files that include each other twice make billions
-_SHOWN = 4  # names in a notice
+_MAX_DEPTH = 24  # nesting depth of models
+_MAX_MODELS = 200_000  # models per world: a few files with repeated includes could make billions
+_SHOWN = 4  # names per notice
 UNPLACED = "left out with the models that they are posed relative to"
 ENTITIES = ("model", "light", "actor")
 
@@ -38,12 +38,12 @@ class Model:
     """World or model with its frames.
 
     Attributes:
-        name: unique in its model or world.
-        element: `<world>` or `<model>`.
-        scope: its frames.
-        models: nested ones.
-        others: lights and actors of the world, those of included files too.
-        is_merged: its links belong to the model that includes it.
+        name: name, unique within the enclosing model or world.
+        element: `<world>` or `<model>` element.
+        scope: frames of the world or model.
+        models: nested models.
+        others: lights and actors, including those of included files.
+        is_merged: its links belong to the including model.
     """
 
     name: str
@@ -55,12 +55,12 @@ class Model:
 
 
 class ModelLibrary:
-    """Models by URI, each file read once.
+    """Models by URI, each file read only once.
 
     Attributes:
         resources: search path.
-        omissions: of what is in the models.
-        round_shapes: number of spheres, cylinders and the like of all trees.
+        omissions: counts of omitted parts of the models.
+        round_shapes: number of spheres, cylinders and other round shapes in all trees.
     """
 
     def __init__(self, resources: ResourcePath, omissions: Omissions) -> None:
@@ -74,7 +74,7 @@ class ModelLibrary:
 
     @property
     def notices(self) -> list[str]:
-        """One line for the models that are missing, and one for those that are on the net."""
+        """One line each for missing and for remote models, and for each substitute."""
         notices = []
         if self._missing:
             notices.append(
@@ -92,7 +92,7 @@ class ModelLibrary:
         return notices
 
     def drop_unplaced(self, model: Model) -> None:
-        """Take out the models in a model whose poses are relative to one that is not found."""
+        """Remove the nested models whose poses are relative to a missing one."""
         for inner in list(model.models):
             try:
                 model.scope.model_pose(inner.name)
@@ -103,20 +103,20 @@ class ModelLibrary:
                 self.drop_unplaced(inner)
 
     def used_folders(self, root: XmlElement) -> tuple[Path, ...]:
-        """Folders that a file and its models need, but for those around it."""
+        """Folders required by a file and its models, except those around the file."""
         roots = (root.element, *self._files.values())
         texts = {(one.text or "").strip() for each in roots for one in each.iter()}
         return self.resources.used(sorted(text for text in texts if "://" in text))
 
     def miss(self, uri: str) -> None:
-        """Count an object that is not found."""
+        """Count a missing object."""
         (self._remote if uri.startswith(("http://", "https://")) else self._missing)[uri] += 1
 
     def tree(self, element: XmlElement, name: str, depth: int = 0) -> Model:
-        """Model or world with all that it includes.
+        """Model or world with everything it includes.
 
         Raises:
-            SceneError: a file that is damaged, models without end, or values that are none.
+            SceneError: a damaged file, endlessly nested models or invalid values.
         """
         self._count += 1
         if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
@@ -164,7 +164,7 @@ class ModelLibrary:
                 model.scope.add_alias(frame.name, f"{name}::{frame.name}")
 
     def _included(self, include: XmlElement) -> XmlElement | None:
-        """First entity of an included file; None: it is missing, and counted."""
+        """First entity of an included file; None: the file is missing, which is counted."""
         uri = include.text("uri")
         if not uri:
             raise include.error("a <uri>", "none")
@@ -182,7 +182,7 @@ class ModelLibrary:
         return XmlElement(entity, f"{path}: {step}", path)
 
     def _substitute(self, uri: str) -> XmlElement | None:
-        """Model of omnisim's own, for those that every world of Gazebo Classic includes."""
+        """Substitute for a common Gazebo Classic model; None: no substitute, which is counted."""
         name = _last_part(uri).lower().replace(" ", "_")
         if name not in BUILTIN_MODELS:
             self.miss(uri)
@@ -198,7 +198,7 @@ class ModelLibrary:
 
 
 def _names(uris: Counter[str]) -> str:
-    """The most frequent of some URIs, with how many more there are."""
+    """Most frequent URIs in short form, and the number of others."""
     counts: Counter[str] = Counter()
     for uri, count in uris.items():
         counts[_short(uri)] += count
@@ -217,18 +217,18 @@ def _round_shapes(link: XmlElement) -> int:
 
 
 def _short(uri: str) -> str:
-    """Owner and name of a model of Gazebo Fuel; other URIs as they are."""
+    """Owner and name of a Gazebo Fuel model; other URIs unchanged."""
     found = re.match(r"https?://[^/]+/[\d.]+/([^/]+)/models/([^/]+)", uri)
     return uri if found is None else f"{found[1]}/{unquote(found[2])}"
 
 
 def _last_part(uri: str) -> str:
-    """Name of the folder or file of a URI."""
+    """Last path component of a URI: its folder or file name."""
     return unquote(uri.strip("/").rpartition("/")[2])
 
 
 def unique_name(name: str, taken: set[str]) -> str:
-    """The name, numbered where another has it."""
+    """Name with a number appended if it already exists."""
     unique, number = name, 0
     while unique in taken:
         unique, number = f"{name}_{number}", number + 1
@@ -237,7 +237,7 @@ def unique_name(name: str, taken: set[str]) -> str:
 
 
 def with_pose_of(entity: XmlElement, posed: XmlElement) -> XmlElement:
-    """Entity with the pose of the `<include>`."""
+    """Entity with the pose of another element, such as its `<include>`."""
     pose = posed.element.find("pose")
     if posed is entity or pose is None:
         return entity
@@ -250,9 +250,9 @@ class PlacedModel(NamedTuple):
     """Model in the frame of an outer one.
 
     Attributes:
-        path: names of the models around it, a slash after each; a merged model adds none.
-        model: itself.
-        outer_from_model: (4, 4).
+        path: names of the enclosing models, each followed by a slash; merged models are omitted.
+        model: placed model.
+        outer_from_model: (4, 4) pose.
     """
 
     path: str
@@ -263,8 +263,8 @@ class PlacedModel(NamedTuple):
         """Pose (4, 4) outer_from_element of an element in the model.
 
         Args:
-            element: with the pose.
-            default: frame of that pose where it names none.
+            element: element with the pose.
+            default: reference frame if the pose names none.
         """
         pose: NDArray[np.float64] = self.outer_from_model @ self.model.scope.pose_of(
             element, default
@@ -275,7 +275,7 @@ class PlacedModel(NamedTuple):
 def placed_models(
     model: Model, outer_from_model: NDArray[np.float64] | None = None, path: str = ""
 ) -> Iterator[PlacedModel]:
-    """World or model itself, and all models in it; by default in its own frame."""
+    """World or model with all models in it; the default outer frame is its own."""
     own = np.eye(4) if outer_from_model is None else outer_from_model
     yield PlacedModel(path, model, own)
     for inner in model.models:
@@ -287,7 +287,7 @@ def read_root(path: Path, data: bytes | None = None) -> XmlElement:
     """Read the `<sdf>` of a file.
 
     Raises:
-        SceneError: it cannot be read, or is none.
+        SceneError: an unreadable file, or another root element.
     """
     try:
         root = parse_xml(read_source(path) if data is None else data)

@@ -1,4 +1,4 @@
-"""Importer: visuals and lights of a world, or of a model, as an SDF file states them."""
+"""Importer for SDF: visuals and lights of a world or model, as stated in the file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from omnisim.scene.parts import Instance, Light, Mesh
 from omnisim.scene.textures import TextureStore
 
 _FARTHEST_M = 1e9
-# What a world has beside models, lights and physics.
+# World elements that are reported as unsupported.
 _LEFT_OUT = {
     "road": "roads are not drawn",
     "population": "populations of models are not made",
@@ -52,7 +52,7 @@ def read_sdf(
     """Read a world or model.
 
     Raises:
-        SceneError: it is damaged; naming element, value and what was expected.
+        SceneError: a damaged file; naming element, value and the expected value.
     """
     reader = _Reader(resources, textures, world_from_file)
     return reader.read(read_root(path, data))
@@ -72,7 +72,7 @@ class _Reader:
         self._world_from_file = world_from_file
         self._meshes: list[Mesh] = []
         self._shapes: dict[tuple[object, ...], Shape] = {}
-        # by shape or mesh, and material: number of the mesh, and its center
+        # mesh index and center, keyed by ids of shape or mesh, and material
         self._made: dict[tuple[int, int], tuple[int, NDArray[np.float64]]] = {}
         self._instances: list[Instance] = []
         self._lights: list[Light] = []
@@ -107,7 +107,7 @@ class _Reader:
         )
 
     def _read_scene(self, scene: XmlElement) -> tuple[float, float, float] | None:
-        """Background of the `<scene>`."""
+        """Background color of the `<scene>`; None: not stated."""
         if scene.find("sky") is not None:
             self._omissions.add("the sky is drawn in one color", "sky")
             return DEFAULT_BACKGROUND
@@ -133,7 +133,7 @@ class _Reader:
     def _pose_of(
         self, placed: PlacedModel, element: XmlElement, default: str = ""
     ) -> NDArray[np.float64] | None:
-        """Pose of an element; None, with a notice, where it depends on a missing model."""
+        """Pose of an element; None, with a notice, if it depends on a missing model."""
         try:
             return placed.pose_of(element, default)
         except UnplacedError:
@@ -185,7 +185,7 @@ class _Reader:
         self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
 
     def _shape(self, geometry: XmlElement, kind: XmlElement) -> Shape:
-        """Shape of a geometry; equal ones are one."""
+        """Shape of a geometry; equal geometries share one."""
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
             self._shapes[key] = shapes.make_shape(
@@ -247,7 +247,7 @@ class _Reader:
                 self._made[key] = len(self._meshes), np.zeros(3)
                 self._meshes.append(replace(mesh, material=material))
             pose = file_from_visual @ visual_from_file @ one.world_from_mesh
-            if not np.abs(pose).max() < _FARTHEST_M:  # also false for NaN
+            if not np.abs(pose).max() < _FARTHEST_M:  # false for NaN as well
                 self._omissions.add(f"{path.name}: a part is too far away to be drawn", "part")
                 continue
             self._instances.append(Instance(name, self._made[key][0], pose, file_from_visual))

@@ -1,4 +1,4 @@
-"""Material scripts of OGRE, as Gazebo Classic has them: colors and textures."""
+"""OGRE material scripts of Gazebo Classic: colors and textures."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ Rgb = tuple[float, float, float]
 
 
 class ScriptMaterial(NamedTuple):
-    """First pass of a script's material.
+    """First pass of a script material.
 
     Attributes:
-        diffuse: linear RGB, or None.
+        diffuse: linear RGB; None: not stated.
         alpha: opacity.
         emissive: linear RGB.
-        texture: name of an image file, or empty.
-        is_known: what the script draws is no more than that.
+        texture: name of an image file; empty: no texture.
+        is_known: True if these values describe the material completely.
     """
 
     diffuse: Rgb | None = None
@@ -30,7 +30,7 @@ class ScriptMaterial(NamedTuple):
 
 
 _GRAY: Rgb = (0.7, 0.7, 0.7)
-# Of Gazebo's own script, which is not in a world's folder.
+# Materials of Gazebo's own script, which is not in a world's folder.
 _COLORS: dict[str, Rgb] = {
     "Gray": _GRAY, "Grey": _GRAY, "DarkGray": (0.175,) * 3, "DarkGrey": (0.175,) * 3,
     "White": (1.0,) * 3, "FlatBlack": (0.1,) * 3, "Black": (0.0,) * 3, "Red": (1.0, 0.0, 0.0),
@@ -46,7 +46,7 @@ _TRANSPARENT: dict[str, Rgb] = {
     "DarkMagenta": (0.6, 0.0, 0.6), "Grey": (0.5,) * 3, "Black": (0.0,) * 3,
     "Yellow": (1.0, 1.0, 0.0), "Orange": (1.0, 0.44, 0.0),
 }  # fmt: skip
-# Their textures are Gazebo's: a color of their kind instead.
+# Substitute colors for materials with Gazebo's own textures.
 _TEXTURED: dict[str, Rgb] = {
     "Wood": (0.36, 0.2, 0.1), "WoodFloor": (0.4, 0.25, 0.13), "WoodPallet": (0.45, 0.32, 0.18),
     "CeilingTiled": (0.7,) * 3, "PaintedWall": (0.75, 0.73, 0.68), "Bricks": (0.35, 0.14, 0.1),
@@ -75,11 +75,11 @@ _LINE = re.compile(r"(?:^|\{)[ \t]*(diffuse|ambient|emissive|texture)[ \t]+([^\n
 
 
 def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, ScriptMaterial]:
-    """Materials of a script by name: first colors and texture of each, on those of its parent.
+    """Materials of a script by name, with the first colors and texture of each, or its parent's.
 
     Args:
-        text: of a `.material` file.
-        parents: materials of other scripts.
+        text: content of a `.material` file.
+        parents: materials of other scripts, by name.
     """
     text = re.sub(r"//[^\n]*", "", text)
     heads = list(_HEAD.finditer(text))
@@ -103,13 +103,13 @@ def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, Sc
 
 
 def read_scripts(paths: list[Path]) -> dict[str, ScriptMaterial]:
-    """Materials of all scripts among files and folders; those that cannot be read have none."""
+    """Materials of all scripts among files and folders; unreadable files are skipped."""
     found: dict[str, ScriptMaterial] = {}
     for path in paths:
         for file in sorted(path.glob("*.material")) if path.is_dir() else [path]:
             try:
                 text = read_source(file).decode("utf-8", "replace")
-            except OSError:  # the material is then not found, which is noted
+            except OSError:  # the missing material is reported later
                 continue
             found |= parse_scripts(text, found)
     return found
@@ -118,7 +118,7 @@ def read_scripts(paths: list[Path]) -> dict[str, ScriptMaterial]:
 def _numbers(text: str) -> tuple[float, ...]:
     try:
         values = tuple(float(word) for word in text.split())
-    except ValueError:  # vertexcolor
+    except ValueError:  # the keyword vertexcolor
         return ()
     return values if all(0.0 <= value <= 1e6 for value in values) else ()
 

@@ -1,4 +1,4 @@
-"""Triangles of SDF's geometries other than meshes."""
+"""Triangles of SDF geometries other than meshes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.polygons import surrounds, triangulate
 from omnisim.scene.primitives import Surface
 
-_LOOP_TOLERANCE_M = 1e-4  # a polyline whose ends are nearer is closed; Gazebo's
+_LOOP_TOLERANCE_M = 1e-4  # Gazebo's tolerance between the ends of a closed polyline
 
 
 class Shape(NamedTuple):
@@ -22,8 +22,8 @@ class Shape(NamedTuple):
 
     Attributes:
         surface: triangles.
-        uv: texture coordinates (n, 2), (0, 0) at the top left, or None.
-        is_closed: its backs are never seen.
+        uv: texture coordinates (n, 2), (0, 0) at the top left; None: no texture coordinates.
+        is_closed: back faces are never visible.
     """
 
     surface: Surface
@@ -39,37 +39,37 @@ def box(size: XmlElement) -> Shape:
 
 
 def sphere(element: XmlElement, most: int) -> Shape:
-    """Sphere, its texture once around."""
+    """Sphere with its texture wrapped around once."""
     radius = element.positive("radius", 1.0)
     return _round(primitives.ellipsoid((radius,) * 3, most), radius, most)
 
 
 def ellipsoid(element: XmlElement, most: int) -> Shape:
-    """Ellipsoid, its texture once around."""
+    """Ellipsoid with its texture wrapped around once."""
     radii = _sizes(element, "radii", (1.0, 1.0, 1.0))
     return _round(primitives.ellipsoid(radii, most), max(radii), most)
 
 
 def cylinder(element: XmlElement, most: int) -> Shape:
-    """Cylinder, its texture once around."""
+    """Cylinder with its texture wrapped around once."""
     radius, length = element.positive("radius", 1.0), element.positive("length", 1.0)
     return _round(primitives.cylinder(radius, 0.5 * length, most), radius, most)
 
 
 def cone(element: XmlElement, most: int) -> Shape:
-    """Cone, its tip up."""
+    """Cone, tip up."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
     return _round(primitives.cone(radius, 0.5 * length, most), radius, most)
 
 
 def capsule(element: XmlElement, most: int) -> Shape:
-    """Capsule; its length is without the half spheres."""
+    """Capsule; its length excludes the hemispheres."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
     return _round(primitives.capsule(radius, 0.5 * length, most), radius, most)
 
 
 def plane(element: XmlElement) -> Shape:
-    """Rectangle across its normal."""
+    """Rectangle perpendicular to its normal."""
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
     if length < 1e-9:
@@ -82,7 +82,7 @@ def plane(element: XmlElement) -> Shape:
 
 
 def polyline(elements: Sequence[XmlElement]) -> Shape:
-    """Extrusion along z of the inside of closed lines, from z = 0 to the first one's height."""
+    """Extrusion of closed polylines along z, from z = 0 to the first one's height."""
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
     points, triangles = triangulate(loops)
@@ -98,11 +98,11 @@ def polyline(elements: Sequence[XmlElement]) -> Shape:
 
 
 def _wall(loop: NDArray[np.float64], height: float, loops: list[NDArray[np.float64]]) -> Surface:
-    """Side of an extrusion, its front outside."""
+    """Lateral surface of an extrusion, facing out."""
     count = len(loop)
     following = np.roll(loop, -1, axis=0)
     along = following[0] - loop[0]
-    # a point a little to the right of the first edge: it is outside where the front is there
+    # if a point just right of the first edge is outside, the front faces that side
     right = 0.5 * (loop[0] + following[0]) + 1e-6 * np.array((along[1], -along[0]))
     if sum(surrounds(other, right) for other in loops) % 2:
         loop = loop[::-1]
@@ -135,7 +135,7 @@ def _sizes(element: XmlElement, path: str, default: tuple[float, ...]) -> tuple[
 
 
 def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation (3, 3) whose z is the normal; the least turn from z up."""
+    """Rotation (3, 3) whose z is the normal, by the smallest rotation from z up."""
     z = np.array((0.0, 0.0, 1.0))
     cosine = float(normal @ z)
     if cosine < -1.0 + 1e-12:
@@ -147,7 +147,7 @@ def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _round(surface: Surface, radius_m: float, most: int) -> Shape:
-    """Shape about z with its texture once around."""
+    """Shape around z with its texture wrapped around once."""
     count = primitives.segments(radius_m, most) + 1
     index = np.arange(len(surface.positions))
     z = surface.positions[:, 2]
@@ -164,24 +164,24 @@ _ROUND = {
 SHAPES = frozenset((*_FLAT, *_ROUND, "polyline"))
 ROUND = frozenset(_ROUND)
 GEOMETRIES = frozenset((*SHAPES, "mesh", "heightmap", "image"))
-_FEW = 20  # round shapes that may be as fine as they like
+_FEW = 20  # number of round shapes at full resolution
 
 
 def most_segments(round_shapes: int) -> int:
-    """Segments of a circle in a world of so many round shapes: their triangles stay as many."""
+    """Segments per circle, reduced such that many round shapes keep a constant triangle count."""
     fair = primitives.MAX_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
     return max(4 * round(fair / 4.0), primitives.MIN_SEGMENTS)
 
 
 def make_shape(geometry: XmlElement, kind: XmlElement, most: int) -> Shape:
-    """Shape of a `<geometry>`, whose child `kind` is; of all its polylines together.
+    """Shape of a `<geometry>` from its child `kind`, or from all its polylines together.
 
     Args:
-        geometry, kind: elements.
-        most: segments of a circle.
+        geometry, kind: geometry element and its child element.
+        most: maximum number of segments of a circle.
 
     Raises:
-        SceneError: sizes that are none.
+        SceneError: invalid sizes.
     """
     tag = kind.element.tag
     if tag == "polyline":

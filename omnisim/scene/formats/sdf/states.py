@@ -1,4 +1,4 @@
-"""State of a world: where Gazebo Classic has saved its models, which it loads them at."""
+"""State of a world: saved poses, from which Gazebo Classic restores its models."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _UNIT = (1.0, 1.0, 1.0)
 
 
 def apply_state(world: Model, omissions: Omissions) -> None:
-    """Move models, links and lights to their saved poses, which are all in the world.
+    """Move models, links and lights to their saved poses, which are in the world frame.
 
     Raises:
-        SceneError: values that are none.
+        SceneError: invalid values.
     """
     state = world.element.find("state")
     if state is None:
@@ -27,12 +27,12 @@ def apply_state(world: Model, omissions: Omissions) -> None:
 
 
 def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
-    """Move what is in the world or in a model.
+    """Move the models and links of the world or of a model.
 
     Args:
-        outer: the world, or a model that was moved.
-        state: its own.
-        omissions: of what is not applied.
+        outer: the world, or a model that is already moved.
+        state: saved state of `outer`.
+        omissions: counts of saved values that are not applied.
     """
     world_from_outer = state.pose()
     models = {model.name: model for model in outer.models}

@@ -1,4 +1,4 @@
-"""Robots of URDF: their visuals in the pose in which all joints are at rest.
+"""URDF robots: their visuals, posed with all joints at rest.
 
-Modules import in one direction: `kinematics`, `reader`. No extra is needed.
+Modules import in one direction: `kinematics`, `reader`. No extra is required.
 """

@@ -1,4 +1,4 @@
-"""Recognition of URDF among XML files."""
+"""Detection of URDF among XML files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from xml.etree.ElementTree import ParseError, iterparse
 
 
 def is_urdf(path: Path) -> bool:
-    """True for a file whose root is a robot."""
+    """True for a file with a `<robot>` root."""
     with path.open("rb") as file, suppress(ParseError, StopIteration, ValueError, LookupError):
         _, root = next(iterparse(file, ("start",)))
         return bool(root.tag == "robot")

@@ -1,9 +1,9 @@
-"""Poses of a robot's links, with its joints at rest."""
+"""Poses of a robot's links with its joints at rest."""
 
 from __future__ import annotations
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
@@ -12,12 +12,12 @@ from omnisim.scene.formats.xml.element import XmlElement
 
 
 def link_poses(robot: XmlElement) -> dict[str, NDArray[np.float64]]:
-    """Poses (4, 4) robot_from_link by name, in the order of the tree from its root.
+    """Poses (4, 4) robot_from_link by link name, in tree order from the root.
 
-    A joint rests at 0, or in the middle of its limits where these exclude 0.
+    A joint rests at 0, or at the middle of its limits if these exclude 0.
 
     Raises:
-        SceneError: names that are no link's, two of one name, or links that form no tree.
+        SceneError: unknown or duplicate link names, or links that do not form a tree.
     """
     links = [link.name for link in robot.children("link")]
     for link in robot.children("link"):
@@ -48,7 +48,7 @@ def link_poses(robot: XmlElement) -> dict[str, NDArray[np.float64]]:
 
 
 def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
-    """`<parent>` or `<child>` of a joint."""
+    """Parent or child element of a joint, with a valid link name."""
     found = joint.find(tag)
     if found is None:
         raise SceneError(f"{joint.place}: expected a <{tag}>, got none")
@@ -58,7 +58,7 @@ def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
 
 
 def _motion(joint: XmlElement) -> NDArray[np.float64]:
-    """Pose (4, 4) of a joint's child at rest."""
+    """Pose (4, 4) of a joint's child at rest, relative to the joint's origin."""
     kind, limit = joint.attribute("type"), joint.find("limit")
     if kind not in ("revolute", "prismatic") or limit is None:
         return np.eye(4)

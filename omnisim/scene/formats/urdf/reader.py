@@ -1,4 +1,4 @@
-"""Importer: visuals of a robot, as a URDF file states them."""
+"""Importer for URDF: visuals of a robot, as stated in the file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def read_urdf(
     """Read a robot.
 
     Raises:
-        SceneError: it is damaged; naming element, attribute, value and what was expected.
+        SceneError: a damaged file; naming element, attribute, value and the expected value.
     """
     root = parse_xml(data)
     if root.tag != "robot":
@@ -55,19 +55,19 @@ class _Reader:
         self._missing: Counter[str] = Counter()
         self._meshes: list[Mesh] = []
         self._materials: list[Material] = [Material("", _GRAY, double_sided=True)]
-        self._material_of: dict[int, int] = {}  # by the id of an element or a file's material
-        self._mesh_of: dict[tuple[int, int], int] = {}  # by the id of a file's mesh, and material
+        self._material_of: dict[int, int] = {}  # by id of an element, or of a mesh file's material
+        self._mesh_of: dict[tuple[int, int], int] = {}  # by id of a mesh and index of its material
         self._named: dict[str, XmlElement] = {}
         self._instances: list[Instance] = []
         self._names: set[str] = set()
 
     def read(self, robot: XmlElement) -> ImportedScene:
-        """Read all visuals."""
+        """Read all visuals of a robot."""
         for material in robot.children("material"):
             self._named.setdefault(material.name, material)
         poses = link_poses(robot)
         for link in robot.children("link"):
-            for material in _inner_materials(link):  # may be named elsewhere, before or after
+            for material in _inner_materials(link):  # references may precede the definition
                 if material.find("color") is not None or material.find("texture") is not None:
                     self._named.setdefault(material.name, material)
         for link in robot.children("link"):
@@ -131,7 +131,7 @@ class _Reader:
             self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
 
     def _name(self, link: XmlElement, visual: XmlElement, otherwise: str) -> str:
-        """Distinct name of an instance: link/visual."""
+        """Unique instance name: link/visual."""
         name = first = f"{link.name}/{visual.name or otherwise}"
         number = 1
         while name in self._names:
@@ -147,7 +147,7 @@ class _Reader:
         return self._material_of[id(material)]
 
     def _material(self, visual: XmlElement) -> int | None:
-        """Index of the material that a visual states, or None."""
+        """Index of a visual's own material; None: no material."""
         stated = visual.find("material")
         if stated is None:
             return None
@@ -163,7 +163,7 @@ class _Reader:
         return self._material_of[key]
 
     def _read_material(self, element: XmlElement) -> Material:
-        """Material of a color, a display value, and a texture."""
+        """Material of an sRGB color and a texture."""
         color, texture = element.find("color"), self._texture(element)
         rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GRAY
         if color is not None:
@@ -188,7 +188,7 @@ class _Reader:
             return None
         try:
             image = Image.open(io.BytesIO(data))
-        except Exception:  # Pillow's readers raise all kinds
+        except Exception:  # Pillow's readers raise exceptions of any type
             self._omissions.add(f"texture {name} is not an image that can be read", "material")
             return None
         return self._textures.texture(image, element.name)
@@ -200,7 +200,7 @@ def _inner_materials(link: XmlElement) -> Iterator[XmlElement]:
 
 
 def _surface(shape: XmlElement) -> Surface:
-    """Surface of a shape that is no mesh."""
+    """Surface of a primitive shape."""
     if shape.tag == "box":
         return primitives.box(0.5 * np.array(shape.attribute_sizes("size", 3)))
     (radius,) = shape.attribute_sizes("radius")

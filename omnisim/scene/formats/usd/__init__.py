@@ -1,5 +1,5 @@
-"""USD stages (the only importer of usd-core): one module for each part of the schemas.
+"""USD importer (the only user of usd-core), with one module per part of the schemas.
 
-They are read in a process of their own, `process.py`: what usd-core writes to the console, and a
-damaged file that makes it crash, do not reach ours.
+Stages are read in a separate process, see `process.py`. This isolates usd-core's console output and
+its crashes on damaged files.
 """

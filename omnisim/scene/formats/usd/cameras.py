@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from omnisim.scene.parts import StartPose
 
-_LEVEL = 1e-6  # of a viewing direction: straight up or down has no heading
+_LEVEL = 1e-6  # minimum horizontal part of a viewing direction that has a heading
 
 
 def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
-    """Start at a camera's position, with its heading; None for an invalid pose.
+    """Start pose from a camera's position and heading; None: an invalid pose.
 
-    Source: UsdGeomCamera looks along −z, its y up.
+    Source: UsdGeomCamera looks along −z, with y up.
     """
     position, ahead = world_from_camera[:3, 3], -world_from_camera[:3, 2]
     if not np.isfinite(world_from_camera).all():
@@ -24,4 +24,4 @@ def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
         ahead = world_from_camera[:3, 1] * -np.sign(ahead[2])  # the top of the image
     x, y, z = position.tolist()
     yaw_deg = math.degrees(math.atan2(ahead[1], ahead[0]))
-    return StartPose((x, y, z), round(yaw_deg, 6) + 0.0)  # no -0.0
+    return StartPose((x, y, z), round(yaw_deg, 6) + 0.0)  # avoids -0.0

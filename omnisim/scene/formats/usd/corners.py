@@ -1,4 +1,4 @@
-"""Values at the corners of triangles, of any interpolation, and vertices that share them."""
+"""Primvar values at triangle corners, for any interpolation, and vertices shared by corners."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _MAX_KEY = 2**62
 
 
 class Corners(NamedTuple):
-    """Corners (c,) of triangles, by the elements that values are stored for.
+    """Corners (c,) of triangles, with the elements that store their values.
 
     Attributes:
-        sizes: number of elements by interpolation.
-        rows: indices (c,) of the elements by interpolation.
+        sizes: number of elements, by interpolation.
+        rows: (c,) element indices, by interpolation.
     """
 
     sizes: dict[str, int]
@@ -30,13 +30,13 @@ class Corners(NamedTuple):
         corners: NDArray[np.int64],
         faces: NDArray[np.int64],
     ) -> Corners:
-        """Corners of triangles.
+        """Corners of all triangles of a mesh.
 
         Args:
-            point_count, face_count: of the mesh.
-            vertices: (face corners,) indices of points.
+            point_count, face_count: numbers of points and faces of the mesh.
+            vertices: (face corners,) point indices.
             corners: (m, 3) indices into `vertices`.
-            faces: (m,) of the triangles.
+            faces: (m,) face index of each triangle.
         """
         flat = corners.ravel()
         points = vertices[flat]
@@ -52,7 +52,7 @@ class Corners(NamedTuple):
         )  # fmt: skip
 
     def of_triangles(self, chosen: NDArray[np.bool_]) -> Corners:
-        """Corners of some triangles: mask (m,)."""
+        """Corners of the triangles selected by a mask (m,)."""
         kept = np.repeat(chosen, 3)
         return Corners(self.sizes, {key: rows[kept] for key, rows in self.rows.items()})
 
@@ -61,9 +61,9 @@ class Values(NamedTuple):
     """Values of a primvar.
 
     Attributes:
-        values: (k, width).
-        interpolation: of the schema UsdGeomPrimvar.
-        indices: (elements,) into `values`; None: one value for each element.
+        values: (k, width) distinct or per-element values.
+        interpolation: interpolation mode of UsdGeomPrimvar.
+        indices: (elements,) indices into `values`; None: one value per element.
     """
 
     values: NDArray[np.float64]
@@ -72,11 +72,11 @@ class Values(NamedTuple):
 
     @property
     def is_shared(self) -> bool:
-        """Values at points: corners at one point have the same."""
+        """True if all corners at one point have the same value."""
         return self.interpolation in ("constant", "varying", "vertex")
 
     def rows(self, corners: Corners) -> NDArray[np.int64] | None:
-        """Rows (c,) of the values at corners; None where there are too few or too many."""
+        """Rows (c,) of the values at corners; None: the number of values does not match."""
         rows, size = corners.rows.get(self.interpolation), corners.sizes.get(self.interpolation)
         elements = len(self.values) if self.indices is None else len(self.indices)
         if rows is None or size is None or elements != size or not elements:
@@ -90,12 +90,12 @@ class Values(NamedTuple):
 
 
 class Vertices(NamedTuple):
-    """Vertices that triangles share.
+    """Vertices shared by triangles.
 
     Attributes:
-        points: (n,) indices of the mesh's points.
+        points: (n,) point indices in the mesh.
         triangles: (m, 3) indices into `points`.
-        values: (n, width) of each primvar; None where there was none that fits.
+        values: (n, width) values of each primvar; None for one that is missing or does not match.
     """
 
     points: NDArray[np.int64]
@@ -104,7 +104,7 @@ class Vertices(NamedTuple):
 
 
 def make_vertices(corners: Corners, primvars: list[Values | None]) -> Vertices:
-    """Vertices of triangles: corners at one point share one as far as their values are equal."""
+    """Merge corners at one point with equal values into shared vertices."""
     points = corners.rows["vertex"]
     rows = [None if one is None else one.rows(corners) for one in primvars]
     code = points
@@ -123,7 +123,7 @@ def make_vertices(corners: Corners, primvars: list[Values | None]) -> Vertices:
 
 
 def _paired(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers (n,) that are equal where pairs of two numbers are."""
+    """Keys (n,) that are equal if and only if both numbers are equal."""
     size = int(second.max(initial=0)) + 1
     if int(first.max(initial=0)) >= _MAX_KEY // size:
         first = np.unique(first, return_inverse=True)[1]
@@ -131,7 +131,7 @@ def _paired(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.i
 
 
 def _ranks(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Numbers (k,) that are equal where rows (k, width) of values are, as float32."""
+    """Ranks (k,) that are equal if and only if rows (k, width) are equal as float32."""
     with np.errstate(all="ignore"):
         bits = (values.astype(np.float32) + np.float32(0.0)).view(np.uint32).astype(np.uint64)
     ranks: NDArray[np.int64] = np.unique(bits[:, 0], return_inverse=True)[1]

@@ -1,7 +1,7 @@
 """Textures of dome lights as environment maps.
 
-Source: OpenUSD, previewSurface of Hydra Storm, projectToLatLong: the map's middle is the dome's +z,
-its +x is to the left, +y on top.
+Source: OpenUSD, previewSurface of Hydra Storm, projectToLatLong: the map's center is the dome's +z,
+with +x to the left and +y at the top.
 """
 
 from __future__ import annotations
@@ -20,21 +20,22 @@ from omnisim.scene.formats.usd.shading.texture_files import content_of
 from omnisim.scene.light.environment import coordinates_of, lookup, map_directions
 
 MAX_ROWS = 2048
-ROWS_AT_ONCE = 64  # bounds the memory
+ROWS_AT_ONCE = 64  # limits memory use
 MAX_RADIANCE = 1e9
-_DISPLAY = (".png", ".jpg", ".jpeg")  # of which 8 bits are sRGB
+_DISPLAY = (".png", ".jpg", ".jpeg")  # formats whose 8-bit values are sRGB
 _LAT_LONG = ("", "automatic", "latlong")
-# Axes of omnisim's maps: +x in the middle, +y to the left.
+# Axes of omnisim's maps: +x in the center, +y to the left.
 _DOME_FROM_MAP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
 def dome_map(
     texture: Sdf.AssetPath, layout: str, world_from_dome: NDArray[np.float64]
 ) -> NDArray[np.float32] | None:
-    """Radiance (rows, 2 rows, 3) of a dome's texture in axes of the world; None: it is not read.
+    """Radiance (rows, 2 rows, 3) of a dome's texture in world axes; None: unreadable or
+    unsupported.
 
     Args:
-        texture: of the light.
+        texture: texture file of the light.
         layout: `texture:format` of the light.
         world_from_dome: (3, 3) axes of the light, of any length.
     """
@@ -62,7 +63,7 @@ def mean_radiance(pixels: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def _read(resolved: str) -> NDArray[np.float32] | None:
-    """Linear RGB (height, width, 3) of a file, or of a part of a package; None: it is none."""
+    """Linear RGB (height, width, 3) of a file or package member; None: unreadable."""
     try:
         data = content_of(resolved)
     except OSError:

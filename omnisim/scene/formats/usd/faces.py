@@ -1,4 +1,4 @@
-"""Triangles of meshes and shapes, with the elements that their values are stored for."""
+"""Triangles of meshes and shapes, with the elements that store their values."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Faces(NamedTuple):
     """Triangles of a prim.
 
     Attributes:
-        points: (n, 3).
-        corners: of the triangles.
-        polygons: (m,) of the triangles.
-        normals: None: flat triangles.
+        points: (n, 3) positions.
+        corners: corners of the triangles.
+        polygons: (m,) polygon index of each triangle.
+        normals: normals as a primvar; None: flat shading.
     """
 
     points: NDArray[np.floating]
@@ -35,7 +35,7 @@ class Faces(NamedTuple):
 
 
 def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Faces | None:
-    """Triangles of a shape that is stated by numbers; None: it has none.
+    """Triangles of a parametric shape; None: no triangles.
 
     Raises:
         SceneError: an invalid size.
@@ -47,7 +47,7 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
     triangles = surface.triangles[:, ::-1] if is_left_handed else surface.triangles
     vertices = triangles.ravel().astype(np.int64)
     corners = np.arange(len(vertices)).reshape(-1, 3)
-    polygons = np.zeros(len(corners), np.int64)  # a shape is one face
+    polygons = np.zeros(len(corners), np.int64)  # a shape counts as one face
     return Faces(
         surface.positions,
         Corners.of(len(surface.positions), 1, vertices, corners, polygons),
@@ -57,10 +57,10 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
 
 
 def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Notices) -> Faces | None:
-    """Triangles of a mesh; None: it has none.
+    """Triangles of a mesh; None: no triangles.
 
     Raises:
-        SceneError: faces without corners, or corners without points.
+        SceneError: counts that do not match the corners, or invalid point indices.
     """
     mesh = UsdGeom.Mesh(prim)
     points = rows(mesh.GetPointsAttr().Get(time), 3)
@@ -105,7 +105,7 @@ def _normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> Values | None:
 def _check_topology(
     prim: Usd.Prim, points: int, counts: NDArray[np.int64], vertices: NDArray[np.int64]
 ) -> None:
-    """Check that faces have corners, and corners points.
+    """Check that the face counts match the corners, and that the corners index existing points.
 
     Raises:
         SceneError: naming the mesh.
@@ -127,11 +127,11 @@ def _is_left_handed(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
     return bool(orientation == UsdGeom.Tokens.leftHanded)
 
 
-@np.errstate(all="ignore")  # what is not finite is refused with the mesh
+@np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
 def _smooth_normals(
     points: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Normals (n, 3) at points, means of their triangles' by area."""
+    """Normals (n, 3) at points, area-weighted over their triangles."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = np.cross(b - a, c - a)
     sums = np.stack(

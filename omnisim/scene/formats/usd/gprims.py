@@ -1,4 +1,4 @@
-"""Meshes and shapes as meshes of the scene, one for each material of a prim."""
+"""Meshes and shapes of a stage as scene meshes, one per prim and material."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _PURPOSE = UsdShade.Tokens.preview
 
 
 class Part(NamedTuple):
-    """Mesh of the scene, and its origin (3,) in the frame of its prim."""
+    """Scene mesh, and its origin (3,) in the frame of its prim."""
 
     mesh: int
     center: NDArray[np.float64]
@@ -32,7 +32,7 @@ class Gprims:
     """Meshes of a stage.
 
     Attributes:
-        meshes, materials: of the scene.
+        meshes, materials: scene meshes and materials created so far.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class Gprims:
         self._material_rows: dict[tuple[object, ...], int] = {}
 
     def parts(self, prim: Usd.Prim) -> tuple[Part, ...]:
-        """Meshes of a prim; proxies of one instanced prim share them.
+        """Meshes of a prim, shared by all instance proxies of one prototype prim.
 
         Raises:
-            SceneError: a mesh that is damaged.
+            SceneError: the mesh is damaged.
         """
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
@@ -89,7 +89,7 @@ class Gprims:
         mask: NDArray[np.bool_],
         bound: UsdShade.Material | None,
     ) -> list[Part]:
-        """Mesh of some of the triangles."""
+        """Mesh of the triangles selected by a mask, as a list of at most one."""
         if not mask.any():
             return []
         appearance = None if bound is None else self._surfaces.read(bound)
@@ -117,7 +117,7 @@ class Gprims:
         return [Part(len(self.meshes) - 1, center)]
 
     def _colors(self, prim: Usd.Prim, appearance: Appearance | None) -> Values | None:
-        """Linear RGBA of the primvars that the appearance has; without one: display colors."""
+        """Linear RGBA of the appearance's primvars; without an appearance, of the display color."""
         names = ("displayColor", "displayOpacity")
         if appearance is not None:
             names = (appearance.color_primvar, appearance.opacity_primvar)
@@ -145,7 +145,7 @@ class Gprims:
         color: NDArray[np.float64] | None,
         has_vertex_colors: bool,
     ) -> int:
-        """Row of a material, with the sides and the constant color of a prim."""
+        """Index of a material, with the sides and the constant color of a prim."""
         sided = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self._time))
         factor = (1.0, 1.0, 1.0, 1.0) if color is None else tuple(color.tolist())
         if appearance is None and color is None and not has_vertex_colors:

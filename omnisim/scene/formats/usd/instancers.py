@@ -16,9 +16,9 @@ class Copies(NamedTuple):
     """Copies of a prototype.
 
     Attributes:
-        prototype: its root.
-        numbers: (n,) of the copies within the instancer.
-        instancer_from_copies: (n, 4, 4).
+        prototype: root prim of the prototype.
+        numbers: (n,) indices of the copies within the instancer.
+        instancer_from_copies: (n, 4, 4) transforms.
     """
 
     prototype: Usd.Prim
@@ -30,7 +30,7 @@ def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[C
     """Visible copies of each prototype of an instancer.
 
     Raises:
-        SceneError: indices of prototypes that there are not, or poses of another number.
+        SceneError: invalid prototype indices, or numbers of poses that do not match.
     """
     prim = instancer.GetPrim()
     targets = instancer.GetPrototypesRel().GetForwardedTargets()
@@ -45,7 +45,7 @@ def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[C
     poses = instancer.ComputeInstanceTransformsAtTime(
         time, time, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
     )
-    # usd-core's matrices act on rows
+    # usd-core's matrices multiply row vectors
     matrices = np.array(poses, dtype=np.float64).reshape(-1, 4, 4).swapaxes(1, 2)
     if len(matrices) != len(rows):
         raise SceneError(

@@ -1,4 +1,4 @@
-"""Lights of UsdLux as punctual lights."""
+"""UsdLux lights as punctual lights."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.shading.shading import numbers
 from omnisim.scene.parts import Light, LightKind
 
-_FACING = {"RectLight", "DiskLight"}  # lights that shine along −z
+_FACING = {"RectLight", "DiskLight"}  # lights that shine along −z only
 _APPROXIMATED = {"RectLight", "DiskLight", "CylinderLight"}
 _HEMISPHERE = (1.0, 0.0)
 
 
 def is_light(prim: Usd.Prim) -> bool:
-    """True for any light of UsdLux."""
+    """True for every UsdLux light."""
     return bool(prim.HasAPI(UsdLux.LightAPI))
 
 
@@ -27,9 +27,10 @@ class Lights:
     """Lights of a stage.
 
     Attributes:
-        lights: in the world.
-        dome: linear RGB luminance of the first dome light, in cd/m²; None: there is none.
-        environment: luminance (rows, 2 rows, 3) of its texture, in axes of the world, or None.
+        lights: lights in the world frame.
+        dome: linear RGB luminance of the first dome light, cd/m²; None: no dome light.
+        environment: luminance (rows, 2 rows, 3) of the dome's texture, in world axes; None: no
+            texture.
     """
 
     def __init__(self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Notices):
@@ -39,7 +40,7 @@ class Lights:
         self._world_from_stage, self._time, self._notices = world_from_stage, time, notices
 
     def add(self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64]) -> None:
-        """Add a light of any kind; what it is not drawn with is noted."""
+        """Add a light of any type; unsupported attributes become notices."""
         kind = str(prim.GetTypeName()).removesuffix("_1")
         level, color = self._level(prim), self._color(prim)
         if kind == "DomeLight":
@@ -56,7 +57,7 @@ class Lights:
             lux = level * self._distant_factor(prim)
             self.lights.append(Light(LightKind.DIRECTIONAL, color, lux, direction=axis / length))
             return
-        # areas are in units of the stage; normalized ones too, so that meters are put in once
+        # the area is in square stage units, even if normalized, so that meters enter only once
         scale = np.linalg.norm(stage_from_prim[:3, :3], axis=0)
         unit = float(np.linalg.norm(self._world_from_stage[:3, 0]))
         candela = level * self._area_factor(prim, kind, scale) * unit * unit
@@ -80,7 +81,7 @@ class Lights:
         )
 
     def _level(self, prim: Usd.Prim) -> float:
-        """Luminance without its color, in cd/m²."""
+        """Luminance without the light's color, cd/m²."""
         level = self._number(prim, "intensity", 1.0)
         exposure = min(max(self._number(prim, "exposure", 0.0), -100.0), 100.0)
         return level * math.exp2(exposure) * self._number(prim, "diffuse", 1.0)
@@ -94,9 +95,9 @@ class Lights:
         return max(red, 0.0), max(green, 0.0), max(blue, 0.0)
 
     def _distant_factor(self, prim: Usd.Prim) -> float:
-        """Illuminance of a surface that faces it, for a luminance of one.
+        """Illuminance of a facing surface per unit of luminance.
 
-        Source: UsdLuxDistantLight; π sin² of half its angle, or one where that is normalized.
+        Source: UsdLuxDistantLight: π sin² of its half angle, or 1 if normalized.
         """
         half_rad = math.radians(0.5 * self._number(prim, "angle", 0.53))
         if half_rad <= 0.0 or self._get(prim, "normalize"):
@@ -104,9 +105,9 @@ class Lights:
         return math.pi * math.sin(min(half_rad, 0.5 * math.pi)) ** 2
 
     def _area_factor(self, prim: Usd.Prim, kind: str, scale: NDArray[np.float64]) -> float:
-        """Luminous intensity ahead for a luminance of one, in square units of the stage.
+        """Frontal luminous intensity per unit of luminance, in square stage units.
 
-        Source: UsdLuxLightAPI; a normalized luminance is divided by the area of the surface.
+        Source: UsdLuxLightAPI: a normalized luminance is divided by the surface area.
         """
         radius = self._number(prim, "radius", 0.5)
         across = float(scale.mean())
@@ -130,7 +131,7 @@ class Lights:
         return seen / area if area > 0.0 else 0.0
 
     def _cone(self, prim: Usd.Prim) -> tuple[float, float] | None:
-        """Cosines of a shaped light's inner and outer half-angle; None: it is not shaped."""
+        """Cosines of a shaped light's inner and outer half-angles; None: no shaping."""
         angle = self._number(prim, "shaping:cone:angle", 90.0)
         if not prim.HasAPI(UsdLux.ShapingAPI) or not 0.0 < angle < 90.0:
             return None

@@ -1,4 +1,4 @@
-"""Notices of a stage: one line for each feature that is not drawn, with its count."""
+"""Notices of a stage: one line with a count for each feature that is not drawn."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from omnisim.core.short_repr import counted
 
 
 class Notices:
-    """Features that are not drawn, in the order in which they are met."""
+    """Features that are not drawn, in order of occurrence."""
 
     def __init__(self) -> None:
         self._plain: dict[str, None] = {}
         self._counts: Counter[tuple[str, str]] = Counter()
 
     def add(self, text: str) -> None:
-        """Note a line."""
+        """Add a line without a count."""
         self._plain[text] = None
 
     def count(self, text: str, noun: str = "prim") -> None:
-        """Note one use of a feature."""
+        """Count one use of a feature."""
         self._counts[text, noun] += 1
 
     @property
     def lines(self) -> list[str]:
-        """One line for each feature."""
+        """Notices, one line per feature."""
         uses = [
             f"{text} ({counted(n, noun, 'meshes' if noun == 'mesh' else '')})"
             for (text, noun), n in self._counts.items()

@@ -1,4 +1,4 @@
-"""Triangulation of polygons in space: fans of convex ones, ear clipping of the others."""
+"""Triangulation of polygons in 3D: fans for convex ones, ear clipping for the others."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from numpy.typing import NDArray
 
 from omnisim.scene.polygons import clip_ears
 
-_FLAT = 1e-9  # of the area: corners that are reflex by rounding alone
+_FLAT = 1e-9  # tolerance relative to the largest turn, against rounding errors at reflex corners
 
 
 def triangulate(
     points: NDArray[np.floating], counts: NDArray[np.integer], vertices: NDArray[np.integer]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangulate polygons, planar or nearly so, in the order of the polygons.
+    """Triangulate planar or nearly planar polygons, in their order.
 
     Args:
         points: (n, 3) positions.
-        counts: (polygons,) corners of each; those of less than three are left out.
-        vertices: (corners,) indices into `points`, polygon after polygon.
+        counts: (polygons,) number of corners of each; polygons with less than three are dropped.
+        vertices: (corners,) indices into `points`, polygon by polygon.
 
     Returns:
-        Corners (m, 3) of the triangles, indices into `vertices`, and their polygons (m,).
+        Triangle corners (m, 3) as indices into `vertices`, and their polygons (m,).
     """
     starts = np.cumsum(counts, dtype=np.int64) - counts
     corners, polygons = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
@@ -31,7 +31,7 @@ def triangulate(
         positions = points[vertices[loops]].astype(np.float64)
         turns, normals = _turns(positions)
         is_reflex = turns < -_FLAT * np.abs(turns).max(axis=1, keepdims=True)
-        # a quad's diagonal begins at the reflex corner
+        # the diagonal of a quad starts at its reflex corner
         first = is_reflex.argmax(axis=1) if count == 4 else np.zeros(len(loops), np.int64)
         is_concave = is_reflex.any(axis=1) & (count > 4)
         corners.append(_fans(loops, first)[~is_concave].reshape(-1, 3))
@@ -46,7 +46,7 @@ def triangulate(
 
 
 def _fans(loops: NDArray[np.int64], first: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles (n, k - 2, 3) of polygons (n, k), from the first (n,) corner of each."""
+    """Triangle fans (n, k - 2, 3) of polygons (n, k), from the `first` (n,) corner of each."""
     count = loops.shape[1]
     rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
     apexes = np.broadcast_to(rotated[:, :1], (len(loops), count - 2))
@@ -71,7 +71,7 @@ def _turns(
 
 
 def _projected(corners: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Polygon (k, 2) counter-clockwise in a plane across its normal."""
+    """Polygon (k, 2) projected along its normal's main axis, counter-clockwise."""
     axis = int(np.argmax(np.abs(normal)))
     u, v = (axis + 1) % 3, (axis + 2) % 3
     return corners[:, [u, v] if normal[axis] >= 0.0 else [v, u]]

@@ -10,7 +10,7 @@ from omnisim.scene.formats.usd.corners import Values
 
 
 def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> Values | None:
-    """Primvar of a prim, or that it inherits; None: there is none of this width."""
+    """Own or inherited primvar of a prim; None: missing, or of another width."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if not primvar or not primvar.HasValue():
         return None
@@ -25,7 +25,7 @@ def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> V
 
 
 def rows(value: object, width: int) -> NDArray[np.float64] | None:
-    """Value of an attribute as rows (k, width); None for another type, or width."""
+    """Attribute value as rows (k, width); None: another type or width."""
     if value is None or isinstance(value, str):
         return None
     array = np.asarray(value)
@@ -38,11 +38,11 @@ def rows(value: object, width: int) -> NDArray[np.float64] | None:
 
 
 def integers(value: object) -> NDArray[np.int64]:
-    """Array (k,) of an attribute of integers; empty where it has none, or another type."""
+    """Integer array (k,) of an attribute; empty if missing or of another type."""
     found = np.asarray(value)
     return found.astype(np.int64).reshape(-1) if found.dtype.kind in "iu" else np.zeros(0, np.int64)
 
 
 def texts(value: object) -> list[str]:
-    """Strings of an attribute that has an array of them; empty where it has none."""
+    """Strings of an array attribute; empty if missing."""
     return [str(each) for each in np.array(() if value is None else value).reshape(-1)]

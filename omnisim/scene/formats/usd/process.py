@@ -1,4 +1,4 @@
-"""Calls in a process of their own: a library's crash, noise or greed ends with that process."""
+"""Function calls in a separate process: isolation from a library's crashes, output and memory."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from typing import BinaryIO, TypeVar
 from omnisim.core.errors import OmnisimError, SceneError
 
 Result = TypeVar("Result")
-# Of processor time: a stage of some hundred megabytes takes a minute, a damaged one has no end.
+# Processor time: a stage of some hundred megabytes takes a minute, a damaged one may never end.
 LIMIT_CPU_S = 300
 _MAIN = "import sys; sys.path[:] = {path!r}; from {module} import serve; serve()"
 
 
 @dataclass(frozen=True)
 class _Defect:
-    """Exception that nobody expected."""
+    """Unexpected exception."""
 
     traceback: str
 
 
 def call_isolated(function: Callable[..., Result], *arguments: object) -> Result:
-    """Call a function of a module in another process, and return what it returns.
+    """Call a module-level function in another process and return its result.
 
     Args:
-        function: of a module; it and its arguments are pickled, as is its result.
-        arguments: of the function.
+        function: module-level function; it, its arguments and its result are pickled.
+        arguments: arguments of the function.
 
     Raises:
-        OmnisimError: raised by the function, or the process does not come to its end.
+        OmnisimError: raised by the function, or because the process ended early.
     """
     main = _MAIN.format(path=sys.path, module=__name__)
-    # of plug-ins of usd-core that are installed some could ask the net for files
+    # installed usd-core plug-ins could fetch files from the network
     environment = {
         key: value for key, value in os.environ.items() if not key.startswith("PXR_PLUG")
     }
@@ -69,9 +69,9 @@ def call_isolated(function: Callable[..., Result], *arguments: object) -> Result
 
 
 def serve() -> None:
-    """Call the function that standard input has, and write its result to standard output."""
+    """Call the function from standard input and write its result to standard output."""
     with os.fdopen(os.dup(1), "wb") as output:
-        os.dup2(2, 1)  # a library's prints are no results
+        os.dup2(2, 1)  # keeps a library's prints out of the result
         function, arguments, limit_s = pickle.load(sys.stdin.buffer)
         resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
         bytes_of_machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -1,4 +1,4 @@
-"""Stages as contents of a scene."""
+"""USD stages as scene contents."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from omnisim.scene.formats.usd.process import call_isolated
 
 
 def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
-    """Read a stage, in a process of its own.
+    """Read a stage in a separate process.
 
     Args:
-        path: of the stage.
-        axes: overrule those of the stage.
+        path: path of the stage.
+        axes: overrides of the stage's up axis and unit.
 
     Returns:
-        The contents, and the transform (4, 4) from the stage to the world frame.
+        Scene contents, and the transform (4, 4) from the stage to the world frame.
 
     Raises:
-        SceneError: it is damaged.
+        SceneError: the stage is damaged.
     """
     read, matrix, sources = call_isolated(_read, path, axes)
     note_sources(sources)
@@ -32,7 +32,7 @@ def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.floa
 
 
 def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64], Sources]:
-    from omnisim.scene.formats.usd.stage_reader import read_stage  # with usd-core, slow to import
+    from omnisim.scene.formats.usd.stage_reader import read_stage  # imports usd-core, slow
 
     with recorded_sources() as sources:
         read, matrix = read_stage(path, axes)

@@ -7,12 +7,12 @@ from pxr import Usd
 from omnisim.scene.formats.usd.primvars import texts
 
 _LABELS = "semantics:labels:"
-_TAXONOMIES = ("class", "category")  # the first that a prim has
+_TAXONOMIES = ("class", "category")  # in order of preference
 _OLDER_TYPE, _OLDER_DATA = ":params:semanticType", ":params:semanticData"
 
 
 def semantic_class(prim: Usd.Prim, time: Usd.TimeCode) -> str | None:
-    """Class that a prim states itself; None: it states none."""
+    """Class stated by a prim itself; None: no class."""
     names = [name for name in prim.GetAppliedSchemas() if name.startswith("Semantics")]
     if not names:
         return None

@@ -1,4 +1,4 @@
-"""Shapes that a stage states by numbers: cubes, spheres, cylinders, cones, capsules, planes."""
+"""Parametric shapes of USD: cubes, spheres, cylinders, cones, capsules, planes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnisim.scene import primitives
 from omnisim.scene.primitives import Surface
 
 _MAX_SIZE = 1e12
-# Axes of a shape about z, as columns; each is a rotation.
+# Rotations of a shape around z to each axis; columns are the shape's axes.
 _FROM_Z = {
     "X": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
     "Y": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
@@ -22,7 +22,7 @@ _FROM_Z = {
 
 
 def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Surface:
-    """Triangles of a shape in the units of the stage, as fine as its size in meters asks for.
+    """Triangles of a shape in stage units, with a resolution that suits its size in meters.
 
     Raises:
         SceneError: an invalid size.
@@ -38,7 +38,7 @@ def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Su
 
 
 def is_shape(prim: Usd.Prim) -> bool:
-    """True for a shape that is stated by numbers."""
+    """True for a parametric shape."""
     return str(prim.GetTypeName()) in _SHAPES
 
 
@@ -51,7 +51,7 @@ def _sphere(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
 
 
 def _plane(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
-    """Plane of USD: its width is along x, but along z where it faces x; it faces +axis."""
+    """Plane that faces +axis; its width is along x, or along z if it faces x."""
     width, length = (0.5 * _size(prim, key, time, unit) for key in ("width", "length"))
     sizes = {"X": (length, width), "Y": (length, width), "Z": (width, length)}
     return primitives.rectangle(*sizes[str(UsdGeom.Plane(prim).GetAxisAttr().Get(time))])
@@ -84,7 +84,7 @@ _SHAPES: dict[str, Callable[[Usd.Prim, Usd.TimeCode, float], Surface]] = {
 
 
 def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
-    """Cylinder about z whose side and ends are stretched to two radii."""
+    """Cylinder around z with its ends scaled to two radii."""
     whole = primitives.cylinder(max(bottom_m, top_m), half_length_m)
     assert whole.normals is not None
     radii = np.where(whole.positions[:, 2] < 0.0, bottom_m, top_m) / max(bottom_m, top_m, 1e-300)
@@ -101,7 +101,7 @@ def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
 
 
 def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, float]:
-    """Radii of the bottom and the top."""
+    """Radii at the bottom and at the top."""
     if prim.GetAttribute("radiusBottom"):
         return _size(prim, "radiusBottom", time, unit), _size(prim, "radiusTop", time, unit)
     radius = _size(prim, "radius", time, unit)
@@ -109,7 +109,7 @@ def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, floa
 
 
 def _size(prim: Usd.Prim, key: str, time: Usd.TimeCode, unit: float) -> float:
-    """Attribute in meters."""
+    """Size attribute converted to meters."""
     value = prim.GetAttribute(key).Get(time)
     if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _MAX_SIZE):
         raise SceneError(f"{prim.GetPath()}.{key} = {value!r:.40}: expected a number ≥ 0")

@@ -1,4 +1,4 @@
-"""Stages: opening them, and the errors of usd-core as lines of ours."""
+"""Opening of USD stages, with usd-core's errors as one-line messages."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from omnisim.scene.formats.usd.notices import Notices
 
 
 def open_stage(path: Path, notices: Notices) -> Usd.Stage:
-    """Open a stage, with all payloads; references that are missing are noted.
+    """Open a stage with all payloads; missing references become notices.
 
     Raises:
-        SceneError: it is damaged, or no stage.
+        SceneError: a damaged file, or one that is not a stage.
     """
     try:
         stage = Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
@@ -32,7 +32,7 @@ def open_stage(path: Path, notices: Notices) -> Usd.Stage:
 
 
 def stage_axes(stage: Usd.Stage) -> FileAxes:
-    """Up axis and unit of a stage; without them y, and centimeters.
+    """Up axis and unit of a stage; the defaults are y and centimeters.
 
     Raises:
         SceneError: an invalid unit.
@@ -44,19 +44,19 @@ def stage_axes(stage: Usd.Stage) -> FileAxes:
 
 
 def first_time(stage: Usd.Stage) -> Usd.TimeCode:
-    """Time of the stage's first frame; without one, the earliest of each attribute."""
+    """Time of the stage's first frame, or else the earliest time of each attribute."""
     if stage.HasAuthoredTimeCodeRange():
         return Usd.TimeCode(stage.GetStartTimeCode())
     return Usd.TimeCode.EarliestTime()
 
 
 def _first_line(reason: Tf.ErrorException, path: Path) -> str:
-    """Error as one line, without the path of the stage, which is named already."""
+    """Error on one line, without the stage's path, which the message names already."""
     texts = [" ".join(str(error.commentary).split()) for error in reason.args]
     text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
     return _relative(text, path) or "is damaged, or of another format than its name says"
 
 
 def _relative(text: str, path: Path) -> str:
-    """Message without the stage's folder, and on one line."""
+    """Message on one line, with paths relative to the stage's folder."""
     return re.sub(re.escape(f"{path.resolve().parent}/"), "", " ".join(text.split()))

@@ -1,4 +1,4 @@
-"""Stages as contents of a scene, in this process."""
+"""Reader of USD stages as scene contents, in the current process."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from omnisim.scene.parts import Instance, LabelRule, StartPose
 from omnisim.scene.textures import TextureStore, large_textures
 
 MAX_INSTANCES = 1_000_000
-MAX_NESTED = 16  # point instancers in each other
+MAX_NESTED = 16  # nesting depth of point instancers
 
 
 def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
     """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`.
 
     Raises:
-        SceneError: it is damaged.
+        SceneError: the stage is damaged.
     """
     try:
         with large_textures():
@@ -48,7 +48,7 @@ def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.fl
 
 
 class _Placed(NamedTuple):
-    """Mesh of the scene at a pose, and the object that it is a part of."""
+    """Scene mesh at a pose, with the object that contains it."""
 
     name: str
     mesh: int
@@ -58,7 +58,7 @@ class _Placed(NamedTuple):
 
 
 class _Reader:
-    """One stage."""
+    """Reader of one stage."""
 
     def __init__(self, path: Path, axes: FileAxes):
         self._notices = Notices()
@@ -81,7 +81,7 @@ class _Reader:
         self._names: Counter[str] = Counter()
 
     def read(self) -> tuple[ImportedScene, NDArray[np.float64]]:
-        """Read all that is drawn."""
+        """Read everything that is drawn."""
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
         instances = tuple(
             Instance(one.name, one.mesh, one.frame_from_mesh, one.frame_from_object)
@@ -110,9 +110,9 @@ class _Reader:
     def _placed(
         self, root: Usd.Prim, frame_from_parent: NDArray[np.float64], nested: int
     ) -> list[_Placed]:
-        """Meshes of a prim and all below it, in the frame of its parent."""
+        """Meshes of a prim and its descendants, in the frame of its parent."""
         placed: list[_Placed] = []
-        owners: dict[str, str] = {}  # names by their paths
+        owners: dict[str, str] = {}  # object names by path
         for site in self._walk.sites(root, frame_from_parent):
             prim = site.prim
             if is_light(prim):
@@ -133,7 +133,7 @@ class _Reader:
         return placed
 
     def _parts(self, site: Site, owners: dict[str, str]) -> list[_Placed]:
-        """Meshes of a prim."""
+        """Meshes of a single prim."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
             return []
@@ -147,7 +147,7 @@ class _Reader:
         ]
 
     def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
-        """Name, frame and class of the object that a prim is a part of."""
+        """Name, frame and class of the object that contains a prim."""
         owner = site.owner
         if owner is None:
             return self._distinct(self._walk.path_name(site.prim)), site.stage_from_prim, ""
@@ -156,7 +156,7 @@ class _Reader:
         return owners[owner.path], owner.stage_from_object, owner.class_name
 
     def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_Placed]:
-        """Meshes of all copies that a point instancer makes."""
+        """Meshes of all copies of a point instancer."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
             return []
@@ -190,14 +190,14 @@ class _Reader:
         return placed
 
     def _distinct(self, name: str) -> str:
-        """The name, numbered where another object has it."""
+        """Name with a number appended if another object already has it."""
         count = self._names[name]
         self._names[name] += 1
         return name if not count else self._distinct(f"{name}_{count}")
 
 
 def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
-    """Label rules of objects' classes, in the order of the alphabet."""
+    """Label rules of the objects' classes, in alphabetical order."""
     return tuple(
         LabelRule(
             number,

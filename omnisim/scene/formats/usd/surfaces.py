@@ -1,4 +1,4 @@
-"""Materials: UsdPreviewSurface, else OmniPBR, as far as the scene's materials go."""
+"""Materials from UsdPreviewSurface, or else OmniPBR, within the scene's material model."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _NOT_DRAWN = {"displacement": 0.0, "useSpecularWorkflow": 0.0}
 
 
 class Appearance(NamedTuple):
-    """Material with what it asks of the meshes that have it.
+    """Material and the vertex data that it requires.
 
     Attributes:
-        material: its sides are the mesh's.
-        uv: texture whose coordinates the meshes get, if any.
+        material: scene material; its sides are set by each mesh.
+        uv: texture that determines the meshes' texture coordinates; None: no texture.
         color_primvar, opacity_primvar: primvars of the base color and opacity; empty: none.
     """
 
@@ -42,7 +42,7 @@ class Surfaces:
         self._known: dict[str, Appearance | None] = {}
 
     def read(self, material: UsdShade.Material) -> Appearance | None:
-        """Appearance of a material; None where it has no surface that can be read."""
+        """Appearance of a material; None: no supported surface."""
         path = str(material.GetPath())
         if path not in self._known:
             self._known[path] = self._read(material)
@@ -66,17 +66,17 @@ class Surfaces:
 
 
 class _PreviewSurface:
-    """One UsdPreviewSurface.
+    """Reader of one UsdPreviewSurface.
 
     Source: the UsdPreviewSurface specification of OpenUSD, version 2.6.
     """
 
     def __init__(self, name: str, inputs: Inputs, files: TextureFiles, notices: Notices):
         self._name, self._inputs, self._files, self._notices = name, inputs, files, notices
-        self._uv: TextureSource | None = None  # that the meshes' coordinates are for
+        self._uv: TextureSource | None = None  # determines the meshes' texture coordinates
 
     def read(self) -> Appearance:
-        """Read all inputs."""
+        """Read all inputs of the surface."""
         for key, neutral in _NOT_DRAWN.items():
             if self._inputs.get(key).differs(neutral):
                 self._notices.count(f"{key} is not drawn", "material")
@@ -87,7 +87,7 @@ class _PreviewSurface:
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 
     def _base(self, material: Material, diffuse: Connected, opacity: Connected) -> Material:
-        """Material with base color and alpha."""
+        """Material with its base color and alpha."""
         color, texture = diffuse.color((0.18, 0.18, 0.18)), None
         if diffuse.primvar:
             color = (1.0, 1.0, 1.0)
@@ -128,7 +128,7 @@ class _PreviewSurface:
             if one.texture is not None
         }
         packed = self._packed(planes)
-        if packed is not None:  # the factors multiply the map
+        if packed is not None:  # factors multiply the map, so mapped ones become 1
             roughness = 1.0 if 1 in planes else roughness
             metallic = 1.0 if 2 in planes else metallic
         return replace(
@@ -158,7 +158,7 @@ class _PreviewSurface:
         return replace(material, emissive=color, emissive_map=texture)
 
     def _packed(self, planes: dict[int, tuple[TextureSource, str]]) -> Texture | None:
-        """Linear texture of channels of others."""
+        """Linear texture packed from channels of other textures."""
         if not planes:
             return None
         packed = self._files.packed(planes, None, self._name)
@@ -170,7 +170,7 @@ class _PreviewSurface:
         return None if texture is None else self._fitted(texture, source)
 
     def _fitted(self, texture: Texture, source: TextureSource) -> Texture | None:
-        """Texture for the coordinates that the meshes get: those of the first of the material."""
+        """Texture placed by the meshes' coordinates, those of the material's first texture."""
         self._uv = self._uv or source
         if source.primvar != self._uv.primvar:
             self._notices.count("texture for further coordinates is not drawn", "material")
@@ -182,7 +182,7 @@ class _PreviewSurface:
 
 
 def _relative(wanted: Affine, applied: Affine) -> Affine:
-    """Transform of coordinates that one transform made to those of another."""
+    """Transform from coordinates placed by `applied` to those placed by `wanted`."""
     if wanted == applied:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
     full = [np.vstack((np.array(one), (0.0, 0.0, 1.0))) for one in (wanted, applied)]

@@ -1,4 +1,4 @@
-"""Traversal of a stage: what is drawn, where, and to which object it belongs."""
+"""Traversal of a stage: visible prims, their poses, and the objects that contain them."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from omnisim.core.errors import SceneError
 from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.semantics import semantic_class
 
-MAX_DEPTH = 500  # of prims in each other: Sdf's paths have no limit
+MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
 _DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
 
 
 class ObjectFrame(NamedTuple):
-    """Object that prims are parts of: a component, or a prim with a class.
+    """Object that contains prims: a component, or a prim with a class.
 
     Attributes:
-        name, path: of the prim.
-        stage_from_object: (4, 4).
-        class_name: of semantics; empty: none.
+        name, path: name and path of the object's prim.
+        stage_from_object: (4, 4) transform.
+        class_name: semantic class; empty: none.
     """
 
     name: str
@@ -33,13 +33,13 @@ class ObjectFrame(NamedTuple):
 
 
 class Site(NamedTuple):
-    """Prim with what it inherits.
+    """Prim with its inherited properties.
 
     Attributes:
-        prim: the prim; of an instance, its proxy.
-        stage_from_prim: (4, 4).
-        purpose: of UsdGeomImageable.
-        owner: object that it is a part of, if any.
+        prim: the prim itself, or its proxy in an instance.
+        stage_from_prim: (4, 4) transform.
+        purpose: purpose of UsdGeomImageable.
+        owner: object that contains the prim; None: no object.
     """
 
     prim: Usd.Prim
@@ -54,7 +54,7 @@ class Site(NamedTuple):
 
 
 class Walk:
-    """Traversal of visible prims, parents before children, in the order of the stage."""
+    """Traversal of visible prims, parents before children, in stage order."""
 
     def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, notices: Notices):
         self._time, self._notices = time, notices
@@ -64,10 +64,10 @@ class Walk:
         self._whole = default or (roots[0] if len(roots) == 1 else None)
 
     def sites(self, root: Usd.Prim, stage_from_parent: NDArray[np.float64]) -> Iterator[Site]:
-        """Sites of a prim and all below it, without what is below a PointInstancer.
+        """Sites of a prim and its descendants, except those below a PointInstancer.
 
         Raises:
-            SceneError: prims in each other without end.
+            SceneError: prims nested too deeply.
         """
         stack = [(Site(root, stage_from_parent), 0)]
         while stack:
@@ -84,14 +84,14 @@ class Walk:
             stack += [(site._replace(prim=child), depth + 1) for child in reversed(children)]
 
     def path_name(self, prim: Usd.Prim) -> str:
-        """Path of a prim without what the whole stage is in."""
+        """Path of a prim, relative to the prim that contains the whole stage."""
         path = prim.GetPath()
         if self._whole and path != self._whole.GetPath() and path.HasPrefix(self._whole.GetPath()):
             return str(path.MakeRelativePath(self._whole.GetPath()))
         return str(path).lstrip("/")
 
     def _site(self, inherited: Site) -> Site | None:
-        """Site of a prim whose parent's pose, purpose and object are given; None: invisible."""
+        """Site of a prim, from its parent's pose, purpose and object; None: invisible."""
         prim, owner = inherited.prim, inherited.owner
         imageable = UsdGeom.Imageable(prim)
         if not imageable:
@@ -117,7 +117,7 @@ class Walk:
         form = UsdGeom.Xformable(prim)
         if not form:
             return stage_from_parent
-        # usd-core's matrices act on rows
+        # usd-core's matrices multiply row vectors
         parent_from_prim = np.array(form.GetLocalTransformation(self._time)).T
         if form.TransformMightBeTimeVarying():
             self._notices.count("animation: rests at its first frame")

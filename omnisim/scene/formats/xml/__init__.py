@@ -1,1 +1,1 @@
-"""XML of robots and worlds: a safe parser, and elements whose errors name their place."""
+"""XML of robots and worlds: a safe parser, and elements whose errors name their location."""

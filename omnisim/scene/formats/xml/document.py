@@ -1,7 +1,7 @@
-"""Parsing of XML files from anywhere: no entities, no endless depth.
+"""Parsing of untrusted XML files: no entities, limited depth.
 
-Gazebo's parser is lenient, and its own worlds need that: comments with dashes in them, prefixes of
-namespaces that are not declared, lone ampersands.
+Gazebo's parser is lenient, and Gazebo's own worlds depend on it: they contain comments with double
+hyphens, undeclared namespace prefixes and unescaped ampersands.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _LONE_AMPERSAND = re.compile(rb"&(?!(?:#\d{1,7}|#x[0-9a-fA-F]{1,6}|lt|gt|amp|quo
 
 
 class _Builder:
-    """Builder of a tree of elements without entities of its own, which could grow without bound.
+    """Builder of an element tree; it rejects entity declarations, which could grow without bound.
 
     Attributes:
-        root: first element, or None.
+        root: root element; None: no element yet.
     """
 
     def __init__(self) -> None:
@@ -45,12 +45,12 @@ class _Builder:
         self._open.pop()
 
     def text(self, text: str) -> None:
-        """Take text, where it comes before all children; SDF has no other."""
+        """Append text that precedes all children, the only text in SDF."""
         if self._open and not len(self._open[-1]):
             self._open[-1].text = (self._open[-1].text or "") + text
 
     def refuse(self, *_: object) -> None:
-        """Refuse a declaration of entities."""
+        """Reject a declaration of entities."""
         raise SceneError("expected XML without entities of its own, got a DOCTYPE")
 
 
@@ -58,7 +58,7 @@ def parse_xml(data: bytes) -> Element:
     """Root of an XML file.
 
     Raises:
-        SceneError: it is none, is too large or too deep, or declares entities.
+        SceneError: invalid XML, a file that is too large or too deep, or declared entities.
     """
     if len(data) > MAX_BYTES:
         raise SceneError(f"expected at most {MAX_BYTES >> 20} MiB, got {len(data) >> 20} MiB")

@@ -1,6 +1,6 @@
-"""XML elements, whose errors name their place and value.
+"""XML elements with errors that name their location and value.
 
-SDF states values as the text of elements, URDF as attributes.
+SDF states values as element text, URDF as attributes.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from omnisim.core.poses import (
 )
 
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
-MAX_NUMBER = 1e12  # sums and products of them stay finite
-MAX_QUOTE = 80  # letters of a value in a message
+MAX_NUMBER = 1e12  # sums and products of such numbers stay finite
+MAX_QUOTE = 80  # characters of a quoted value in a message
 
 
 class XmlElement(NamedTuple):
-    """Element with its place.
+    """Element with its location.
 
     Attributes:
-        element: of the XML tree.
-        place: path to it, for messages; of an included file with that file's name.
-        file: file of the element; paths are relative to its folder.
+        element: element of the XML tree.
+        place: path to the element, for messages; starts with the file name in an included file.
+        file: file with the element; paths are relative to its folder.
     """
 
     element: Element
@@ -41,33 +41,33 @@ class XmlElement(NamedTuple):
 
     @property
     def tag(self) -> str:
-        """Kind of the element."""
+        """Tag of the element."""
         return self.element.tag
 
     @property
     def name(self) -> str:
-        """Name attribute, or empty."""
+        """Value of the name attribute; empty if missing."""
         return self.attribute("name")
 
     def attribute(self, name: str) -> str:
-        """Value of an attribute, or empty."""
+        """Value of an attribute; empty if missing."""
         return (self.element.get(name) or "").strip()
 
     def children(self, *tags: str) -> Iterator[XmlElement]:
-        """Child elements with one of some tags, in order."""
+        """Child elements with one of the given tags, in order."""
         for child in self.element:
             if child.tag in tags:
                 yield self._inner(child)
 
     def find(self, path: str) -> XmlElement | None:
-        """Descendant by tags with slashes between them, or None."""
+        """Descendant by tags separated with slashes; None: missing."""
         found: XmlElement | None = self
         for tag in path.split("/"):
             found = None if found is None else next(found.children(tag), None)
         return found
 
     def text(self, path: str, default: str = "") -> str:
-        """Text of a descendant, or the default where it is missing or empty."""
+        """Text of a descendant; `default` if missing or empty."""
         found = self.find(path)
         return (found.own_text if found is not None else "") or default
 
@@ -87,12 +87,12 @@ class XmlElement(NamedTuple):
         return SceneError(f"{self.place}: {attribute}: expected {expected}, got {shown}")
 
     def number(self, path: str, default: float) -> float:
-        """Finite number in a descendant."""
+        """Finite number in a descendant; `default` if missing."""
         found = self.find(path)
         return default if found is None or not found.own_text else found.numbers(1)[0]
 
     def positive(self, path: str, default: float) -> float:
-        """Number > 0 in a descendant."""
+        """Number > 0 in a descendant; `default` if missing."""
         value = self.number(path, default)
         found = self.find(path)
         if not value > 0.0 and found is not None:
@@ -100,12 +100,12 @@ class XmlElement(NamedTuple):
         return value
 
     def vector(self, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Finite numbers in a descendant, as many as the default has."""
+        """Finite numbers in a descendant, as many as in `default`."""
         found = self.find(path)
         return default if found is None else found.numbers(len(default))
 
     def flag(self, path: str, default: bool = False) -> bool:
-        """Truth value in a descendant."""
+        """Boolean in a descendant; `default` if missing."""
         found = self.find(path)
         if found is None or not found.own_text:
             return default
@@ -115,7 +115,7 @@ class XmlElement(NamedTuple):
         return value
 
     def color(self, path: str) -> tuple[float, float, float] | None:
-        """Red, green and blue of a descendant, from 0, or None."""
+        """Red, green and blue ≥ 0 in a descendant; None: missing."""
         found = self.find(path)
         if found is None:
             return None
@@ -125,7 +125,7 @@ class XmlElement(NamedTuple):
         return values[0], values[1], values[2]
 
     def numbers(self, *counts: int) -> tuple[float, ...]:
-        """Finite numbers of the element's text, of one of some counts."""
+        """Finite numbers in the element's text; `counts` lists the valid lengths."""
         values = _finite_numbers(self.own_text)
         if len(values) not in counts:
             expected = " or ".join(map(str, counts))
@@ -135,7 +135,7 @@ class XmlElement(NamedTuple):
     def attribute_numbers(
         self, attribute: str, default: tuple[float, ...] | None, count: int
     ) -> tuple[float, ...]:
-        """Finite numbers of an attribute; required if the default is None."""
+        """Finite numbers in an attribute, which is required if the default is None."""
         text = self.attribute(attribute)
         if not text and default is not None:
             return default
@@ -146,7 +146,7 @@ class XmlElement(NamedTuple):
         return values
 
     def attribute_sizes(self, attribute: str, count: int = 1) -> tuple[float, ...]:
-        """Numbers > 0 of an attribute."""
+        """Numbers > 0 in an attribute."""
         values = self.attribute_numbers(attribute, None, count)
         if min(values) <= 0.0:
             expected = "a number > 0" if count == 1 else f"{count} numbers > 0"
@@ -154,7 +154,7 @@ class XmlElement(NamedTuple):
         return values
 
     def origin(self) -> NDArray[np.float64]:
-        """Pose (4, 4) of URDF's `<origin>`; without, the identity."""
+        """Pose (4, 4) of URDF's `<origin>`; identity if missing."""
         found = self.find("origin")
         if found is None:
             return np.eye(4)
@@ -163,7 +163,7 @@ class XmlElement(NamedTuple):
         return pose_from_rotation(rotation_from_roll_pitch_yaw(*angles), position)
 
     def pose(self) -> NDArray[np.float64]:
-        """Pose (4, 4) of SDF's `<pose>`, in the frame that this names; else the identity."""
+        """Pose (4, 4) of SDF's `<pose>`, in the frame that it names; identity if missing."""
         found = self.find("pose")
         if found is None or not found.own_text:
             return np.eye(4)
@@ -182,7 +182,7 @@ class XmlElement(NamedTuple):
 
     @property
     def relative_to(self) -> str:
-        """Frame of its pose, or empty; `frame` in versions before 1.7."""
+        """Frame of the element's pose; empty: the default frame. Before SDF 1.7: `frame`."""
         found = self.find("pose")
         if found is None:
             return ""
@@ -195,7 +195,7 @@ class XmlElement(NamedTuple):
 
 
 def _finite_numbers(text: str) -> tuple[float, ...]:
-    """Numbers of a text; none if one of them is no finite number."""
+    """Numbers of a text; empty if any is not a finite number."""
     try:
         values = tuple(map(float, text.split()))
     except ValueError:

@@ -6,24 +6,24 @@ from omnisim.core.short_repr import counted
 
 
 class Omissions:
-    """Counts of what is left out or drawn otherwise, for notices."""
+    """Counts of omitted or approximated parts, for notices."""
 
     def __init__(self) -> None:
         self._counts: dict[tuple[str, str], int] = {}
 
     def add(self, effect: str, noun: str) -> None:
-        """Count one more of a kind.
+        """Count one more part.
 
         Args:
-            effect: the notice.
-            noun: what is counted, in the singular.
+            effect: text of the notice.
+            noun: singular noun for the counted parts.
         """
         key = effect, noun
         self._counts[key] = self._counts.get(key, 0) + 1
 
     @property
     def notices(self) -> list[str]:
-        """One line for each kind."""
+        """Notices, one line per effect."""
         return [
             f"{effect} ({counted(count, noun)})" for (effect, noun), count in self._counts.items()
         ]

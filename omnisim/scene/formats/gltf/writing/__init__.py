@@ -1,1 +1,1 @@
-"""glTF 2.0, written."""
+"""glTF 2.0 writer."""

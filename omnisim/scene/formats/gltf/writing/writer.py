@@ -1,4 +1,4 @@
-"""Scenes as GLB files: geometry once per mesh, instances, materials, lights."""
+"""GLB export of scenes: geometry once per mesh, instances, materials, lights."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from omnisim.scene.formats.gltf.writing.written_meshes import NodeMesh, baked_me
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING, FILL_AMBIENT, is_even
 from omnisim.scene.model import Mesh, Scene
 
-_ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963  # OpenGL's numbers
-_COMPONENTS = {"f": 5126, "H": 5123, "I": 5125}  # by NumPy's characters
+_ARRAY_BUFFER, _INDEX_BUFFER = 34962, 34963  # OpenGL's constants
+_COMPONENTS = {"f": 5126, "H": 5123, "I": 5125}  # by NumPy's type characters
 _SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-_MAX_BYTES = 2**32 - 1  # of a GLB file
+_MAX_BYTES = 2**32 - 1  # size of a GLB file
 Entry = dict[str, Any]
 
 
 def write_glb(scene: Scene, path: Path) -> list[str]:
-    """Write a scene as GLB; its dynamic objects where they are at 0 s.
+    """Write a scene as GLB, with its dynamic objects posed as at 0 s.
 
     Returns:
-        One line for each thing that the file cannot have.
+        Notices for content that the file cannot hold, one line each.
 
     Raises:
-        OutputError: it is larger than a GLB file can be.
+        OutputError: the scene exceeds the size limit of a GLB file.
     """
     document = _Document(scene.at_start())
     with path.open("wb") as file:
@@ -42,7 +42,7 @@ def write_glb(scene: Scene, path: Path) -> list[str]:
 
 
 def _left_out(scene: Scene) -> list[str]:
-    """Contents that glTF has no place for."""
+    """Notices for content that glTF cannot represent."""
     counts = {
         "starts": len(scene.starts), "paths": len(scene.paths), "labels": len(scene.labels),
         "landmarks": len(scene.landmarks),
@@ -62,7 +62,7 @@ def _left_out(scene: Scene) -> list[str]:
 
 
 class _Document:
-    """JSON and binary data of a file."""
+    """JSON and binary data of a GLB file."""
 
     def __init__(self, scene: Scene):
         self._blobs: list[memoryview] = []
@@ -74,13 +74,13 @@ class _Document:
             self.materials.add(matte(material) if scene.lighting.is_matte else material)
         nodes, meshes = node_meshes(scene)
         lights = scene.lighting.lights
-        # lights that stand in for a file's are not the file's
+        # default lights are not written: they only replace missing ones
         written = () if is_even(scene.lighting) else lights
         light_entries, light_nodes = written_lights(written)
         root: Entry = {
             "asset": {"version": "2.0", "generator": f"omnisim {__version__}"},
             "scene": 0,
-            # readers take the last first: instances keep their order
+            # readers take the last node first, so this keeps the order of the instances
             "scenes": [{"nodes": list(range(len(nodes) + len(light_nodes)))[::-1]}],
             "nodes": [*nodes, *light_nodes],
             "meshes": [self._mesh(scene.meshes, each) for each in meshes],
@@ -116,7 +116,7 @@ class _Document:
             file.write(bytes(-len(blob) % 4))
 
     def _mesh(self, meshes: Sequence[Mesh], written: NodeMesh) -> Entry:
-        """JSON of a mesh; each of the scene's meshes is a primitive."""
+        """JSON of a mesh, with one primitive for each of the scene's meshes."""
         primitives = [
             self._primitive(baked_mesh(meshes[index], matrix))
             for index, matrix in zip(written.meshes, written.node_from_meshes, strict=True)
@@ -134,7 +134,7 @@ class _Document:
             for name, array in arrays.items()
             if array is not None
         }
-        small = len(mesh.positions) < 65535  # 65535 is no index
+        small = len(mesh.positions) < 65535  # index 65535 is reserved
         indices = mesh.triangles.astype(np.uint16 if small else np.uint32).reshape(-1, 1)
         return {
             "attributes": attributes,

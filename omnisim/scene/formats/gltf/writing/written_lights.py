@@ -1,4 +1,4 @@
-"""Lights of a glTF file that is written."""
+"""Lights of an exported glTF file."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from omnisim.scene.files.file_axes import world_from_axes
 from omnisim.scene.parts import Light, LightKind
 
-_NARROWEST_RAD = 1e-4  # between the cones of a spot, which glTF has as two
+_NARROWEST_RAD = 1e-4  # gap between a spot's cones, which glTF requires to differ
 
 
 def written_lights(
     lights: Sequence[Light],
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Entries of KHR_lights_punctual, and the nodes that have them."""
+    """Entries of KHR_lights_punctual, and the nodes that reference them."""
     nodes = [
         {
             "name": f"light {index}",
@@ -49,7 +49,7 @@ def _entry(light: Light) -> dict[str, Any]:
 
 
 def _file_from_light(light: Light) -> NDArray[np.float64]:
-    """Pose (4, 4) in the y-up file of a light along its −z."""
+    """Pose (4, 4) of a light that shines along its −z, in the y-up file."""
     matrix = np.eye(4)
     if light.kind is not LightKind.POINT:
         matrix[:3, 2] = -light.direction

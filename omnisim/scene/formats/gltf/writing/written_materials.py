@@ -1,4 +1,4 @@
-"""Materials, textures and images of a glTF file that is written."""
+"""Materials, textures and images of an exported glTF file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from PIL import Image
 from omnisim.scene.formats.gltf.reflectance import DEFAULT_IOR
 from omnisim.scene.parts import IDENTITY_UV, AlphaMode, Material, Texture, Wrap
 
-_WRAPS = {Wrap.REPEAT: 10497, Wrap.CLAMP_TO_EDGE: 33071}  # OpenGL's numbers
+_WRAPS = {Wrap.REPEAT: 10497, Wrap.CLAMP_TO_EDGE: 33071}  # OpenGL's constants
 _SHEAR = 1e-9
 Entry = dict[str, Any]
 
@@ -22,13 +22,13 @@ class WrittenMaterials:
     """Materials of a scene as JSON, with their textures, samplers and images.
 
     Attributes:
-        entries, textures, samplers, images: JSON.
-        extensions: that are used.
-        notices: one line for each thing that glTF cannot say.
+        entries, textures, samplers, images: JSON lists.
+        extensions: names of the used extensions.
+        notices: one line for each property that glTF cannot represent.
     """
 
     def __init__(self, add_view: Callable[[bytes], int]):
-        """Images become views by `add_view`."""
+        """Initialize with `add_view`, which stores an image and returns its view index."""
         self.entries: list[Entry] = []
         self.textures: list[Entry] = []
         self.samplers: list[Entry] = []
@@ -39,7 +39,7 @@ class WrittenMaterials:
         self._rows: dict[object, int] = {}
 
     def add(self, material: Material) -> None:
-        """Add a material; its index is the number of those before it."""
+        """Append a material; its index follows the order of the calls."""
         surface: Entry = {
             "baseColorFactor": list(material.base_color),
             "metallicFactor": material.metallic,
@@ -106,7 +106,7 @@ class WrittenMaterials:
     def _put(
         self, owner: Entry, key: str, texture: Texture | None, material: str, **values: float
     ) -> None:
-        """Put a texture into a material's JSON."""
+        """Reference a texture in a material's JSON."""
         if texture is None:
             return
         info: Entry = {"index": self._texture(texture), **values}
@@ -151,7 +151,7 @@ class WrittenMaterials:
 
 
 def matte(material: Material) -> Material:
-    """Material of base color alone, as a scene draws it whose materials are all matte."""
+    """Material with the base color only, as in scenes with matte materials."""
     return Material(
         material.name, material.base_color, material.texture, material.alpha_mode,
         material.alpha_cutoff, material.double_sided, material.unlit,
@@ -164,7 +164,7 @@ def _append(entries: list[Entry], entry: Entry) -> int:
 
 
 def _texture_transform(texture: Texture) -> Entry | None:
-    """KHR_texture_transform: translation · rotation · scale; None for a shear."""
+    """KHR_texture_transform entry: translation · rotation · scale; None: a shear."""
     (a, b, c), (d, e, f) = texture.uv_transform
     if abs(a * b + d * e) > _SHEAR * (a * a + b * b + d * d + e * e):
         return None

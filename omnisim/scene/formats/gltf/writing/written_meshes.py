@@ -1,4 +1,4 @@
-"""Nodes and meshes of a glTF file that is written."""
+"""Nodes and meshes of an exported glTF file."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from omnisim.scene.files.imported import make_mesh
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import Instance, Mesh
 
-_MAX_ERROR = 1e-6  # of a mesh's size, when its vertices move into the frame of its node
+_MAX_ERROR = 1e-6  # relative to a mesh's size, for vertices moved to the node's frame
 _SAME = 1e-9
-_UNIT = 5e-4  # of normals: glTF's validator takes no longer or shorter ones
+_UNIT = 5e-4  # tolerance for the length of normals in glTF's validator
 
 
 class NodeMesh(NamedTuple):
-    """Mesh of a glTF file: some of the scene's, which nodes always have together.
+    """Mesh of a glTF file: scene meshes that always occur together in a node.
 
     Attributes:
-        meshes: indices.
-        node_from_meshes: (4, 4) of each, which its vertices are to be moved by.
+        meshes: indices of the scene meshes.
+        node_from_meshes: (4, 4) transforms to apply to each mesh's vertices.
     """
 
     meshes: tuple[int, ...]
@@ -32,11 +32,11 @@ class NodeMesh(NamedTuple):
 
 
 def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
-    """Nodes of the instances, in their order, and the meshes that they refer to.
+    """Nodes of the instances, in order, and the meshes that they reference.
 
-    Parts of an instance that have its frame in common are one node with the axes of that frame,
-    and vertices in it. A mesh whose instances differ in that stays where it is: its nodes have
-    its own frame.
+    Parts of an instance with a common frame become one node with that frame's axes, and their
+    vertices are moved into it. A mesh whose instances differ in this transform is left unchanged,
+    and its nodes use its own frame.
     """
     file_from_world = world_from_axes("y", 1.0).T
     frames = _node_from_meshes(scene)
@@ -60,7 +60,7 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
 
 
 def baked_mesh(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> Mesh:
-    """Mesh with its vertices in the frame of its node, and normals of length one."""
+    """Mesh with vertices in the frame of its node, and unit normals."""
     linear = node_from_mesh[:3, :3]
     points = mesh.positions.astype(np.float64) @ linear.T + node_from_mesh[:3, 3]
     normals = mesh.normals
@@ -81,7 +81,7 @@ def baked_mesh(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> Mesh:
 def _node_key(
     frames: list[NDArray[np.float64] | None],
 ) -> Any:
-    """Key of the node of a numbered instance."""
+    """Grouping key of the node of a numbered instance."""
 
     def key(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
         number, one = numbered
@@ -92,7 +92,7 @@ def _node_key(
 
 
 def _node_from_meshes(scene: Scene) -> list[NDArray[np.float64] | None]:
-    """Transform (4, 4) of each mesh to its nodes' frames, y up; None: its nodes have its own."""
+    """Transform (4, 4) of each mesh to its nodes' frames, y up; None: the mesh's own frame."""
     found: list[NDArray[np.float64] | None] = [None] * len(scene.meshes)
     differs = [False] * len(scene.meshes)
     for one in scene.instances:
@@ -119,7 +119,7 @@ def _node_from_mesh(one: Instance) -> NDArray[np.float64] | None:
 
 
 def _is_exact(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> bool:
-    """True where a reader gets the shape back, though float32 holds it about another origin."""
+    """True if the shape survives the float32 round trip in the node's frame."""
     baked = baked_mesh(replace(mesh, normals=None), node_from_mesh)
     read, center = make_mesh(mesh.name, baked.positions, mesh.triangles, 0)
     linear = node_from_mesh[:3, :3]
@@ -129,7 +129,7 @@ def _is_exact(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> bool:
 
 
 def _unit(normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Normals (n, 3) of length one; those without a length are up."""
+    """Unit normals (n, 3); zero-length ones become +y."""
     lengths = np.linalg.norm(normals, axis=1)
     off = np.abs(lengths - 1.0) > _UNIT
     if not off.any():

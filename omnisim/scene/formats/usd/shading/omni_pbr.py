@@ -1,4 +1,4 @@
-"""OmniPBR, the material of Omniverse and Isaac Sim, without the maps of its gloss."""
+"""OmniPBR, the material of Omniverse and Isaac Sim, without its gloss maps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Color = tuple[float, float, float]
 def read_omni_pbr(
     name: str, inputs: Inputs, files: TextureFiles, notices: Notices
 ) -> tuple[Material, TextureSource | None]:
-    """Material, and the texture whose coordinates its meshes get.
+    """Material, and the texture that determines its meshes' texture coordinates.
 
     Source: OmniPBR.mdl's parameters and their defaults, by NVIDIA.
     """
@@ -65,13 +65,13 @@ def read_omni_pbr(
 
 
 def _source(inputs: Inputs, key: str) -> TextureSource | None:
-    """Texture of an input that is an asset itself."""
+    """Texture of an input whose value is an asset."""
     value = inputs.get(key).value
     if not isinstance(value, Sdf.AssetPath) or not value.path:
         return None
     (sx, sy), (dx, dy) = inputs.pair("texture_scale", 1.0), inputs.pair("texture_translate", 0.0)
     transform = IDENTITY
-    if (sx, sy, dx, dy) != (1.0, 1.0, 0.0, 0.0):  # with v down
+    if (sx, sy, dx, dy) != (1.0, 1.0, 0.0, 0.0):  # converts to v down
         transform = (sx, 0.0, dx), (0.0, sy, 1.0 - sy - dy)
     return TextureSource(
         str(value.path), str(value.resolvedPath), "st", transform, ("repeat", "repeat")

@@ -1,4 +1,4 @@
-"""Inputs of shaders: values, textures or primvars, through whatever they are connected to."""
+"""Shader inputs as values, textures or primvars, resolved through connections."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
 Rgba = tuple[float, float, float, float]
 IDENTITY: Affine = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _FLIP_V = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
-_MAX_CHAIN = 20  # of nodes for coordinates: a loop has no end
+_MAX_CHAIN = 20  # limit on nodes for texture coordinates, in case of a loop
 
 
 class TextureSource(NamedTuple):
     """Texture of a shader.
 
     Attributes:
-        path: as the stage has it.
-        resolved: path of the file, or of a part of a package; empty: there is none.
-        primvar: of its coordinates.
-        uv_transform: (2, 3) of coordinates with v down.
-        wraps: along s and t, as UsdUVTexture names them.
+        path: path in the stage.
+        resolved: path of the file or package member; empty: not found.
+        primvar: primvar with the texture coordinates.
+        uv_transform: (2, 3) affine transform of the coordinates, with v down.
+        wraps: wrapping modes along s and t, named as in UsdUVTexture.
         scale, bias: RGBA; the value is the texture's times scale, plus bias.
-        fallback: RGBA where the file cannot be read.
+        fallback: RGBA in place of an unreadable file.
     """
 
     path: str
@@ -42,13 +42,13 @@ class TextureSource(NamedTuple):
 
 
 class Connected(NamedTuple):
-    """Input of a shader: a value, a texture or a primvar.
+    """Shader input: a value, a texture or a primvar.
 
     Attributes:
-        value: of usd-core; None: none of its own.
-        texture: texture, if any.
-        channel: of the texture: r, g, b, a or rgb.
-        primvar: name; empty: none.
+        value: usd-core value; None: no value.
+        texture: connected texture; None: no texture.
+        channel: channels of the texture: r, g, b, a or rgb.
+        primvar: name of a connected primvar; empty: no primvar.
     """
 
     value: object = None
@@ -57,18 +57,18 @@ class Connected(NamedTuple):
     primvar: str = ""
 
     def number(self, default: float) -> float:
-        """Value as a finite number."""
+        """Value as a finite number, or the default."""
         value = self.value
         is_number = isinstance(value, int | float) and math.isfinite(value)
         return float(value) if isinstance(value, int | float) and is_number else default
 
     def color(self, default: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Value as a linear color."""
+        """Value as a linear color, or the default."""
         red, green, blue = numbers(self.value, default)
         return red, green, blue
 
     def differs(self, neutral: float) -> bool:
-        """True where it would change the image."""
+        """True if the input differs from a value without effect on the image."""
         return self.texture is not None or bool(self.primvar) or self.number(neutral) != neutral
 
 
@@ -79,7 +79,7 @@ class Inputs:
         self._shader, self._time, self._notices = shader, time, notices
 
     def get(self, name: str) -> Connected:
-        """Input, or an empty one."""
+        """Input by name; unconnected and without a value if it is missing."""
         attribute = _source(self._shader.GetInput(name))
         if attribute is None:
             return Connected()
@@ -98,7 +98,7 @@ class Inputs:
         return Connected()
 
     def pair(self, name: str, default: float) -> tuple[float, float]:
-        """Value of two numbers."""
+        """Value of two numbers, each with the same default."""
         first, second = numbers(self.get(name).value, (default, default))
         return first, second
 
@@ -109,7 +109,7 @@ class Inputs:
             path, resolved = str(file.path), str(file.resolvedPath)
         primvar, transform = self._coordinates(node)
         wraps = self._text(node, "wrapS"), self._text(node, "wrapT")
-        # a mirrored texture is stored with its mirror image beside it
+        # a mirrored texture is stored next to its mirror image
         u, v = (
             tuple(x * (0.5 if wrap == "mirror" else 1.0) for x in row)
             for row, wrap in zip(transform, wraps, strict=True)
@@ -174,7 +174,7 @@ class Inputs:
 
 
 def _source(shader_input: UsdShade.Input) -> Usd.Attribute | None:
-    """Attribute that has an input's value, or the output of a shader that makes it."""
+    """Attribute with an input's value, or the shader output connected to it; None: neither."""
     if not shader_input:
         return None
     found = UsdShade.Utils.GetValueProducingAttributes(shader_input)
@@ -182,14 +182,14 @@ def _source(shader_input: UsdShade.Input) -> Usd.Attribute | None:
 
 
 def _node(attribute: Usd.Attribute) -> UsdShade.Shader | None:
-    """Shader whose output an attribute is; None: it has a value of its own."""
+    """Shader with the given output attribute; None: the attribute is not an output."""
     if UsdShade.Utils.GetType(attribute.GetName()) != UsdShade.AttributeType.Output:
         return None
     return UsdShade.Shader(attribute.GetPrim())
 
 
 def numbers(value: object, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Value as finite numbers, as many as the default has."""
+    """Value as finite numbers, as many as in the default, or else the default."""
     if value is None or isinstance(value, str | int | float):
         return default
     array = np.asarray(value)

@@ -1,4 +1,4 @@
-"""Textures of a stage: files beside it and parts of its package, decoded once each."""
+"""Textures of a stage, from files and package members, each decoded once."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WRAPS = {"clamp": Wrap.CLAMP_TO_EDGE, "black": Wrap.CLAMP_TO_EDGE}
 
 
 class TextureFiles:
-    """Textures by their sources; what cannot be read is noted once."""
+    """Textures by their sources; each unreadable one is reported once."""
 
     def __init__(self, assets: AssetResolver, textures: TextureStore, notices: Notices):
         self._assets, self._textures, self._notices = assets, textures, notices
@@ -31,7 +31,7 @@ class TextureFiles:
         self._packed: dict[object, Texture | None] = {}
 
     def texture(self, source: TextureSource, material: str) -> Texture | None:
-        """Texture of a source, without its scale and bias; None where it cannot be read."""
+        """Texture of a source, before its scale and bias; None: unreadable."""
         image = self._image(source)
         if image is None:
             return None
@@ -42,9 +42,9 @@ class TextureFiles:
         return self._textures.texture(image, material, (s, t), mirrored)
 
     def normals(self, source: TextureSource, material: str) -> Texture | None:
-        """Texture of normals as glTF has them, 0 to 255 for −1 to 1; None where it is not read.
+        """Normal map with glTF's encoding, 0 to 255 for −1 to 1; None: unreadable.
 
-        Sources without a scale and a bias are taken to be such already.
+        Sources without a scale and a bias are assumed to have this encoding.
         """
         key = ("normals", source)
         if key not in self._packed:
@@ -72,12 +72,12 @@ class TextureFiles:
         """Texture with channels of other textures, after their scale and bias.
 
         Args:
-            planes: source and channel (r, g, b or a) by the channel (0 to 3) that it becomes.
-            base: has the other channels; None: they are 255.
-            material: for notices.
+            planes: source and its channel (r, g, b or a), by target channel (0 to 3).
+            base: source of the remaining channels; None: 255.
+            material: material name, for notices.
 
         Returns:
-            The texture; None where none of the sources can be read.
+            Packed texture; None: no source is readable.
         """
         key = (tuple(sorted(planes.items())), base)
         if key not in self._packed:
@@ -110,7 +110,7 @@ class TextureFiles:
         return replace(like, pixels=pixels)
 
     def _image(self, source: TextureSource) -> Image.Image | None:
-        """Image, not yet decoded; None where it is missing or of an unknown format."""
+        """Image, not yet decoded; None: missing or in an unknown format."""
         key = source.resolved or source.path
         if key not in self._images:
             self._images[key] = self._open(source)
@@ -122,21 +122,21 @@ class TextureFiles:
             return None
         try:
             data = content_of(source.resolved) or self._assets[source.path]
-        except OSError:  # noted by the resolver
+        except OSError:  # reported by the resolver
             return None
         try:
             return Image.open(io.BytesIO(data))
-        except Exception:  # Pillow's readers raise all kinds
+        except Exception:  # Pillow's readers raise exceptions of any type
             self._assets.faults[source.path] = unreadable_image(data)
             return None
 
 
 def content_of(resolved: str) -> bytes:
-    """Content of a file or a part of a package; empty where it cannot be read."""
+    """Content of a file or package member; empty if unreadable."""
     if not resolved:
         return b""
     package = Ar.SplitPackageRelativePathOuter(resolved)[0]
-    if not Path(package).is_file():  # a device has no end
+    if not Path(package).is_file():  # reading a device might never end
         return b""
     if package == resolved:
         return read_source(Path(resolved))
@@ -156,14 +156,14 @@ def _plane(pixels: NDArray[np.uint8], source: TextureSource, channel: str) -> ND
 
 
 def _levels(scale: float, bias: float) -> NDArray[np.uint8]:
-    """Levels (256,) after a scale and a bias."""
+    """Lookup table (256,) of levels after a scale and a bias."""
     values = np.rint(np.arange(256) * scale + 255.0 * bias)
     levels: NDArray[np.uint8] = np.clip(values, 0, 255).astype(np.uint8)
     return levels
 
 
 def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """Pixels of another height and width, each the nearest."""
+    """Nearest-neighbor resampling to another height and width."""
     if pixels.shape[:2] == tuple(shape):
         return pixels
     rows = np.arange(shape[0]) * pixels.shape[0] // shape[0]
