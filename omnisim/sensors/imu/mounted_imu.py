@@ -98,6 +98,7 @@ class MountedImu(MountedSensor):
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
         """Suffixes of files per step: none, as one file has all readings; older runs have some."""
+        return () if "readings" in content.settings else cls.suffixes
 
     def settings(self) -> dict[str, Any]:
         """Name of the file of readings."""

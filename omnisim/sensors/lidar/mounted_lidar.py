@@ -87,8 +87,8 @@ class LidarMount(SensorMount):
     file_format: Literal["ply", "pcd"] = "ply"
     """Format of the point clouds, binary: PLY, or PCD of the Point Cloud Library."""
     elevations_deg: tuple[Number, ...] | None = None
-    """Degrees above the lidar's x-y plane, one per ring, ascending; left out, as all keys below: the
-    device's."""
+    """Degrees above the lidar's x-y plane, one per ring, ascending; left out, as other keys below:
+    the device's."""
     firings: Annotated[int, Field(strict=True)] | None = None
     """Firings of all rings per revolution; 1800 are 0.2° apart."""
     rate_hz: Rate | None = None

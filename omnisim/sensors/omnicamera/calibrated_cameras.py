@@ -29,8 +29,8 @@ class CalibratedCamerasMount(SensorMount):
 
     type: Literal["omnicamera"]
     name: SensorName = "cameras"
-    """Name of a single camera, and prefix of several: "rig" makes rig_cam0; left out: the names in the
-    file."""
+    """Name of a single camera, and prefix of several: "rig" makes rig_cam0; left out: names as in
+    the file."""
     position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     """Position in the base frame in meters: of the file's IMU or base, or of its first camera."""
     file: Name

@@ -77,7 +77,7 @@ class MountedCamera(RenderedSensor):
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Effective viewpoint (3,) in the base frame; of non-central optics, the point nearest its rays."""
+        """Viewpoint (3,) in the base frame; non-central optics: the point nearest to the rays."""
         model, base_from_optical = self.sensor.model, self.sensor.base_from_optical
         if not isinstance(model, NonCentralCamera):
             return base_from_optical[:3, 3]
