@@ -1,4 +1,4 @@
-"""Connected regions of one color in a panorama, whose right edge is its left edge again."""
+"""Connected regions of one color in a panorama, which continues from its right to its left edge."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _EIGHT = np.ones((3, 3), dtype=np.int8)
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Pixels of one class that touch each other, at an edge or a corner.
+    """Pixels of one class that are connected by edges or corners.
 
     Attributes:
-        color: their class.
-        top, left: of the mask in the panorama; columns may run past its right edge.
-        mask: (height, width) which pixels.
+        color: class of the pixels.
+        top, left: position of the mask in the panorama; columns may exceed its right edge.
+        mask: (height, width) True for its pixels.
     """
 
     color: int
@@ -30,12 +30,12 @@ class Region:
 
     @property
     def bottom(self) -> int:
-        """First row below."""
+        """First row below the region."""
         return self.top + int(self.mask.shape[0])
 
     @property
     def right(self) -> int:
-        """First column to the right."""
+        """First column to the right of the region."""
         return self.left + int(self.mask.shape[1])
 
     @property
@@ -53,19 +53,19 @@ def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> l
     """Regions of a panorama, each once, also those across its edge.
 
     Args:
-        classes: (height, width) of pixels; 0 is none.
-        colors: how many others there are.
-        smallest_px: regions of less are left out.
+        classes: (height, width) classes of pixels; 0: no color.
+        colors: number of colors.
+        smallest_px: minimum number of pixels of a region.
     """
     width = classes.shape[1]
     colored = np.flatnonzero(classes.any(axis=1))
     if not len(colored):
         return []
-    above = int(colored[0])  # rows above and below without any color are not looked at
+    above = int(colored[0])  # rows without color above and below are skipped
     doubled = wrapped_around(classes[above : int(colored[-1]) + 1])
-    # the middle of each thing is within one turn that starts a quarter from the left
+    # the middle of each region is within one turn that starts a quarter from the left
     first = width // 4
-    found = []
+    regions = []
     for color in range(1, colors + 1):
         labels, count = ndimage.label(doubled == color, structure=_EIGHT)
         areas = np.bincount(labels.ravel(), minlength=count + 1)
@@ -76,5 +76,5 @@ def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> l
             if not first <= (columns.start + columns.stop) // 2 < first + width:
                 continue
             mask = labels[slices] == index
-            found.append(Region(color, above + rows.start, columns.start, mask))
-    return found
+            regions.append(Region(color, above + rows.start, columns.start, mask))
+    return regions

@@ -14,15 +14,15 @@ from omnisim.core.poses import rotation_angles
 from omnisim.core.trajectories.trajectory import Trajectory, step_lengths_m
 
 DriveType = Literal["differential", "skid_steer"]
-# Relative to the limits: a trajectory at its limits exceeds them by rounding.
+# Relative to the limits: rounding makes a trajectory at its limits exceed them.
 TOLERANCE = 1e-6
-# Of a step in meters or radians: files print nine digits of positions, times and quaternions.
+# Per step, in meters or radians: files print nine digits of positions, times and quaternions.
 PRINTED = 5e-9
-# Motion that wheels cannot make but recordings have: noise, skidding, slopes under level poses.
-SLACK_M = 0.1  # in all: noise of the poses, which does not add up
-SIDE_SLIP = math.tan(math.radians(5.0))  # of the way ahead: skidding, a heading that is off
-GRADE = 0.45  # of the way ahead: the steepest slope of a Pioneer 2 AT
-TURN_ARM_M = 0.1  # wheels that skid turn about a point ahead of or behind the base's origin
+# Motion that recordings have and wheels cannot make: noise, skidding, slopes with level poses.
+SLACK_M = 0.1  # in total: noise of the poses, which does not accumulate
+SIDE_SLIP = math.tan(math.radians(5.0))  # share of the forward motion: skidding, heading errors
+GRADE = 0.45  # share of the forward motion: the steepest slope of a Pioneer 2 AT
+TURN_ARM_M = 0.1  # skidding wheels turn about a point ahead of or behind the base's origin
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Kinematics:
     """Limits of a robot that drives straight, in arcs, and turns on the spot, but never sideways.
 
     Attributes:
-        drive: two wheels and a castor, or wheels that skid when the robot turns. Both drive alike;
-            they differ in what their wheels report (`OdometryErrors.turn_scale`).
-        max_speed_mps: forwards and backwards.
-        max_turn_rate_radps: to either side.
-        max_acceleration_mps2: speeding up and braking.
-        max_turn_acceleration_radps2: starting to turn and stopping.
+        drive: two wheels and a castor, or wheels that skid in turns. Both drive alike; they differ
+            in what their wheels report (`OdometryErrors.turn_scale`).
+        max_speed_mps: maximum speed, forward and backward.
+        max_turn_rate_radps: maximum turn rate to either side.
+        max_acceleration_mps2: maximum acceleration and braking.
+        max_turn_acceleration_radps2: maximum acceleration and braking of turns.
 
     Raises:
         TrajectoryError: an unknown drive, or a limit that is not a finite number above 0.
@@ -54,7 +54,7 @@ class Kinematics:
             )
         for limit in fields(self)[1:]:
             value = getattr(self, limit.name)
-            if not 1e-6 <= value <= 1e6:  # false for NaN, too
+            if not 1e-6 <= value <= 1e6:  # also refuses NaN
                 raise TrajectoryError(
                     f"{limit.name} = {value}: expected a number from 1e-06 to 1e+06"
                 )
@@ -89,11 +89,11 @@ class LimitViolation:
     """Step of a trajectory beyond a limit of the robot.
 
     Attributes:
-        quantity: its name, such as "turn rate".
-        unit: of value and limit.
-        step: k, from pose k to k + 1.
-        time_s: at pose k.
-        value, limit: in `unit`.
+        quantity: name of the limited quantity, such as "turn rate".
+        unit: unit of value and limit.
+        step: number k of the step from pose k to pose k + 1.
+        time_s: time of pose k.
+        value, limit: value and its limit, in `unit`.
     """
 
     quantity: str
@@ -111,10 +111,10 @@ class LimitViolation:
 
 
 def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViolation | None:
-    """Find the first step beyond a limit of speed, turn rate or acceleration, or None.
+    """Find the first step beyond a limit of speed, turn rate or acceleration; None: no step is.
 
-    Speeds are means over a step, and accelerations the change of these means from the step
-    before: no motion through the poses does with less.
+    Speeds are means over a step, and accelerations the change of these means from the previous
+    step: lower bounds for any motion through the poses.
     """
     steps = steps_between(trajectory.world_from_base)
     durations = np.diff(trajectory.times_s)
@@ -132,8 +132,8 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
         ),
     ):
         found.append((*speed, _first(np.abs(values), speed[2], durations, 0, PRINTED)))
-        # rates k and k + 1 differ by more than the acceleration allows between their middles;
-        # compared without dividing, as steps may be as short as a float64 can be
+        # rates k and k + 1 differ by more than the acceleration allows between the steps' middles;
+        # compared without a division, as steps can be as short as the smallest float64
         if len(values) > 1:
             before, after = durations[:-1], durations[1:]
             change = np.abs(values[1:] * before - values[:-1] * after)
@@ -148,10 +148,10 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
 
 
 def find_drift(trajectory: Trajectory) -> LimitViolation | None:
-    """Find the first step where sideways or vertical motion is more than wheels make, or None.
+    """Find the first step with more sideways or vertical motion than wheels make, or None.
 
-    In the robot's own frame, added up beyond what slip, slopes, and turns within a step explain:
-    noise of recorded poses does not add up, a slide in small steps does.
+    Motion in the robot's own frame is summed up beyond slip, slopes, and turns within a step: noise
+    of recorded poses does not accumulate, a slide in small steps does.
 
     Source: cumulative sums with an allowance, Page 1954, "Continuous inspection schemes".
     """
@@ -159,7 +159,7 @@ def find_drift(trajectory: Trajectory) -> LimitViolation | None:
     moves_m = np.diff(poses[:, :3, 3], axis=0)
     axes = 0.5 * (poses[:-1, :3, :3] + poses[1:, :3, :3])
     ahead_m, left_m, up_m = np.einsum("ni,nij->jn", moves_m, axes)
-    # a robot that turns first and drives then goes half the turn off the mean heading
+    # a robot that turns first and then drives is half the turn off the mean heading
     steps = steps_between(poses)
     turning_m = (0.5 * np.abs(steps.distances_m) + TURN_ARM_M) * np.abs(steps.turns_rad)
     found = []
@@ -176,16 +176,16 @@ def find_drift(trajectory: Trajectory) -> LimitViolation | None:
 def check_drivable(
     trajectory: Trajectory, kinematics: Kinematics, source: str, lines: ArrayLike | None = None
 ) -> None:
-    """Refuse a trajectory beyond the limits.
+    """Refuse a trajectory that exceeds the limits.
 
     Args:
-        trajectory: what is checked.
-        kinematics: the limits.
-        source: what the trajectory is called in the message, such as its file.
-        lines: (n,) line of each pose in the file, where there is one.
+        trajectory: trajectory to check.
+        kinematics: limits of the robot.
+        source: name of the trajectory in the message, such as its file.
+        lines: (n,) line of each pose in the file; None: there is no file.
 
     Raises:
-        TrajectoryError: naming the first step, its value and the limit.
+        TrajectoryError: the message names the first step, its value and the limit.
     """
     violations = (find_violation(trajectory, kinematics), find_drift(trajectory))
     found = [violation for violation in violations if violation is not None]
@@ -196,7 +196,7 @@ def check_drivable(
 
 
 def _exceeded(moves_m: NDArray[np.float64], allowed_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Larger of the cumulative sums (n,) of moves (n,) to either side beyond those allowed."""
+    """Larger of the cumulative sums (n,) of moves (n,) to either side beyond the allowed moves."""
     sums = np.zeros((2, len(moves_m) + 1))
     for k, (move_m, slack_m) in enumerate(zip(moves_m, allowed_m, strict=True)):
         sums[0, k + 1] = max(0.0, sums[0, k] + move_m - slack_m)
@@ -212,7 +212,7 @@ def _first(
     offset: int,
     slack: NDArray[np.float64] | float = 0.0,
 ) -> tuple[int, float] | None:
-    """Step and rate of the first amount above `limit` · `scale` by more than rounding."""
+    """Step and rate of the first amount that exceeds `limit` · `scale` by more than rounding."""
     over = amounts > limit * scale * (1.0 + TOLERANCE) + slack
     if not np.any(over):
         return None

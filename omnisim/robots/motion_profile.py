@@ -1,7 +1,7 @@
 """Motion profiles along waypoints: turn on the spot, drive straight, and rest in between.
 
 Every turn and every leg has a trapezoidal velocity profile from rest to rest: constant
-acceleration, the top speed where there is room for it, constant braking. A half turn goes left.
+acceleration, the top speed if there is room for it, constant braking. A half turn goes left.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.robots.waypoints import check_waypoints
 
 MAX_POSES = 1_000_000
-# Turns below are rounding of the waypoints; half turns this close to one go left, too.
+# Turns below this are rounding errors of the waypoints; half turns this close to one go left, too.
 MIN_TURN_RAD = 1e-9
 
 
@@ -32,9 +32,9 @@ class Plan:
 
     Attributes:
         trajectory: a pose at the start, and after each step.
-        motion: at all times.
-        counts: steps of each of the motion's segments.
-        period_s: of the steps, which are equal in time; None: they are equally long.
+        motion: motion at all times.
+        counts: number of steps of each segment of the motion.
+        period_s: duration of the steps; None: steps of equal length instead.
     """
 
     trajectory: Trajectory
@@ -52,18 +52,18 @@ def plan_in_steps(
 ) -> Plan:
     """Drive along waypoints, with a pose after each step.
 
-    A leg or turn is cut into equal steps, as few as keep them within the length asked for, so that
-    there is a pose at each waypoint, before and after its turn.
+    A leg or turn is cut into as few equal steps as keep them within the given length, so that there
+    is a pose at each waypoint, before and after its turn.
 
     Args:
-        waypoints_m: (n, 2), in the world.
-        kinematics: of the robot.
-        step_m: longest step of a leg.
-        step_rad: longest step of a turn.
-        start_yaw_rad: heading at the first waypoint, or None: towards the second one.
+        waypoints_m: (n, 2) in the world.
+        kinematics: limits of the robot.
+        step_m: maximum step of a leg.
+        step_rad: maximum step of a turn.
+        start_yaw_rad: heading at the first waypoint; None: toward the second one.
 
     Raises:
-        TrajectoryError: waypoints or steps that make no sense, or too many poses.
+        TrajectoryError: invalid waypoints or steps, or too many poses.
     """
     for name, value, most in (("step_m", step_m, math.inf), ("step_rad", step_rad, math.pi / 2.0)):
         if not 0.0 < value <= most:
@@ -88,13 +88,13 @@ def plan_with_period(
     each waypoint, before and after its turn, and no step mixes a leg with a turn.
 
     Args:
-        waypoints_m: (n, 2), in the world.
-        kinematics: of the robot.
+        waypoints_m: (n, 2) in the world.
+        kinematics: limits of the robot.
         period_s: time from pose to pose.
-        start_yaw_rad: heading at the first waypoint, or None: towards the second one.
+        start_yaw_rad: heading at the first waypoint; None: toward the second one.
 
     Raises:
-        TrajectoryError: waypoints or a period that make no sense, or too many poses.
+        TrajectoryError: invalid waypoints or an invalid period, or too many poses.
     """
     if not 0.0 < period_s < math.inf:
         raise TrajectoryError(f"period_s = {period_s:g}: expected a finite number above 0")
@@ -126,7 +126,7 @@ def _segments(
 
 
 def _count(steps: float) -> int:
-    """Whole steps; 5.4 m at 0.1 m are 54, whatever the rounding."""
+    """Number of whole steps; 5.4 m at 0.1 m are 54, despite rounding."""
     if steps > MAX_POSES:
         raise TrajectoryError(f"{steps:.3g} steps: expected at most {MAX_POSES}: make them longer")
     return max(1, math.ceil(steps - 1e-9))
@@ -135,7 +135,7 @@ def _count(steps: float) -> int:
 def _sample(segments: list[Segment], counts: list[int], period_s: float | None = None) -> Plan:
     """Sample segments one after the other, each in its number of steps.
 
-    The steps are equal in time where a period is given, and else equally long.
+    With a period, the steps have equal duration; without, equal length.
     """
     if sum(counts) > MAX_POSES:
         raise TrajectoryError(

@@ -1,7 +1,7 @@
-"""Motion of a plan, known in closed form: legs and turns on the spot with trapezoids of speed.
+"""Planned motion in closed form: legs and turns on the spot with trapezoidal speed profiles.
 
-Acceleration jumps where a trapezoid has its corners; speed and turn rate never do. Every segment
-begins and ends at rest.
+Acceleration jumps at the corners of a trapezoid; speed and turn rate never do. Every segment begins
+and ends at rest.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ FloatOrArray = TypeVar("FloatOrArray", float, NDArray[np.float64])
 
 @dataclass(frozen=True)
 class Trapezoid(Generic[FloatOrArray]):
-    """Trapezoidal rates from rest to rest, of one way or of (n,) ways.
+    """Trapezoidal rates from rest to rest, of one path or of (n,) paths.
 
     Attributes:
-        amount: way in meters or radians, above 0.
-        top_rate: reached where there is room for it.
-        acceleration: of speeding up and braking.
+        amount: length of the path in meters or radians, above 0.
+        top_rate: maximum rate; short paths do not reach it.
+        acceleration: acceleration and braking.
     """
 
     amount: FloatOrArray
@@ -46,7 +46,7 @@ class Trapezoid(Generic[FloatOrArray]):
     @property
     def duration_s(self) -> FloatOrArray:
         """Time from rest to rest."""
-        # the ramps cover what half their time would at the top rate
+        # a ramp covers half of the distance that the top rate would cover in its time
         return self.ramp_s + self.amount / (self.acceleration * self.ramp_s)
 
     def amounts_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -90,12 +90,12 @@ class Segment:
 
     Attributes:
         start: x and y in meters and yaw in radians.
-        move_m: of a leg, or (0, 0).
-        turn_rad: of a turn, or 0.
-        top_rate, acceleration: of its speed or turn rate.
-        start_s: when it begins.
-        stretch: of time: it lasts so many times as long as the limits ask for.
-        way: poses by meters or radians on an uneven floor, or None: straight, or about z.
+        move_m: (x, y) displacement of a leg; (0, 0) for a turn.
+        turn_rad: angle of a turn; 0 for a leg.
+        top_rate, acceleration: limits of its speed or turn rate.
+        start_s: start time.
+        stretch: factor by which it lasts longer than the limits require.
+        way: poses by meters or radians on an uneven floor; None: straight, or about z.
     """
 
     start: tuple[float, float, float]
@@ -119,7 +119,7 @@ class Segment:
 
     @property
     def trapezoid(self) -> Trapezoid[float]:
-        """Rates."""
+        """Rates over the segment."""
         return Trapezoid(self.amount, self.top_rate, self.acceleration)
 
     @property
@@ -128,18 +128,18 @@ class Segment:
         return self.stretch * self.trapezoid.duration_s
 
     def poses_at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """x, y, yaw (n, 3) at shares (n,) of the way in the floor plan."""
+        """x, y, yaw (n, 3) at shares (n,) of the path in the floor plan."""
         change = np.array((*self.move_m, self.turn_rad))
         poses: NDArray[np.float64] = np.array(self.start) + shares[:, None] * change
         return poses
 
 
 class PlannedMotion(BodyMotion):
-    """Motion along segments, one after the other.
+    """Motion along successive segments.
 
     Args:
-        segments: each begins where and when the one before ends.
-        height_m: of the base, where a segment has no way of its own.
+        segments: each begins at the end of the previous one, in time and space.
+        height_m: height of the base, for segments without a `way`.
     """
 
     def __init__(self, segments: Sequence[Segment], height_m: float = 0.0):
@@ -210,7 +210,7 @@ class PlannedMotion(BodyMotion):
 
 
 def in_sequence(segments: Sequence[Segment]) -> list[Segment]:
-    """Segments that begin when the one before ends, the first at 0 s."""
+    """Segments in sequence, the first starting at 0 s."""
     timed: list[Segment] = []
     start_s = 0.0
     for one in segments:

@@ -1,4 +1,4 @@
-"""Rigs as vehicles: cameras on a body that is moved along poses, without a robot."""
+"""Rigs as vehicles: cameras on a body that follows given poses, without a robot."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from omnisim.sensors.sensor_names import folder_name
 
 
 def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None) -> Vehicle:
-    """Vehicle of a rig: invisible, without wheels; its base is the rig's body.
+    """Vehicle of a rig: invisible, without wheels; its base is the body of the rig.
 
     Args:
-        name: of the vehicle.
+        name: name of the vehicle.
         rig: cameras and their poses on the body.
-        sensors: of the cameras; by default each camera exactly as its model has it.
+        sensors: sensors of the cameras; None: each camera exactly as its model.
 
     Raises:
         CalibrationError: two cameras whose folders would have the same name.

@@ -19,7 +19,7 @@ def find_robot(source: str | Path) -> Path:
     """Find the robot file of a path, of a folder with a `robot.toml`, or of a built-in name.
 
     Raises:
-        RobotFileError: there is none, or it is not a file that can be read.
+        RobotFileError: the file does not exist or cannot be read.
     """
     try:
         return _find(Path(source), str(source))

@@ -39,17 +39,17 @@ _PLACES = "source", "folder"  # of a robot file on this machine
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """Robot with its body and its sensors.
+    """Robot with its body and sensors.
 
     Attributes:
-        name: short, as in file names.
-        title: what people call it.
-        body: in the base frame, or None: invisible.
-        kinematics: its limits, or None: unknown.
-        odometry: the errors of its wheels.
-        footprint: about its base, or None: unknown.
-        sensors: in the order of the robot file.
-        given: digest of what it was made from; None: known by its own content.
+        name: short name, as in file names.
+        title: name for people.
+        body: body in the base frame; None: invisible.
+        kinematics: kinematic limits; None: unknown.
+        odometry: errors of the wheel odometry.
+        footprint: footprint about the base; None: unknown.
+        sensors: sensors in the order of the robot file.
+        given: digest of the sources; None: the vehicle is identified by its own content.
     """
 
     name: str
@@ -68,26 +68,26 @@ class Vehicle:
 
     @classmethod
     def load(cls, source: str | Path) -> Vehicle:
-        """Load the vehicle of a robot file, of a folder with one, or of a built-in name.
+        """Load a robot file, given by its path, its folder, or a built-in name.
 
         Raises:
-            RobotFileError: naming file, sensor or key, and what was expected.
-            SensorFileError: naming the sensor file, key, value and what was expected.
+            RobotFileError: the message names file, sensor or key, and the expected value.
+            SensorFileError: the message names sensor file, key, value and the expected value.
         """
         return cls.from_robot(load_robot(source))
 
     @classmethod
     def from_robot(cls, robot: Robot, cameras: Mapping[str, OmniCamera] = {}) -> Vehicle:
-        """Build what a robot file describes.
+        """Build the vehicle of a robot.
 
         Args:
-            robot: of a robot file, or of an import.
-            cameras: by the names of sensors, instead of those of sensor files.
+            robot: robot, from a robot file or an import.
+            cameras: cameras by sensor name, instead of those of sensor files.
 
         Raises:
-            RobotFileError: a file that is missing or no body, a sensor that cannot be, that stands
-                inside the body, or that hides what the body does not have.
-            SensorFileError: naming the sensor file, key, value and what was expected.
+            RobotFileError: a missing file or a file without a body, an invalid sensor, a sensor
+                inside the body, or one that hides unknown parts of the body.
+            SensorFileError: the message names sensor file, key, value and the expected value.
         """
         with recorded_sources() as sources:
             vehicle = cls._of(robot, cameras)
@@ -131,27 +131,27 @@ class Vehicle:
 
     @property
     def cameras(self) -> tuple[MountedCamera, ...]:
-        """Its omnidirectional cameras."""
+        """Omnidirectional cameras."""
         return tuple(each for each in self.sensors if isinstance(each, MountedCamera))
 
     @property
     def scanners(self) -> tuple[MountedScanner, ...]:
-        """Its planar laser scanners."""
+        """Planar laser scanners."""
         return tuple(each for each in self.sensors if isinstance(each, MountedScanner))
 
     def camera(self, name: str | None = None) -> MountedCamera:
-        """Camera of a name; without one, the first.
+        """Camera of a name; None: the first camera.
 
         Raises:
-            RobotFileError: there is none.
+            RobotFileError: there is no such camera.
         """
         return _named(self.cameras, name, f"robot {self.name!r}: camera")
 
     def scanner(self, name: str | None = None) -> MountedScanner:
-        """Laser scanner of a name; without one, the first.
+        """Laser scanner of a name; None: the first scanner.
 
         Raises:
-            RobotFileError: there is none.
+            RobotFileError: there is no such scanner.
         """
         return _named(self.scanners, name, f"robot {self.name!r}: scanner")
 
@@ -163,16 +163,16 @@ class Vehicle:
         degradation: Degradation | None = None,
         quality: str | None = None,
     ) -> Vehicle:
-        """Copy with other camera settings; by default they stay as they are.
+        """Copy with other camera settings; by default they are unchanged.
 
         Args:
-            size_px: pixels of the shorter side.
-            polygons: of the mirror's mesh, or "auto"; None: exact.
-            degradation: of all cameras.
+            size_px: shorter side of the images, pixels.
+            polygons: polygons of the mirror's mesh, or "auto"; None: exact.
+            degradation: degradation of all cameras.
             quality: "fast", "default" or "fine".
 
         Raises:
-            OpticsError: an impossible size, polygon count or quality.
+            OpticsError: an invalid size, polygon count or quality.
         """
         sensors: list[MountedSensor] = []
         for mounted in self.sensors:
@@ -196,7 +196,7 @@ class Vehicle:
         return changed.identified(source_digest(self.given, settings))
 
     def identified(self, given: str) -> Vehicle:
-        """The same vehicle, known by a digest of what it was made from."""
+        """The same vehicle, identified by a digest of its sources."""
         vehicle = copy.copy(self)
         object.__setattr__(vehicle, "given", given)
         return vehicle
@@ -224,8 +224,8 @@ def _load_body(robot: Robot) -> Scene | None:
 
             read = without_world(read, path)
         body = _moved(read, robot.body_offset_m)
-        # images and fingerprints name the body: not by where this machine has it; it is no scene
-        # to look around in, and has its middle for a start
+        # images and fingerprints name the body independently of its path on this machine; it has no
+        # start pose of its own, and starts in its middle
         start = default_start(body.bounds_m())
         return body.altered("", name=robot.body, start=start)
     except SceneError as reason:
@@ -234,7 +234,7 @@ def _load_body(robot: Robot) -> Scene | None:
 
 
 def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
-    """Body by an offset."""
+    """Body shifted by an offset."""
     if not any(offset_m):
         return body
     base_from_file = pose_from_rotation(np.eye(3), offset_m)

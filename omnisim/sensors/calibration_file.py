@@ -1,4 +1,4 @@
-"""Calibration of a camera in the folder of a run: its parameters and its mount on the base."""
+"""Calibration of a camera in a run's folder: its parameters and its mount on the base."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def read_mount(path: Path) -> CameraMount:
     """Read the camera of a calibration file.
 
     Raises:
-        RunError: it cannot be read, or is damaged.
+        RunError: the file cannot be read, or is damaged.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -43,10 +43,10 @@ def read_mount(path: Path) -> CameraMount:
 
 
 def parse_mount(content: Any, place: str | Path) -> CameraMount:
-    """Camera of a calibration file's content.
+    """Camera of a parsed calibration file.
 
     Raises:
-        RunError: it is damaged.
+        RunError: the content is damaged.
     """
     try:
         camera = camera_of_parameters(content["camera"])

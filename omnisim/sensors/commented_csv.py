@@ -13,7 +13,7 @@ from omnisim.core.files.atomic_file import write_text
 def write_commented_csv(
     path: str | Path, header: Mapping[str, Any], columns: str, rows: Iterable[str]
 ) -> None:
-    """Write lines `# key: value` with the value in JSON, the columns' names, and rows; atomically.
+    """Write comments `# key: value` with JSON values, the columns' names, and rows; atomically.
 
     Raises:
         OutputError: the file cannot be written.

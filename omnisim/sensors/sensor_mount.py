@@ -17,7 +17,7 @@ from omnisim.core.files.parameters import Coordinate, Level, Number, Table
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import Name, SensorName
 
-# No robot is larger; meters, not millimeters.
+# Maximum coordinate: no robot is larger, in meters; catches millimeters.
 Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
 
 if TYPE_CHECKING:
@@ -27,32 +27,32 @@ if TYPE_CHECKING:
 
 
 class SensorMount(Table):
-    """Keys of all sensors."""
+    """Keys of every sensor."""
 
     sensor_class: ClassVar[type[MountedSensor]]
 
     type: str
     """Kind of sensor."""
     name: SensorName
-    """Name of the sensor and of its folder in a run, distinct."""
+    """Unique name of the sensor and of its folder in a run."""
     position_m: tuple[Coordinate, Coordinate, Coordinate]
-    """Meters in the base frame: of a camera's effective viewpoint or a scan's origin."""
+    """Meters in the base frame: position of a camera's effective viewpoint or a scan's origin."""
     roll_deg: Number = 0.0
-    """Degrees about x."""
+    """Roll about x in degrees."""
     pitch_deg: Number = 0.0
-    """Degrees about y; more than 0: nose down."""
+    """Pitch about y in degrees; above 0: nose down."""
     yaw_deg: Number = 0.0
-    """Degrees about z, counter-clockwise seen from above."""
+    """Yaw about z in degrees, counter-clockwise seen from above."""
     hides: tuple[Name, ...] = ()
     """Nodes of the body that this sensor does not see, such as its own housing."""
     rate_hz: Rate | None = None
-    """Measurements a second from the start of the drive on; left out: one at each of its steps."""
+    """Measurements per second, from the start of the drive; left out: one per step."""
     phase_s: Level = 0.0
     """Seconds from the start of the drive to the first measurement, with `rate_hz`."""
     jitter_s: Level = 0.0
     """Standard deviation of the times of the measurements in seconds, at most 8 % of the period."""
     trigger: Name | None = None
-    """Name of a trigger: sensors that name it fire together, at the rate that one of them has."""
+    """Name of a trigger: its sensors fire together, at the rate that one of them states."""
 
     @property
     def base_from_mount(self) -> NDArray[np.float64]:
@@ -60,19 +60,19 @@ class SensorMount(Table):
         return poses.pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
 
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
-        """Build the sensors of the table, most often one; see `sensor`."""
+        """Build the sensors of the table, usually one; see `sensor`."""
         return (self.sensor(folder, source),)
 
     def sensor(self, folder: Path, source: str) -> MountedSensor:
         """Build the sensor.
 
         Args:
-            folder: of the robot file, that other files are relative to.
-            source: names file and sensor in messages.
+            folder: folder of the robot file, base of relative paths.
+            source: name of file and sensor in messages.
 
         Raises:
-            RobotFileError: a sensor that cannot be, or a file that is missing.
-            SensorFileError: naming the sensor file, key, value and what was expected.
+            RobotFileError: an invalid sensor or a missing file.
+            SensorFileError: the message names sensor file, key, value and the expected value.
         """
         try:
             parameters = self.parameters()
@@ -84,19 +84,19 @@ class SensorMount(Table):
         )
 
     def parameters(self) -> Any:
-        """Parameters of the sensor, where the table has them all.
+        """Parameters of the sensor, if the table has all of them.
 
         Raises:
-            OpticsError: a sensor that cannot be.
+            OpticsError: an invalid sensor.
         """
         raise NotImplementedError
 
     def settings(self) -> dict[str, Any]:
-        """Fields of the mounted sensor beside the parameters."""
+        """Fields of the mounted sensor besides its parameters."""
         return {}
 
     def overriding(self, device: DeviceT) -> DeviceT:
-        """Parameters of a device, with those that the table gives instead of the device's."""
+        """Parameters of a device, with the values of the table in place of the device's."""
         given = {key.name: getattr(self, key.name) for key in dataclasses.fields(device)}
         given = {key: value for key, value in given.items() if value is not None}
         return dataclasses.replace(device, **given)

@@ -1,4 +1,4 @@
-"""Names of sensors, which are those of their folders in a run."""
+"""Names of sensors and of their folders in a run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import AfterValidator
 
 from omnisim.core.files.parameters import Name as Name
 
-# No dots: the run's own files have some.
+# No dots, as the run's own files have some.
 FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
 
 

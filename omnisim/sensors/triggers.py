@@ -1,4 +1,4 @@
-"""Triggers: sensors of a robot that fire together, and the rates of all."""
+"""Triggers: sensors of a robot that fire together, and the rates of all sensors."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from omnisim.core.errors import RobotFileError
 from omnisim.sensors.rate import SensorRate
 from omnisim.sensors.sensor_mount import SensorMount
 
-MAX_JITTER = 0.08  # of the period: random numbers are up to 5.77, and stamps keep their order
+MAX_JITTER = 0.08  # share of the period: random numbers reach 5.77, and stamps remain in order
 TIMING = ("rate_hz", "phase_s", "jitter_s")
 
 
 def sensor_rates(
     mounts: Sequence[SensorMount], sources: Sequence[str]
 ) -> list[tuple[SensorMount, SensorRate | None]]:
-    """Sensors with their rates, None: at each step; those of a trigger have one rate.
+    """Rates of sensors, None: at each step; the sensors of a trigger share one rate.
 
     Args:
-        mounts: of one robot.
+        mounts: sensors of one robot.
         sources: their names in messages.
 
     Raises:
-        RobotFileError: naming sensor and key: rates of a trigger that differ, or a phase, jitter or
-            trigger without a rate.
+        RobotFileError: different rates of a trigger, or a phase, jitter or trigger without a rate;
+            the message names sensor and key.
     """
     triggers: dict[str, SensorMount] = {}
     for mount, source in zip(mounts, sources, strict=True):

@@ -1,11 +1,11 @@
 """Color model of landmarks: 3-D color histograms and their likelihood ratio.
 
-One histogram for each landmark color and one, *neg*, for everything else. A color is a
-landmark's where it is Θ times as likely there as elsewhere:
+One histogram per landmark color and one, *neg*, for everything else. A color belongs to a landmark
+if it is at least Θ times as likely there as elsewhere:
 
     P(rgb | landmark color) / P(rgb | neg) ≥ Θ
 
-Source: Schmits & Visser 2008, section 3.2 and Eq. 3. Their bins, Θ and costs are not published.
+Source: Schmits & Visser 2008, section 3.2 and Eq. 3. Their bins, Θ and costs are unpublished.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from omnisim.core.errors import LocalizationError
 
 BINS = 32  # along each of red, green and blue
 _SHIFT = 3  # 256 values in 32 bins
-NEG = 0  # the class of everything else; a model's colors are 1, 2, ...
+NEG = 0  # class of everything else; the colors of a model are 1, 2, ...
 
 
 def bin_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """Index (...) into a flat histogram of sRGB pixels (..., 3)."""
+    """Indices (...) into a flat histogram, of sRGB pixels (..., 3)."""
     binned = pixels.astype(np.uint16) >> _SHIFT
     index = (binned[..., 0] << 10) | (binned[..., 1] << 5) | binned[..., 2]
     return index.astype(np.uint16, copy=False)
@@ -39,8 +39,8 @@ def count_colors(
 
     Args:
         pixels: (n, 3) sRGB.
-        labels: (n,) class of each: `NEG`, or a landmark color from 1 on.
-        classes: how many there are, `NEG` among them.
+        labels: (n,) classes: `NEG`, or a landmark color from 1.
+        classes: number of classes, including `NEG`.
 
     Returns:
         (classes, BINS³) counts.
@@ -51,13 +51,13 @@ def count_colors(
 
 
 def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[np.float64]:
-    """Eq. 3's ratio of each landmark color and bin (classes − 1, BINS³).
+    """Ratios (classes − 1, BINS³) of each landmark color and bin, by Eq. 3.
 
     Args:
         counts: (classes, BINS³), `NEG` first.
-        smoothing: counts that are spread over all of neg's bins. Without any, a color that was
-            never seen elsewhere would beat every Θ; of landmarks nothing is made up: a bin that
-            has none has ratio 0.
+        smoothing: counts spread evenly over the bins of neg. Without them, a color never seen
+            elsewhere would pass every Θ. Landmarks are not smoothed: a bin without landmark pixels
+            has ratio 0.
     """
     shares = counts[1:] / np.maximum(counts[1:].sum(axis=1, keepdims=True), 1.0)
     spread = smoothing / counts.shape[1]
@@ -68,17 +68,17 @@ def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[
 
 @dataclass(frozen=True, eq=False)
 class ColorModel:
-    """Histograms of landmark colors, and the threshold that decides.
+    """Histograms of landmark colors, with their thresholds.
 
     Attributes:
         colors: names of the landmark colors.
         counts: (1 + colors, BINS³) pixels, neg first.
-        thresholds: Θ of each color.
+        thresholds: Θ for each color.
         smoothing: see `likelihood_ratios`.
 
     Raises:
-        LocalizationError: no pixel of a color or none of neg, two colors of one name, or a
-            threshold or a smoothing that is not above 0.
+        LocalizationError: a color or neg without pixels, a repeated color name, or a threshold or
+            smoothing that is not above 0.
     """
 
     colors: tuple[str, ...]
@@ -114,14 +114,14 @@ class ColorModel:
 
     @cached_property
     def ratios(self) -> NDArray[np.float64]:
-        """Eq. 3's ratio (colors, BINS³)."""
+        """Ratios (colors, BINS³) by Eq. 3."""
         return likelihood_ratios(self.counts, self.smoothing)
 
     @cached_property
     def table(self) -> NDArray[np.uint8]:
         """Class of each bin (BINS³,): `NEG`, or 1 + the index of a color.
 
-        Where more than one color passes its threshold, the one that passes it by most.
+        If several colors pass their thresholds, the one that exceeds its threshold most.
         """
         excess = self.ratios / np.array(self.thresholds)[:, None]
         best = excess.argmax(axis=0)
@@ -133,18 +133,18 @@ class ColorModel:
         return self.table[bin_of(pixels)]
 
     def color_class(self, name: str) -> int:
-        """Class of a color; `NEG`: the model lacks it."""
+        """Class of a color; `NEG`: the model does not have it."""
         return self.colors.index(name) + 1 if name in self.colors else NEG
 
 
 @dataclass(frozen=True, eq=False)
 class Roc:
-    """Receiver operating characteristic: both rates at every Θ where one of them changes.
+    """Receiver operating characteristic: both rates at every Θ at which one of them changes.
 
     Attributes:
         thresholds: (n,) descending.
-        true_positives: (n,) share of the landmark's pixels that pass.
-        false_positives: (n,) share of neg's pixels that pass.
+        true_positives: (n,) share of the landmark's pixels above Θ.
+        false_positives: (n,) share of neg's pixels above Θ.
     """
 
     thresholds: NDArray[np.float64]
@@ -153,7 +153,7 @@ class Roc:
 
     @property
     def area(self) -> float:
-        """Area under the curve, closed by a line to (1, 1): 1 is perfect, 0.5 is guessing."""
+        """Area under the curve, extended by a line to (1, 1): 1 is perfect, 0.5 is guessing."""
         x = np.concatenate(((0.0,), self.false_positives, (1.0,)))
         y = np.concatenate(((0.0,), self.true_positives, (1.0,)))
         return float(np.sum(np.diff(x) * 0.5 * (y[1:] + y[:-1])))
@@ -162,16 +162,16 @@ class Roc:
 def roc(
     ratios: NDArray[np.float64], positives: NDArray[np.float64], negatives: NDArray[np.float64]
 ) -> Roc:
-    """ROC of one color.
+    """Receiver operating characteristic of one color.
 
     Args:
-        ratios: (BINS³,) Eq. 3's, learned from some images.
+        ratios: (BINS³,) by Eq. 3, from training images.
         positives, negatives: (BINS³,) counts of the color and of neg, from other images.
     """
     steps, place = np.unique(ratios, return_inverse=True)
     hits = np.bincount(place, weights=positives, minlength=len(steps))[::-1].cumsum()
     alarms = np.bincount(place, weights=negatives, minlength=len(steps))[::-1].cumsum()
-    passes = steps[::-1] > 0.0  # a ratio of 0 is never a landmark's
+    passes = steps[::-1] > 0.0  # a ratio of 0 never belongs to a landmark
     return Roc(
         steps[::-1][passes],
         hits[passes] / max(positives.sum(), 1.0),
@@ -181,11 +181,11 @@ def roc(
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs of mistakes, in any unit: only their ratio counts.
+    """Costs of errors, in any unit: only their ratio matters.
 
     Attributes:
-        missed: one pixel of a landmark that is taken for something else.
-        false_alarm: one pixel of something else that is taken for a landmark.
+        missed: cost of a landmark's pixel that is not recognized.
+        false_alarm: cost of another pixel that is taken for the landmark.
     """
 
     missed: float = 1.0
@@ -193,9 +193,9 @@ class Costs:
 
 
 def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Costs) -> float:
-    """Choose the Θ of least cost on images with so many pixels of the color and of neg.
+    """Choose the Θ with minimum cost, for these numbers of pixels of the color and of neg.
 
-    Between two thresholds that cost the same the one in their middle, on a logarithmic scale.
+    Of two thresholds with the same cost, their middle on a logarithmic scale.
     """
     total = costs.missed * positives * (1.0 - curve.true_positives)
     total = total + costs.false_alarm * negatives * curve.false_positives
@@ -210,15 +210,15 @@ def train(
     validation_counts: NDArray[np.float64],
     costs: Costs,
 ) -> tuple[ColorModel, tuple[Roc, ...]]:
-    """Train a model on counts, and choose its thresholds on counts of other images.
+    """Train a model on counts, and choose its thresholds on the counts of other images.
 
     Args:
-        colors: names.
+        colors: names of the landmark colors.
         train_counts, validation_counts: (1 + colors, BINS³), neg first.
-        costs: of mistakes.
+        costs: costs of errors.
 
     Raises:
-        LocalizationError: a color without a pixel to learn from, or to choose Θ by.
+        LocalizationError: a color without pixels to train on, or to choose Θ with.
     """
     untuned = ColorModel(tuple(colors), train_counts, (1.0,) * len(colors))
     curves = []

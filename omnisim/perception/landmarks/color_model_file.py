@@ -1,7 +1,7 @@
 """File of a color model and its landmarks: `.npz`.
 
 It holds `counts` (1 + colors, 32³), `colors`, `thresholds`, `smoothing`, and `landmarks` as JSON,
-so that an image alone is enough to look for them; nothing in it is pickled.
+so that detection needs no scene; nothing in it is pickled.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ class _StoredLandmarks(Table):
 
 
 def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -> None:
-    """Write a model; the file appears only when it is whole.
+    """Write a model and its landmarks; atomically.
 
     Raises:
-        OutputError: another suffix, or it cannot be written.
+        OutputError: another suffix, or the file cannot be written.
     """
     check_suffix(path, SUFFIX)
     encoded = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
@@ -68,7 +68,7 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
     """Read a model and its landmarks.
 
     Raises:
-        LocalizationError: no such file, or it is no model.
+        LocalizationError: the file does not exist, or is not a color model.
     """
     stored = read_arrays(path, LocalizationError, "model", _EXPECTED)
     try:
@@ -94,7 +94,7 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
 def _landmarks(content: object) -> tuple[Landmark, ...]:
     try:
         stored = parse_table({"landmarks": content}, _StoredLandmarks, LocalizationError, "it")
-    except LocalizationError as faults:  # one is enough: nobody mends such a file by hand
+    except LocalizationError as faults:  # one is enough: such files are not edited by hand
         first = str(faults).partition("\n")[0].removeprefix("it: ")
         raise LocalizationError(f"{first}: train it again") from None
     return tuple(

@@ -1,4 +1,4 @@
-"""Training of a color model on labeled images, and its rates on others."""
+"""Training of a color model on labeled images, and its rates on other images."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from omnisim.perception.landmarks.color_model import (
     train,
 )
 
-# Every fourth image validates thresholds Θ; the others fill the histograms.
+# Every fourth image is for the thresholds Θ; the others fill the histograms.
 VALIDATE_EVERY = 4
-# Pixels (n, 3) of an image, sRGB, and their classes (n,): `NEG`, or a landmark color from 1 on.
+# Pixels (n, 3) of an image, sRGB, and their classes (n,): `NEG`, or a landmark color from 1.
 LabeledPixels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
@@ -30,9 +30,9 @@ class Training:
     """Trained model.
 
     Attributes:
-        model: of the colors.
-        curves: ROC of each color, on images that are not in the histograms.
-        images: how many there were.
+        model: color model.
+        curves: receiver operating characteristic of each color, on images outside the histograms.
+        images: number of images.
     """
 
     model: ColorModel
@@ -44,7 +44,7 @@ def train_colors(colors: Sequence[str], images: Iterable[LabeledPixels], costs: 
     """Train a color model.
 
     Raises:
-        LocalizationError: a color that no image shows.
+        LocalizationError: no image shows a color.
     """
     train_counts, validation_counts = (np.zeros((1 + len(colors), BINS**3)) for _ in range(2))
     count = 0
@@ -57,12 +57,12 @@ def train_colors(colors: Sequence[str], images: Iterable[LabeledPixels], costs: 
 
 @dataclass(frozen=True, eq=False)
 class PixelRates:
-    """Classification rates of a model, pixel by pixel.
+    """Classification rates of a model per pixel.
 
     Attributes:
-        recall: by color, the share of its pixels that are found.
-        false_alarms: by color, the share of neg's pixels that are taken for it.
-        curves: ROC by color.
+        recall: by color, share of its pixels that are recognized.
+        false_alarms: by color, share of neg's pixels taken for it.
+        curves: receiver operating characteristic, by color.
     """
 
     recall: dict[str, float]
@@ -71,7 +71,7 @@ class PixelRates:
 
 
 def pixel_rates(model: ColorModel, images: Iterable[LabeledPixels]) -> PixelRates:
-    """Rates of a model on images of another run."""
+    """Classification rates of a model on the images of another run."""
     counts = np.zeros((1 + len(model.colors), BINS**3))
     for pixels, classes in images:
         counts += count_colors(pixels, classes, len(counts))

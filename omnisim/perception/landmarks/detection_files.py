@@ -1,4 +1,4 @@
-"""Detections as CSV: a line for each, `step` first; angles in degrees."""
+"""Detections as CSV: one per line, `step` first; angles in degrees."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ SUFFIX = ".csv"
 
 
 def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) -> None:
-    """Write detections with the step that each is of: all of them, or nothing.
+    """Write detections with their steps; atomically.
 
     Raises:
         OutputError: the file cannot be written.
     """
     lines = [COLUMNS]
-    for step, found in detections:
+    for step, detection in detections:
         numbers = (
-            math.degrees(found.bearing_rad),
-            found.range_m,
-            found.range_eq2_m,
-            math.degrees(found.bearing_sigma_rad),
-            found.range_sigma_m,
+            math.degrees(detection.bearing_rad),
+            detection.range_m,
+            detection.range_eq2_m,
+            math.degrees(detection.bearing_sigma_rad),
+            detection.range_sigma_m,
         )
-        box = (found.left, found.right, found.top, found.bottom, found.area_px)
+        box = (detection.left, detection.right, detection.top, detection.bottom, detection.area_px)
         cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
-        lines.append(",".join((str(step), found.landmark, *cells)))
+        lines.append(",".join((str(step), detection.landmark, *cells)))
     write_text(path, "\n".join(lines) + "\n")

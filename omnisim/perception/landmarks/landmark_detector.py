@@ -1,10 +1,10 @@
-"""Landmarks in images: regions of the right colors, one above the other, at a range that fits.
+"""Detection of landmarks: stacked regions of their colors, at a consistent range.
 
-A slim landmark, a beacon, is known by the order of its colors from top to bottom. Its range
-follows from the edges of its bands, whose heights are known, not from its base: that is white on
-light ground, and often hidden. A wide one, a goal, has one color from the ground up, and its range
-is that of its nearest corner on the ground, or of the nearest one at its top where the ground in
-front of it is not seen.
+A slim landmark, a beacon, is identified by the order of its colors from top to bottom. Its range
+follows from the edges of its bands, at known heights, and not from its base, which is white on
+light ground and often hidden. A wide one, a goal, has a single color from the ground up; its range
+is that of its nearest corner on the ground, or at the top if the ground in front of it is not
+visible.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from omnisim.perception.unwarping.panorama import CameraMount, Panorama
 from omnisim.scene.model import Landmark
 
 Key = TypeVar("Key")
-MIN_PX = 4  # of a region: less is a speck
+MIN_PX = 4  # minimum area of a region
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class Detection:
     """Landmark detected in an image.
 
     Attributes:
-        landmark: its name.
-        bearing_rad: counter-clockwise from the vehicle's front: of a pillar's axis, or midway
-            between the outermost corners of something wide.
+        landmark: name of the landmark.
+        bearing_rad: counter-clockwise from the vehicle's front: of a pillar's axis, or of the
+            middle between the outermost corners of a wide landmark.
         range_m: along the ground from below the effective viewpoint to a pillar's axis, or to the
-            nearest corner of something wide; by the exact relation.
-        range_eq2_m: the same by the inverse of the paper's Eq. 2; NaN where that does not apply.
-        bearing_sigma_rad, range_sigma_m: standard deviations, from the pixels' noise.
-        left, right, top, bottom: box in the panorama; right and bottom are the first ones outside.
-        area_px: pixels of its colors.
+            nearest corner of a wide landmark; by the exact relation.
+        range_eq2_m: the same range by the inverse of the paper's Eq. 2; NaN: it does not apply.
+        bearing_sigma_rad, range_sigma_m: standard deviations from the noise of the pixels.
+        left, right, top, bottom: box in the panorama; right and bottom are the first outside.
+        area_px: number of pixels with its colors.
     """
 
     landmark: str
@@ -62,19 +62,19 @@ class Detection:
 
 
 class LandmarkDetector:
-    """Detects the landmarks of one scene in one camera's images.
+    """Detector of a scene's landmarks in one camera's images.
 
     Args:
-        model: their colors.
-        landmarks: of the scene; those whose colors the model lacks are ignored.
-        mount: the camera.
+        model: color model of the landmarks.
+        landmarks: landmarks of the scene; landmarks with colors that the model lacks are ignored.
+        mount: camera on the vehicle.
 
     Attributes:
-        panorama: that they are detected in.
-        ignored: names of landmarks that are not detected.
+        panorama: panorama for the detection.
+        ignored: names of the ignored landmarks.
 
     Raises:
-        LocalizationError: no landmark to detect, or two that look the same.
+        LocalizationError: no landmark to detect, or two with the same colors.
     """
 
     def __init__(self, model: ColorModel, landmarks: Sequence[Landmark], mount: CameraMount):
@@ -106,11 +106,11 @@ class LandmarkDetector:
         return self.find(self.panorama(image))
 
     def find(self, panorama: NDArray[np.uint8]) -> list[Detection]:
-        """Detect landmarks in a panorama of the detector's own."""
+        """Detect landmarks in a panorama of this detector."""
         classes = self.classes(panorama)
         regions = find_regions(classes, len(self.model.colors), MIN_PX)
         doubled = wrapped_around(panorama)
-        found: list[tuple[Landmark, LandmarkMeasurement]] = []
+        measured: list[tuple[Landmark, LandmarkMeasurement]] = []
         in_pillars: set[int] = set()
         for lower, upper in _stacked(regions):
             landmark = self._pillars.get((lower.color, upper.color))
@@ -118,7 +118,7 @@ class LandmarkDetector:
                 continue
             finding = measure_pillar(self.panorama, doubled, lower, upper, landmark)
             if finding is not None:
-                found.append((landmark, finding))
+                measured.append((landmark, finding))
                 in_pillars |= {id(lower), id(upper)}
         for region in regions:
             landmark = self._wide.get(region.color)
@@ -126,8 +126,8 @@ class LandmarkDetector:
                 continue
             finding = measure_wide(self.panorama, doubled, region, landmark)
             if finding is not None:
-                found.append((landmark, finding))
-        return [self._detection(landmark, best) for landmark, best in _best_of_each(found)]
+                measured.append((landmark, finding))
+        return [self._detection(landmark, best) for landmark, best in _best_of_each(measured)]
 
     def _detection(self, landmark: Landmark, finding: LandmarkMeasurement) -> Detection:
         width = self.panorama.camera.width_px
@@ -158,14 +158,14 @@ def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
 
 
 def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
-    """Pairs of regions of two colors, the second straight above the first."""
+    """Pairs of regions of two colors, the second directly above the first."""
     pairs = []
     for lower in regions:
         for upper in regions:
             if lower.color == upper.color or upper.top >= lower.top:
                 continue
             height = max(lower.mask.shape[0], upper.mask.shape[0])
-            # blurred edges are neither color: a gap, or a ragged overlap
+            # blurred edges have neither color: a gap, or a ragged overlap
             slack = 2 + 0.35 * height
             overlap = min(lower.right, upper.right) - max(lower.left, upper.left)
             narrow = min(lower.mask.shape[1], upper.mask.shape[1])
@@ -175,11 +175,11 @@ def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
 
 
 def _best_of_each(
-    found: list[tuple[Landmark, LandmarkMeasurement]],
+    measured: list[tuple[Landmark, LandmarkMeasurement]],
 ) -> list[tuple[Landmark, LandmarkMeasurement]]:
-    """Keep the measurement of most pixels for each landmark: there is one of each."""
+    """Keep the measurement with the most pixels of each landmark, which exists only once."""
     best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
-    for landmark, finding in found:
+    for landmark, finding in measured:
         other = best.get(landmark.name)
         if other is None or finding.area_px > other[1].area_px:
             best[landmark.name] = (landmark, finding)

@@ -1,7 +1,7 @@
-"""Range and bearing of landmarks, from the edges of their colors in a panorama.
+"""Range and bearing of landmarks from the edges of their colors in a panorama.
 
-An edge is found to a fraction of a pixel by how much of the one and of the other color the pixels
-across it have, in linear light, where they mix as areas do.
+An edge is located to a fraction of a pixel from the mixture of the two colors in the pixels across
+it, in linear light, in which they mix by area.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from omnisim.perception.regions import Region
 from omnisim.perception.unwarping.panorama import Panorama
 from omnisim.scene.model import Landmark
 
-# Noise of an edge in pixels: measured on drives, of which see the experiments' page.
+# Noise of an edge in pixels, measured on drives: see the page on the experiments.
 EDGE_SIGMA_PX = 0.2
-WIDE_EDGE_SIGMA_PX = 0.8  # where a corner is too slim to be seen by itself
-CORNER_SIGMA_M = 0.01  # of where on its boards' ends that corner is
-MASK_SIGMA_PX = 0.8  # where only the mask's edge is known, to whole pixels
-# More than an average error, 0.17 px: light that falls off around a beacon moves the middle of its
-# mask by 0.4 px, and alike in images that follow each other.
+WIDE_EDGE_SIGMA_PX = 0.8  # for corners too slim to be visible alone
+CORNER_SIGMA_M = 0.01  # position of the corner on the ends of its boards
+MASK_SIGMA_PX = 0.8  # for edges of masks, known to whole pixels
+# More than the average error of 0.17 px: light that falls off around a beacon shifts the middle of
+# its mask by 0.4 px, equally in successive images.
 COLUMN_SIGMA_PX = 0.3
-MAX_SIGMAS = 4.0  # that edges of one landmark may disagree
-MAX_M = 30.0  # beyond, nothing of these sizes has a pixel
+MAX_SIGMAS = 4.0  # maximum disagreement of the edges of one landmark
+MAX_M = 30.0  # maximum range: beyond, landmarks of these sizes are below a pixel
 
 
 @dataclass(frozen=True)
 class LandmarkMeasurement:
-    """Measurement of one landmark; columns may run past the panorama's right edge.
+    """Measurement of one landmark; columns may exceed the panorama's right edge.
 
     Attributes:
-        column: of its bearing.
-        column_sigma_px: of that.
-        range_m, range_eq2_m, range_sigma_m: along the ground, as in `Detection`.
+        column: column of its bearing.
+        column_sigma_px: standard deviation of `column`.
+        range_m, range_eq2_m, range_sigma_m: along the ground, see `Detection`.
         left, right, top, bottom: box.
-        area_px: pixels of its colors.
+        area_px: number of pixels with its colors.
     """
 
     column: float
@@ -60,13 +60,13 @@ def measure_pillar(
     upper: Region,
     landmark: Landmark,
 ) -> LandmarkMeasurement | None:
-    """Measure a pillar by two of its bands, or None: it cannot be one of that size.
+    """Measure a pillar from two of its bands; None: it cannot be a pillar of this size.
 
     Args:
         panorama: panorama of the pillar.
-        pixels: of the panorama and half of it again, sRGB.
+        pixels: pixels of the panorama and its first half again, sRGB.
         lower, upper: its two upper bands.
-        landmark: with their heights.
+        landmark: landmark with the heights of its bands.
     """
     column, core = _axis(lower, upper)
     rows = slice(max(upper.top - 3, 0), min(lower.bottom + lower.mask.shape[0] + 3, len(pixels)))
@@ -79,7 +79,7 @@ def measure_pillar(
     foot = _edge_between(profile, _inner(lower, rows.start), below)
     radius_m = 0.25 * sum(landmark.footprint_m)
     low, high = landmark.bands[-2], landmark.bands[-1]
-    # height of each edge, its row, its noise, and how far in front of the axis it is
+    # for each edge: height, row, noise, and distance in front of the axis
     edges = [
         (high.top_m, upper.top - 0.5, MASK_SIGMA_PX, -radius_m),  # the far rim of its flat top
         (high.bottom_m, middle + rows.start, EDGE_SIGMA_PX, radius_m),
@@ -108,27 +108,27 @@ def _axis(lower: Region, upper: Region) -> tuple[float, slice]:
         start = region.left - left
         counts[start : start + region.mask.shape[1]] += region.mask.sum(axis=0)
     column = left + float(counts @ np.arange(len(counts))) / float(counts.sum())
-    # where its bands' lower edges, which bend around it, are lowest
+    # at the lowest point of the bands' lower edges, which bend around the pillar
     half = max(0.5, 0.2 * float(np.count_nonzero(counts)))
     first = max(left, round(column - half))
     return column, slice(first, max(first + 1, min(right, round(column + half) + 1)))
 
 
 def _inner(region: Region, first: int) -> slice:
-    """Rows in the middle of a region, where its color is pure; counted from row `first`."""
+    """Rows in the middle of a region, with a pure color; counted from row `first`."""
     height = region.mask.shape[0]
     edge = (height - 1) // 3 if height > 2 else 0
     return slice(region.top + edge - first, region.bottom - edge - first)
 
 
 def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> float:
-    """Row, with a fraction, at which a profile (n, 3) goes from one color to another.
+    """Row, with a fraction, at which a profile (n, 3) changes from one color to another.
 
     Args:
         profile: linear colors from top to bottom.
-        one, other: rows that are of the one color and below of the other.
+        one, other: rows with the first color, and below with the second.
 
-    Returns NaN where the two are alike, or not there.
+        Returns NaN if the colors are alike, or there is no edge.
     """
     first, last = (one.start + one.stop - 1) // 2, (other.start + other.stop - 1 + 1) // 2
     upper, lower = profile[one], profile[other]
@@ -146,9 +146,9 @@ def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> flo
 def _fit_range(
     panorama: Panorama, edges: list[tuple[float, float, float, float]]
 ) -> tuple[float, float, float] | None:
-    """Range by the exact relation and by Eq. 2, and its sigma, from edges that agree.
+    """Range by the exact relation and by Eq. 2, with its sigma, from edges that agree.
 
-    The edge that disagrees most is left out, where two others agree: one may be hidden.
+    The edge that disagrees most is dropped if two others agree: it may be hidden.
     """
     while len(edges) >= 2:
         ranges, paper, sigmas = [], [], []
@@ -163,7 +163,7 @@ def _fit_range(
         weights /= weights.sum()
         mean = float(weights @ ranges)
         misfits = np.abs(np.array(ranges) - mean) / sigmas
-        # 2 %: what the model itself may be off, a polygon for a circle or a mesh for a mirror
+        # 2 %: error of the model itself, such as polygons for circles or a mesh for a mirror
         allowed = MAX_SIGMAS + 0.02 * mean / min(sigmas)
         if misfits.max() <= allowed:
             sigma = float(math.sqrt(np.sum(np.square(weights * sigmas))))
@@ -175,7 +175,7 @@ def _fit_range(
 def measure_wide(
     panorama: Panorama, pixels: NDArray[np.uint8], region: Region, landmark: Landmark
 ) -> LandmarkMeasurement | None:
-    """Measure something wide of one color that stands on the ground, or None: it is none."""
+    """Measure a wide landmark of one color on the ground; None: it is not one."""
     height, width = region.mask.shape
     if height < 3 or width < 4:
         return None
@@ -190,7 +190,7 @@ def measure_wide(
         rows = _lower_edges(pixels, bottom, region.left + columns)
         height_m, sigma_px = 0.0, WIDE_EDGE_SIGMA_PX
     ranges = panorama.ranges_m(rows, height_m)
-    # the nearest corner is a column or two wide: a mean with its neighbors would miss it
+    # the nearest corner is one or two columns wide: a mean with its neighbors would miss it
     nearest = int(ranges.argmin())
     range_m = float(ranges[nearest])
     if not 0.0 < range_m < MAX_M:

@@ -41,9 +41,9 @@ def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> NDArr
 
     NaN where a covariance is singular, as that of an exactly known start.
     """
-    found = np.full(len(errors), np.nan)
+    errors_squared = np.full(len(errors), np.nan)
     for k, (error, covariance) in enumerate(zip(errors, covariances, strict=True)):
         values, axes = np.linalg.eigh(covariance)
         if values[0] > 1e-14 * max(values[-1], 1e-300):
-            found[k] = float(np.sum(np.square(axes.T @ error) / values))
-    return found
+            errors_squared[k] = float(np.sum(np.square(axes.T @ error) / values))
+    return errors_squared

@@ -1,7 +1,7 @@
 """The extended Kalman filter of the paper: state (x, y, φ), control (v, δφ), measurement (r, γ).
 
-All observations of one image are gated against the same prediction, each by itself, and those
-that pass update it together: their order makes no difference.
+Each observation of an image is gated against the same prediction, and the accepted ones update it
+together: their order makes no difference.
 
 Source: Schmits & Visser 2008, Eq. 4 to 6; the update in Joseph's form, as in Bar-Shalom, Li,
 Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.2.6.
@@ -31,7 +31,7 @@ from omnisim.perception.localization.odometry_motion import move
 Verdict = Literal["accepted", "gated", "superseded", "singular"]
 _EYE = np.eye(3)
 _DISTANCE = attrgetter("distance_squared")
-# A symmetric matrix whose determinant is below this share of the largest it could have is singular.
+# A symmetric matrix is singular if its determinant is below this share of the maximum possible one.
 _SINGULAR = 1e-12
 
 
@@ -39,10 +39,10 @@ class Association(NamedTuple):
     """Data association of one observation.
 
     Attributes:
-        landmark: the most likely one.
-        range_m, bearing_rad: as measured.
-        range_innovation_m, bearing_innovation_rad: measured less expected.
-        distance_squared: of Mahalanobis; infinite where the innovation has no covariance.
+        landmark: most likely landmark.
+        range_m, bearing_rad: measurement.
+        range_innovation_m, bearing_innovation_rad: measured minus expected value.
+        distance_squared: squared Mahalanobis distance; infinite: the innovation has no covariance.
         verdict: accepted; gated: outside the validation gate; superseded: another observation fits
             this landmark better; singular: the innovation covariance has no inverse.
     """
@@ -61,13 +61,13 @@ class Estimate:
     """Belief after a step.
 
     Attributes:
-        time_s: when.
+        time_s: time of the step.
         pose: (3,) x and y in meters, yaw in radians within ±π.
         covariance: (3, 3).
         associations: one for each observation, in their order.
-        nis: normalized innovation squared of all accepted observations together, or NaN: none.
-        nis_degrees: of freedom that it has.
-        steps_rejected: successive steps, up to this one, whose observations were all rejected.
+        nis: normalized innovation squared of all accepted observations; NaN: none was accepted.
+        nis_degrees: degrees of freedom of `nis`.
+        steps_rejected: number of successive steps, up to this one, with all observations rejected.
     """
 
     time_s: float
@@ -80,7 +80,7 @@ class Estimate:
 
 
 class _Hypothesis(NamedTuple):
-    """An observation taken for a landmark."""
+    """Observation assigned to a landmark."""
 
     observation: Observation
     landmark: str
@@ -101,15 +101,15 @@ class LocalizationFilter:
     """Extended Kalman filter of one robot's pose.
 
     Args:
-        landmarks: where they are.
+        landmarks: map of the landmarks.
         parameters: noise and gate.
         camera_m: x and y of the effective viewpoint in the base frame.
-        time_s: of the first pose.
-        pose: (3,) where the robot starts: x, y, yaw.
-        covariance: (3, 3) of the start, or None: by the parameters.
+        time_s: time of the first pose.
+        pose: (3,) start: x, y, yaw.
+        covariance: (3, 3) of the start; None: from the parameters.
 
     Raises:
-        LocalizationError: a start that is not finite, or a covariance that cannot be one.
+        LocalizationError: a start that is not finite, or an invalid covariance.
     """
 
     def __init__(
@@ -150,17 +150,17 @@ class LocalizationFilter:
         turn_rad: float,
         observations: Sequence[Observation] = (),
     ) -> Estimate:
-        """Predict the pose at a time, and update it by the observations made there.
+        """Predict the pose at a time, and update it with the observations at that time.
 
         Args:
-            time_s: when.
-            speed_mps: mean speed along the arc since the last step, negative backwards.
-            turn_rad: since then.
-            observations: of the image at `time_s`.
+            time_s: time of the step.
+            speed_mps: mean speed along the arc since the previous step, negative backward.
+            turn_rad: turn since the previous step.
+            observations: observations of the image at `time_s`.
 
         Raises:
-            LocalizationError: a time that is not after the last one, or readings that are not
-                finite; the estimate stays as it was.
+            LocalizationError: a time that does not increase, or readings that are not finite; the
+                estimate is then unchanged.
         """
         before = self.estimate
         if not time_s > before.time_s:
@@ -203,7 +203,7 @@ class LocalizationFilter:
             s.flat[:: len(r) + 1] += r
             try:
                 weights = np.linalg.inv(s)
-            except np.linalg.LinAlgError:  # each has an inverse, but not all of them together
+            except np.linalg.LinAlgError:  # each is invertible, but not all of them together
                 verdicts = ["singular" if v == "accepted" else v for v in verdicts]
                 accepted = []
         associations = tuple(h.association(v) for h, v in zip(hypotheses, verdicts, strict=True))
@@ -221,7 +221,7 @@ class LocalizationFilter:
         covariance: NDArray[np.float64],
         observations: Sequence[Observation],
     ) -> tuple[list[_Hypothesis], list[Verdict]]:
-        """Gate each observation, and assign to each landmark its nearest one."""
+        """Gate each observation, and assign the nearest one to each landmark."""
         for observation in observations:
             _check(observation)
         x, y, yaw = pose.tolist()
@@ -254,7 +254,7 @@ class LocalizationFilter:
         pose: tuple[float, float, float],
         covariance: list[list[float]],
     ) -> _Hypothesis:
-        """Innovation of an observation of a landmark, in plain floats: NumPy is slow one by one."""
+        """Innovation of an observation of a landmark, in plain floats: faster than NumPy."""
         range_m, a0, a1, a2, bearing, b0, b1, b2 = predict_measurement(
             pose, self._camera_m, self._landmarks.corners(landmark)
         )

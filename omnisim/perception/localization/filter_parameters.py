@@ -1,6 +1,6 @@
 """Parameters of the filter, from a TOML file. `default.toml` explains each.
 
-The paper publishes none of them: all values are our choices.
+The paper does not publish any of them: all values are our choices.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from omnisim.core.files.toml_file import read_toml
 
 DEFAULT = Path(__file__).with_name("default.toml")
 
-# Past anything that makes sense, and far from where a float's square ends.
+# Beyond any sensible value, and far below the overflow of a float's square.
 _MAX_NUMBER = 1e12
 NotNegative = Annotated[Number, Field(ge=0.0, le=_MAX_NUMBER)]
 Positive = Annotated[Number, Field(gt=0.0, le=_MAX_NUMBER)]
@@ -27,33 +27,34 @@ class StartNoise(Table):
     """Standard deviations of the first pose."""
 
     position_sigma_m: NotNegative
-    """Standard deviation of x and of y, meters; 0: known without doubt."""
+    """Standard deviation of x and of y in meters; 0: known exactly."""
     heading_sigma_deg: NotNegative
-    """Standard deviation of the heading, degrees; 0: known without doubt."""
+    """Standard deviation of the heading in degrees; 0: known exactly."""
 
 
 class MotionNoise(Table):
     """Noise of the wheels.
 
-    White noise grows with the root of the distance, systematic errors grow with the distance
-    itself: a filter of three states cannot estimate them, and takes them for noise of each step.
+    White noise grows with the square root of the distance, systematic errors grow with the
+    distance: a filter with three states cannot estimate them, and treats them as noise of each
+    step.
     """
 
     distance_sigma_m_per_sqrt_m: NotNegative
     """Standard deviation of the distance after 1 m, meters."""
     distance_sigma_share: NotNegative
-    """Standard deviation of a step's distance as a share of it: the wheels' size."""
+    """Standard deviation of a step's distance as a share of it: errors of the wheels' size."""
     turn_sigma_deg_per_sqrt_m: NotNegative
     """Standard deviation of the heading after 1 m, degrees."""
     turn_sigma_deg_per_sqrt_rad: NotNegative
     """Standard deviation of the heading after a turn of 1 rad, degrees."""
     turn_sigma_deg_per_m: NotNegative
-    """Standard deviation of the heading for each meter driven, degrees: wheels of unequal size."""
+    """Standard deviation of the heading per meter driven, degrees: wheels of unequal size."""
     turn_sigma_share: NotNegative
-    """Standard deviation of a step's turn as a share of it: wheels that skid."""
+    """Standard deviation of a step's turn as a share of it: skidding wheels."""
 
     def sigmas(self, distance_m: float, turn_rad: float) -> tuple[float, float]:
-        """Standard deviations of a step's distance in meters and of its turn in radians."""
+        """Standard deviations of a step's distance in meters and its turn in radians."""
         driven, turned = abs(distance_m), abs(turn_rad)
         distance = math.hypot(
             self.distance_sigma_m_per_sqrt_m * math.sqrt(driven), self.distance_sigma_share * driven
@@ -68,20 +69,20 @@ class MotionNoise(Table):
 
 
 class MeasurementNoise(Table):
-    """Noise of an observation beyond its own sigmas, and the validation gate."""
+    """Noise of an observation in addition to its own sigmas, and the validation gate."""
 
     range_sigma_share: NotNegative
-    """Standard deviation as a share of the range: mirror, mounting, a floor that is not flat."""
+    """Standard deviation as a share of the range: mirror, mounting, uneven floor."""
     range_sigma_m: NotNegative
     """Standard deviation of every range, meters."""
     bearing_sigma_deg: NotNegative
     """Standard deviation of every bearing, degrees."""
     relation: Literal["exact", "eq2"]
-    """From image radius to incidence: "exact", or "eq2" by the paper's Eq. 2."""
+    """Relation between image radius and incidence: "exact", or "eq2" for the paper's Eq. 2."""
     gate: Positive
-    """Largest squared Mahalanobis distance; 9.21: 99 % of chi-square, 2 degrees of freedom."""
+    """Maximum squared Mahalanobis distance; 9.21: 99 % of chi-square, 2 degrees of freedom."""
     report_after_steps: Annotated[int, Field(ge=1, strict=True)]
-    """Successive steps with all observations rejected until that is reported."""
+    """Number of successive steps with all observations rejected that is reported."""
 
 
 class FilterParameters(Table):
@@ -93,9 +94,9 @@ class FilterParameters(Table):
 
 
 def read_parameters(path: Path | None = None) -> FilterParameters:
-    """Read a file of parameters; by default omnisim's own.
+    """Read a file of filter parameters; by default omnisim's own.
 
     Raises:
-        LocalizationError: naming file, key, value and what was expected.
+        LocalizationError: the message names file, key, value and expected value.
     """
     return read_toml(path or DEFAULT, FilterParameters, LocalizationError)

@@ -16,7 +16,7 @@ from omnisim.perception.localization.track import Track
 
 
 def observation_from_detection(detection: Detection, relation: MeasurementNoise) -> Observation:
-    """Observation of a detection, its range by the relation that the parameters name."""
+    """Observation of a detection, with its range by the relation in the parameters."""
     is_paper = relation.relation == "eq2" and math.isfinite(detection.range_eq2_m)
     return Observation(
         (detection.landmark,),
@@ -35,15 +35,16 @@ def localize(
     camera_m: tuple[float, float],
     covariance: ArrayLike | None = None,
 ) -> Track:
-    """Run the filter along a run.
+    """Localize a robot along a run.
 
     Args:
-        odometry: readings, from the start that is known.
-        observations: of each step; those of the first are not used: the start is known.
-        landmarks: where they are.
-        parameters: of the filter.
+        odometry: readings, from the known start.
+        observations: observations of each step; those of the first step are unused, as the start is
+            known.
+        landmarks: map of the landmarks.
+        parameters: parameters of the filter.
         camera_m: x and y of the effective viewpoint in the base frame.
-        covariance: (3, 3) of the start, or None: by the parameters.
+        covariance: (3, 3) of the start; None: from the parameters.
 
     Raises:
         LocalizationError: invalid readings or observations.

@@ -1,9 +1,8 @@
 """Measurement model of landmarks: range and bearing, the paper's m = (r, γ).
 
-A slim landmark, a beacon, is a point: its axis. A wide one, a goal, has corners: its bearing is
-midway between the two that are outermost as seen by the camera, and its range is that of the
-nearest corner. Both are what an image shows, and neither needs to know how the landmark is turned
-towards the camera.
+A slim landmark, a beacon, is a point: its axis. A wide one, a goal, has corners: its bearing is the
+middle between the two outermost as seen by the camera, and its range is that of the nearest corner.
+An image shows both, and neither depends on the landmark's orientation.
 """
 
 from __future__ import annotations
@@ -18,19 +17,19 @@ from numpy.typing import ArrayLike
 from omnisim.core.errors import LocalizationError
 from omnisim.scene.model import Landmark
 
-# From nearer than this a bearing means nothing: the camera would be inside of the landmark.
+# Minimum distance for a bearing: the camera would be inside the landmark.
 NEAREST_M = 1e-6
 
 
 @dataclass(frozen=True)
 class Observation:
-    """One landmark in one image, as measured.
+    """Measurement of one landmark in one image.
 
     Attributes:
-        candidates: names of the landmarks that it may be; one where its colors are clear.
+        candidates: names of the possible landmarks; one if its colors are unambiguous.
         range_m: along the ground from below the effective viewpoint.
         bearing_rad: counter-clockwise from the vehicle's front.
-        range_sigma_m, bearing_sigma_rad: standard deviations of their errors.
+        range_sigma_m, bearing_sigma_rad: standard deviations.
     """
 
     candidates: tuple[str, ...]
@@ -40,14 +39,14 @@ class Observation:
     bearing_sigma_rad: float
 
 
-Corners = tuple[tuple[float, float], ...]  # of a landmark: x and y in the world, meters
+Corners = tuple[tuple[float, float], ...]  # x and y of a landmark's corners in the world, meters
 
 
 class LandmarkMap:
     """Map of landmarks.
 
     Args:
-        corners_m: by name, (n, 2) corners in the world; one for a point.
+        corners_m: by name, (n, 2) corners in the world; a single corner for a point.
 
     Attributes:
         corners_m: by name.
@@ -73,8 +72,8 @@ class LandmarkMap:
         """Build the map of a scene's landmarks.
 
         Args:
-            landmarks: with positions and footprints.
-            offsets_m: by name, (2,) how far off the map has it.
+            landmarks: landmarks with positions and footprints.
+            offsets_m: by name, (2,) errors of the map.
         """
         offsets, corners = offsets_m or {}, {}
         for landmark in landmarks:
@@ -90,10 +89,10 @@ class LandmarkMap:
         return cls(corners)
 
     def corners(self, name: str) -> Corners:
-        """Corners of one landmark.
+        """Corners of a landmark.
 
         Raises:
-            LocalizationError: it is not on the map.
+            LocalizationError: the map does not have it.
         """
         try:
             return self.corners_m[name]
@@ -106,18 +105,18 @@ class LandmarkMap:
 def predict_measurement(
     pose: tuple[float, float, float], camera_m: tuple[float, float], corners_m: Corners
 ) -> tuple[float, ...]:
-    """Expected range and bearing of a landmark from a pose, and their Jacobian by the pose.
+    """Predict range and bearing of a landmark from a pose, with their Jacobian.
 
-    In plain floats: for one landmark at a time NumPy would take ten times as long.
+    Computes in plain floats: for one landmark at a time NumPy takes ten times as long.
 
     Args:
-        pose: of the base: x and y in meters, yaw in radians; world.
+        pose: pose of the base: x and y in meters, yaw in radians; world.
         camera_m: x and y of the effective viewpoint in the base frame.
-        corners_m: of the landmark.
+        corners_m: corners of the landmark.
 
     Returns:
-        Range in meters and its three derivatives by x, y and yaw; bearing in radians, not wrapped,
-        and its three.
+        Range in meters and its derivatives by x, y and yaw; bearing in radians, not wrapped, and
+        its derivatives.
     """
     x, y, yaw = pose
     cosine, sine = math.cos(yaw), math.sin(yaw)
@@ -130,7 +129,7 @@ def predict_measurement(
     if len(offsets) == 1:
         bearing, right, left = math.atan2(near_y, near_x), offsets[0], offsets[0]
     else:
-        # directions about the sum of all, so that none wraps around
+        # directions relative to their sum, so that none wraps around
         sum_x = sum(offset[0] for offset in offsets)
         sum_y = sum(offset[1] for offset in offsets)
         turns = [

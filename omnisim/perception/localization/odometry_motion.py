@@ -1,4 +1,4 @@
-"""Motion model of a planar pose by wheel readings, and its Jacobians."""
+"""Motion model of a planar pose from wheel readings, and its Jacobians."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Below, an arc's chord is its length to rounding: the next term of the series is 1e-18.
+# Below, an arc's chord equals its length to rounding: the next term of the series is 1e-18.
 _STRAIGHT_RAD = 1e-8
 
 
@@ -18,11 +18,11 @@ def move(
 
     Args:
         pose: (3,) x and y in meters and yaw in radians, world.
-        distance_m: along the arc, negative backwards; the paper's v times the step's duration.
-        turn_rad: along with it; the paper's δφ.
+        distance_m: length of the arc, negative backward; the paper's v times the step's duration.
+        turn_rad: turn along the arc; the paper's δφ.
 
     Returns:
-        The new pose (3,), yaw not wrapped; its Jacobian (3, 3) by the pose and (3, 2) by distance
+        The new pose (3,), yaw not wrapped; its Jacobians (3, 3) by the pose and (3, 2) by distance
         and turn.
 
     Source: the arcs of `omnisim.core.trajectories.odometry`, which dead reckoning follows.
@@ -33,7 +33,7 @@ def move(
         chord, slope = 1.0, -half / 3.0
     else:
         chord = math.sin(half) / half
-        slope = (math.cos(half) - chord) / half  # of the chord by half the turn
+        slope = (math.cos(half) - chord) / half  # derivative of the chord by half the turn
     along = yaw + half
     cosine, sine = math.cos(along), math.sin(along)
     dx, dy = distance_m * chord * cosine, distance_m * chord * sine

@@ -1,4 +1,4 @@
-"""Estimates of a whole run, and notices about them."""
+"""Estimates of a whole run, and notices about their quality."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from omnisim.perception.localization.filter_parameters import FilterParameters
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Estimates of a run, one a step; the first is the start.
+    """Estimates of a run, one per step; the first is the start.
 
     Attributes:
-        estimates: of the filter.
+        estimates: estimates of the filter.
         reckoned: (n, 3) x, y, yaw by dead reckoning.
     """
 
@@ -54,17 +54,17 @@ class Track:
 
     @property
     def gate_opening_step(self) -> int | None:
-        """First step at which most observations are accepted, or None: at none."""
+        """First step that accepts more than half of its observations; None: no step does."""
         accepted, rejected = self.counts(True), self.counts(False)
         steps = np.flatnonzero((accepted > 0) & (accepted >= rejected))
         return int(steps[0]) if len(steps) else None
 
     def errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance from the true position (n,)."""
+        """Distances (n,) of the estimates from the true positions."""
         return _distances(self.poses, true_poses)
 
     def reckoned_errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance (n,) of dead reckoning from the true position."""
+        """Distances (n,) of dead reckoning from the true positions."""
         return _distances(self.reckoned, true_poses)
 
     def nees(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,7 +78,7 @@ def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArr
 
 
 def notices(track: Track, parameters: FilterParameters) -> list[str]:
-    """Notices of long rejection, and of steps without observations."""
+    """Notices of long rejection and of steps without observations."""
     texts, limit = [], parameters.measurement.report_after_steps
     first = None
     for k, estimate in enumerate((*track.estimates, None)):

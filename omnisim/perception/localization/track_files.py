@@ -1,4 +1,4 @@
-"""Files of a track: a trajectory, the same with covariances, and the data associations."""
+"""Files of a track: a trajectory, a table with covariances, and the data associations."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _MEASUREMENT_COLUMNS = (
 
 
 def write_track(folder: Path, track: Track) -> None:
-    """Write `estimate.tum`, `estimate.csv` and `measurements.csv` into a folder that is there.
+    """Write `estimate.tum`, `estimate.csv` and `measurements.csv` into an existing folder.
 
     Raises:
-        OutputError: they cannot be written.
+        OutputError: a file cannot be written.
     """
     poses = track.poses
     trajectory = Trajectory.on_ground(track.times_s, poses[:, :2], poses[:, 2])

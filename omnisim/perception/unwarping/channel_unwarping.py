@@ -1,8 +1,7 @@
-"""Unwarping of ground truth: channels of an image, taken along into a view of it.
+"""Unwarping of ground truth: channels of an image, resampled for a view.
 
-No value is blended: a pixel of the view has the channels of one pixel of the image, the nearest
-to its ray, so that no value is invented across a silhouette. Where the view is finer than the
-image, several of its pixels share one.
+Values are not blended: a pixel of the view has the channels of the image's pixel nearest to its
+ray, so that none is invented across a silhouette. If the view has finer pixels, several share one.
 """
 
 from __future__ import annotations
@@ -18,30 +17,31 @@ from omnisim.core.errors import OpticsError, OutputError
 from omnisim.core.poses import check_pose
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
 
-_OUTSIDE = 2  # in the channels of occlusion
+_OUTSIDE = 2  # value of the occlusion channels
 _DIRECTIONS = ("normals_camera", "scene_flow_camera")  # relative to the camera
 
 
 class ChannelUnwarping:
-    """Table of the image's pixel that is nearest to each ray of a view.
+    """Table of the image's pixel nearest to each ray of a view.
 
-    Range stays the length of the ray, and position, normals, scene flow, albedo, classes and
-    instances are those of the image's pixel. Directions relative to the camera are turned. `z` is
-    made of `position`. Flow leads from the image's ray to where the next image has its point,
-    both seen by the view, as if the view were a camera on the same vehicle. Its occlusion is the
-    image's; 2, outside, also where the point leaves the view.
+    Range remains the length of the ray; position, normals, scene flow, albedo, classes and
+    instances are those of the image's pixel. Directions relative to the camera are rotated. `z` is
+    computed from
+    `position`. Flow leads from the image's ray to the next image's position of its point, both seen
+    by the view, as if the view were a camera on the same vehicle. Its occlusion is the image's; 2,
+    outside, also if the point leaves the view.
 
     Args:
-        camera: of the image.
+        camera: camera of the image.
         view: camera of the view, at the same effective viewpoint.
         camera_from_view: (3, 3) rotation between their optical frames.
-        covered: (height, width) pixels of the image that have a ray; by default the camera's.
+        covered: (height, width) pixels of the image with a ray; None: the camera's valid pixels.
 
     Attributes:
-        valid: (height, width) pixels of the view that have a value.
+        valid: (height, width) pixels of the view with a value.
 
     Raises:
-        OpticsError: the image shows nothing of the view, or its camera has no one viewpoint.
+        OpticsError: the image shows nothing of the view, or its camera is non-central.
     """
 
     def __init__(
@@ -76,8 +76,8 @@ class ChannelUnwarping:
         """Unwarp channels by name; `Channel.empty` where the view is not `valid`.
 
         Args:
-            channels: of the image, as a frame has them.
-            world_from_view: (4, 4) pose of the view's optical frame, which `z` needs.
+            channels: channels of the image, as in a frame.
+            world_from_view: (4, 4) pose of the view's optical frame, required for `z`.
 
         Raises:
             OutputError: `z` without `position` or the pose, or an array of another size.
@@ -113,7 +113,7 @@ class ChannelUnwarping:
     def _depths(
         self, channels: Mapping[str, NDArray[Any]], world_from_view: ArrayLike | None
     ) -> NDArray[Any]:
-        """Coordinates along the view's own z."""
+        """Coordinates along the view's z."""
         if "position" not in channels or world_from_view is None:
             raise OutputError(
                 "channel 'z': expected position beside it, and the image's pose: it is along "
@@ -126,7 +126,7 @@ class ChannelUnwarping:
     def _flow(
         self, flow_px: NDArray[Any], occlusion: str, occluded: NDArray[Any] | None
     ) -> dict[str, NDArray[Any]]:
-        """Flow in the view's own pixels, and its occlusion by name."""
+        """Flow in pixels of the view, and its occlusion by name."""
         camera, view = self._camera, self._view
         starts_px = pixel_grid(camera.width_px, camera.height_px)
         ends_px = starts_px + np.nan_to_num(flow_px)
@@ -148,7 +148,7 @@ class ChannelUnwarping:
     def _seen(
         self, positions_px: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Positions of the image in the view's pixels, and a mask of those that it sees."""
+        """Positions of the image in pixels of the view, and a mask of the visible ones."""
         rays = self._camera.ray_from_pixel(positions_px)
         pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)
         return pixels.positions_px.copy(), rays.valid & pixels.valid

@@ -18,7 +18,7 @@ from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 
 LOWEST_RAD, HIGHEST_RAD = math.radians(-60.0), math.radians(3.0)
-_LEVEL = 1e-9  # how far a rotation may be off one about the upright axis
+_LEVEL = 1e-9  # maximum error of a rotation about the upright axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +26,10 @@ class CameraMount:
     """Camera on a vehicle.
 
     Attributes:
-        camera: its model.
-        base_from_optical: (4, 4) where it is.
-        covered: (height, width) pixels that show the scene, or None: all that the model sees.
-        caveat: the assumption of a viewpoint that the camera has not, and its errors.
+        camera: camera model.
+        base_from_optical: (4, 4) pose on the vehicle.
+        covered: (height, width) pixels that show the scene; None: all valid pixels of the model.
+        caveat: assumption of a single viewpoint for non-central optics, and its errors.
     """
 
     camera: CentralCamera
@@ -38,7 +38,7 @@ class CameraMount:
     caveat: str | None = None
 
     def assuming_viewpoint(self) -> CameraMount:
-        """The same mount, or as if all rays of its optical system met in one point."""
+        """The same mount; for non-central optics, as if all rays met in one point."""
         if not isinstance(self.camera, NonCentralCamera):
             return self
         from omnisim.cameras.optics.central_view import CentralView  # few cameras need it
@@ -61,20 +61,19 @@ class CameraMount:
 class Panorama:
     """Panorama of a whole turn around a vehicle on the ground, from the horizon down.
 
-    Rows and columns count from the center of the first pixel and may lie in between.
+    Rows and columns count from the center of the first pixel and may have fractions.
 
     Args:
-        mount: the camera.
-        width_px: columns of the whole turn, or None: as many pixels as the horizon has in the
-            image.
+        mount: camera on the vehicle.
+        width_px: columns of the whole turn; None: the length of the horizon in the image, pixels.
 
     Attributes:
-        mount: the camera.
-        camera: the cylinder's own camera model.
+        mount: camera on the vehicle.
+        camera: camera model of the panorama, a cylinder.
 
     Raises:
         LocalizationError: a camera at or below the ground.
-        OpticsError: a camera that sees nothing of it.
+        OpticsError: the camera sees nothing of the panorama.
     """
 
     def __init__(self, mount: CameraMount, width_px: int | None = None):
@@ -93,37 +92,37 @@ class Panorama:
         )
 
     def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Unwarp an image to a panorama (height, width, 3); black where it shows nothing."""
+        """Unwarp an image to a panorama (height, width, 3); black outside the image."""
         return self._unwarp(image)
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the pixels that show the scene."""
+        """Mask (height, width) of pixels that show the scene."""
         return self._unwarp.valid
 
     def bearings_rad(self, columns: ArrayLike) -> NDArray[np.float64]:
-        """Counter-clockwise from the vehicle's front; continues past the right edge."""
+        """Bearings of columns, counter-clockwise from the vehicle's front; unwrapped."""
         u = np.asarray(columns, dtype=np.float64)
         return (self.camera.principal_point_px[0] - u) / self.camera.focal_length_px
 
     def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
         """Ranges along the ground of points of known height: r = (H − z) tan θ.
 
-        Infinite at and above the camera's own horizon.
+        Infinite at and above the camera's horizon.
         """
         down = self._tangents(rows)
         drop_m = self.mount.height_m - height_m
         return np.where(down > 0.0, drop_m / np.where(down > 0.0, down, 1.0), np.inf)
 
     def rows(self, ranges_m: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Rows of points of known range and height."""
+        """Rows of points with known range and height."""
         tangents = (self.mount.height_m - height_m) / np.asarray(ranges_m, dtype=np.float64)
         return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
 
     def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Ranges by the inverse of the paper's Eq. 2 from the radius in the image.
+        """Ranges from the radius in the image by the inverse of the paper's Eq. 2.
 
-        NaN for a camera outside of Eq. 2: without such a mirror, or not upright.
+        NaN for a camera that Eq. 2 does not apply to: without such a mirror, or not upright.
         """
         down = self._tangents(rows)
         camera = self.mount.camera
@@ -139,13 +138,13 @@ class Panorama:
     def range_sigmas_m(
         self, ranges_m: ArrayLike, height_m: float, row_sigma_px: float
     ) -> NDArray[np.float64]:
-        """Standard deviations of ranges by that of a row: dr/dv = r²/((H − z) f)."""
+        """Standard deviations of ranges from that of a row: dr/dv = r²/((H − z) f)."""
         drop_m = self.mount.height_m - height_m
         squared = np.square(np.asarray(ranges_m, dtype=np.float64))
         return squared * row_sigma_px / (abs(drop_m) * self.camera.focal_length_px)
 
     def heights_m(self, rows: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float64]:
-        """Heights above the ground of points of known range."""
+        """Heights above the ground of points with known range."""
         return self.mount.height_m - np.asarray(ranges_m) * self._tangents(rows)
 
     def _tangents(self, rows: ArrayLike) -> NDArray[np.float64]:
@@ -155,13 +154,13 @@ class Panorama:
 
     @cached_property
     def _is_upright(self) -> bool:
-        """The camera looks straight up, turned about its axis or not."""
+        """True if the camera looks straight up, with any rotation about its axis."""
         rotation = self.mount.base_from_optical[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP.T
         return bool(abs(rotation[2, 2] - 1.0) < _LEVEL)
 
 
 def _horizon_px(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> int:
-    """Length of the horizon in pixels of the image."""
+    """Length of the horizon in the image, pixels."""
     step_rad = 1e-3
     headings = np.linspace(-math.pi, math.pi, 72, endpoint=False)
 

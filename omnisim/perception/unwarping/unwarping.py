@@ -1,6 +1,6 @@
-"""Unwarping: resampling one camera's image into another camera's view from the same viewpoint.
+"""Unwarping: resampling of one camera's image for another camera at the same viewpoint.
 
-It is made for one pair of cameras and one rotation, and then applied to any number of images.
+The table of a pair of cameras and a rotation is computed once and applied to any number of images.
 Colors are blended in linear light.
 """
 
@@ -18,8 +18,8 @@ from omnisim.core.bilinear import corner_and_weights
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 
-MAX_SAMPLES = 8  # to a side of a view's pixel
-# A view is made in blocks of rows, so that what is in between stays small, at 24 bytes a sample.
+MAX_SAMPLES = 8  # per side of a view's pixel
+# A view is computed in blocks of rows, which bounds intermediate memory at 24 bytes per sample.
 BLOCK_SAMPLES = 1 << 21
 MAX_KEPT_SAMPLES = 1 << 24
 _STEPS = 65535  # linear steps of 1/65535 are finer than any step of 8-bit sRGB
@@ -27,35 +27,35 @@ _SRGB = srgb8_from_linear(np.arange(_STEPS + 1) / _STEPS)
 
 
 class _RowBlock(NamedTuple):
-    """Rows of a view, and the lookups of their pixels in the image."""
+    """Rows of a view, with the lookups of their pixels in the image."""
 
     rows: slice
     valid: NDArray[np.bool_]  # (rows, width)
-    lookups: list[tuple[NDArray[np.intp], NDArray[np.float32]]]  # a sample's: corner, weights
+    lookups: list[tuple[NDArray[np.intp], NDArray[np.float32]]]  # per sample: corner, weights
 
 
 class Unwarping:
-    """Remap table from a view's pixels into an image.
+    """Remap table from the pixels of a view to an image.
 
-    That of a very large view is not kept but made again for each image.
+    The table of a very large view is not kept but recomputed for each image.
 
-    A view's pixel is valid where everything that it blends is: seen by the image's camera and
-    inside the image.
+    A pixel of the view is valid if all its samples are: seen by the image's camera and inside the
+    image.
 
     Args:
-        camera: of the image.
+        camera: camera of the image.
         view: camera of the wanted image, at the same effective viewpoint.
         camera_from_view: (3, 3) rotation between their optical frames.
-        covered: (height, width) which pixels of the image show the scene; by default those
-            that the camera model calls valid.
-        samples: to a side of a view's pixel, averaged; by default as many as it covers of the
-            image's pixels, so that nothing is skipped.
+        covered: (height, width) pixels of the image that show the scene; None: the model's valid
+            pixels.
+        samples: samples per side of a view's pixel, averaged; None: as many as the image's pixels
+            that it covers, so that none is skipped.
 
     Attributes:
-        valid: (height, width) which pixels of the view show the scene.
+        valid: (height, width) pixels of the view that show the scene.
 
     Raises:
-        OpticsError: the image shows nothing of the view, or its camera has no one viewpoint.
+        OpticsError: the image shows nothing of the view, or its camera is non-central.
     """
 
     def __init__(
@@ -90,10 +90,10 @@ class Unwarping:
     def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
         """Unwarp an image (height, width, channels), uint8 sRGB or linear floats.
 
-        Returns the view, of the same kind; 0 where it is not `valid`.
+        Returns the view in the same type; 0 where it is not `valid`.
 
         Raises:
-            OpticsError: the image is not of the camera's size.
+            OpticsError: the image does not have the camera's size.
         """
         if image.shape[:2] != self._shape:
             raise OpticsError(
@@ -107,7 +107,7 @@ class Unwarping:
         width = self._shape[1]
         for rows, valid, lookups in self._make_blocks() if self._kept is None else self._kept:
             total = np.zeros((*valid.shape, image.shape[2]), dtype=np.float32)
-            with np.errstate(over="ignore"):  # brighter than a float holds is infinite
+            with np.errstate(over="ignore"):  # light beyond a float's range is infinite
                 for corner, weights in lookups:
                     for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
                         total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
@@ -135,8 +135,8 @@ class Unwarping:
     def _look_up(
         self, positions_px: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
-        """Corner (h, w) and weights (4, h, w) in the image of positions (h, w, 2) in the view,
-        and whether the image shows what is there."""
+        """Corners (h, w) and weights (4, h, w) in the image of positions (h, w, 2) in the view, and
+        whether the image shows them."""
         rays = self._view.ray_from_pixel(positions_px)
         pixels = self._camera.pixel_from_ray(rays.directions @ self._rotation.T)
         corner, weights, inside = corner_and_weights(pixels.positions_px, self._shape)
@@ -154,7 +154,7 @@ def _encode(linear: NDArray[Any]) -> NDArray[np.uint8]:
 def _samples_needed(
     camera: CentralCamera, view: CentralCamera, camera_from_view: NDArray[np.float64]
 ) -> int:
-    """Samples to a side of a view's pixel for its largest step in the image, up to a limit."""
+    """Samples per side of a view's pixel for its largest step in the image, up to a limit."""
     u = np.linspace(0.0, view.width_px - 1.0, min(view.width_px, 65))
     v = np.linspace(0.0, view.height_px - 1.0, min(view.height_px, 65))
     grid = np.stack(np.meshgrid(u, v), axis=-1)

@@ -1,7 +1,7 @@
 """Views to unwarp an omnidirectional image to: cylinder, perspective, bird's eye.
 
-Each is a camera at the effective viewpoint of the image, and where it looks from the vehicle.
-The bird's eye view, too: a plane ground seen from straight above is a map of it.
+Each view is a camera at the effective viewpoint of the image, with an orientation on the vehicle.
+The bird's eye view is one, too: seen from straight above, plane ground is a map.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ STEEPEST_RAD = math.radians(85.0)  # of a cylinder's rows: at 90° they are infi
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera at the effective viewpoint and its orientation.
+    """Camera at the effective viewpoint with its orientation.
 
     Attributes:
-        camera: the view's own camera model.
+        camera: camera model of the view.
         base_from_view: (3, 3) rotation from the view's optical frame to the vehicle's base.
     """
 
@@ -42,8 +42,8 @@ def cylinder_view(
     """Cylindrical view of a whole turn, left to right clockwise.
 
     Args:
-        width_px: columns of the whole turn; the middle one looks towards `yaw_rad`, the left and
-            right edge look back.
+        width_px: columns of the whole turn; the middle one looks toward `yaw_rad`, the left and
+            right edges look back.
         lowest_rad, highest_rad: elevation of the lowest and highest row above the horizon.
         yaw_rad: heading of the middle column, counter-clockwise from the vehicle's front.
 
@@ -74,9 +74,9 @@ def perspective_view(
 
     Args:
         width_px, height_px: size of the image.
-        field_of_view_rad: from its left to its right edge.
+        field_of_view_rad: angle from its left to its right edge.
         yaw_rad: heading, counter-clockwise from the vehicle's front.
-        pitch_rad: downwards, as in REP 103.
+        pitch_rad: downward, as in REP 103.
 
     Raises:
         OpticsError: a field of view that is not between 0 and 180°, or a size below 1.
@@ -91,13 +91,13 @@ def birdseye_view(
     """Bird's eye view: a square map of the ground, the vehicle in the middle, its front up.
 
     Args:
-        size_px: of a side.
-        half_extent_m: from the middle to an edge.
-        height_m: of the effective viewpoint above the ground.
+        size_px: side of the map in pixels.
+        half_extent_m: distance from the middle to an edge.
+        height_m: height of the effective viewpoint above the ground.
         yaw_rad: heading of the top of the map, counter-clockwise from the vehicle's front.
 
     Raises:
-        OpticsError: an extent, height or size that is not positive.
+        OpticsError: an extent, height or size that is not above 0.
     """
     for name, value in (("height", height_m), ("extent", half_extent_m)):
         if not (math.isfinite(value) and value > 0.0):
@@ -111,10 +111,10 @@ def birdseye_view(
 
 
 def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
-    """Find the highest whole degree of elevation, up to 60, that a camera sees at all azimuths.
+    """Find the highest whole degree of elevation, up to 60, visible at all azimuths.
 
     Args:
-        camera: level or tilted.
+        camera: level or tilted camera.
         base_from_optical: (3, 3) rotation from its optical frame to the vehicle's base.
     """
     azimuth = np.radians(np.arange(0.0, 360.0, 5.0))

@@ -1,4 +1,4 @@
-"""Robots of other simulators' models as data, and the robot files made of them."""
+"""Imported robots as data, and the robot files written from them."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ class ImportedSensor(NamedTuple):
     """Sensor of a model at rest.
 
     Attributes:
-        name: of the sensor, distinct.
+        name: unique name of the sensor.
         type: kind of sensor in a robot file.
-        position_m: (3,) in the model's frame.
+        position_m: (3,) position in the model's frame.
         angles_deg: roll, pitch and yaw in the model's frame.
         values: its other keys in a robot file.
-        camera: lens and quality of an omnicamera; None: the paper's, if it is one.
+        camera: lens and quality of an omnidirectional camera; None: another sensor, or the
+            paper's camera.
         notices: one line for each omission.
         comments: lines above its table in the robot file.
     """
@@ -60,16 +61,16 @@ class ImportedRobot:
     """Robot of a model at rest; its tables have the keys of a robot file.
 
     Attributes:
-        name: of the model.
-        source: its file.
-        section: its part of the file, in words.
-        sensors: in order.
+        name: name of the model.
+        source: file of the model.
+        section: part of the file with the model, for messages.
+        sensors: sensors, in the order of the file.
         notices: one line each.
         comments: lines of the robot file, below its first.
-        body: the file as it is drawn, or None.
-        resources: folders that the body needs.
-        base_m: (3,) of the base in the model's frame: on the ground.
-        kinematics, footprint, physics: None: unknown.
+        body: file of the body's meshes; None: invisible.
+        resources: folders with the body's models and packages.
+        base_m: (3,) base on the ground, in the model's frame.
+        kinematics, footprint, physics: tables of the robot file; None: unknown.
     """
 
     name: str
@@ -91,10 +92,10 @@ class ImportedRobot:
         return {one.name: one.camera for one in self.sensors if one.camera is not None}
 
     def robot(self, file: Path) -> Robot:
-        """Robot as of a robot file, whose cameras are `cameras` instead of sensor files.
+        """Robot of the file that `write` would write, with `cameras` in place of sensor files.
 
         Raises:
-            RobotFileError: values that no robot file may have.
+            RobotFileError: values that are invalid in a robot file.
         """
         return parse_robot(self._table(file.parent), str(file), file.parent)
 
@@ -109,7 +110,7 @@ class ImportedRobot:
         write_text(output, self.text(output))
 
     def text(self, output: Path) -> str:
-        """Text of a robot file, whose paths are relative to its folder."""
+        """Text of a robot file with paths relative to the folder of `output`."""
         table = self._table(output.parent, self._sensor_files(output))
         table["sensors"] = [
             _commented(one.comments) | keys
@@ -119,11 +120,11 @@ class ImportedRobot:
         return toml_text(head | table)
 
     def _sensor_files(self, output: Path) -> dict[str, str]:
-        """Names of the sensor files by the names of sensors."""
+        """Names of the sensor files, by sensor name."""
         return {name: f"{output.stem}-{name}.toml" for name in self.cameras}
 
     def _table(self, folder: Path, files: Mapping[str, str] = {}) -> dict[str, Any]:
-        """Keys of the robot file of a folder, with sensor files by the names of sensors."""
+        """Keys of the robot file of a folder, with the names of sensor files by sensor name."""
         table: dict[str, Any] = {"name": folder_name(self.name).lower(), "title": self.name}
         if self.body is not None:
             table["body"] = os.path.relpath(self.source, folder)
@@ -148,9 +149,9 @@ class ImportedRobot:
         if file is not None:
             table["file"] = file
         origin_m = np.array(sensor.position_m)
-        # what is farther away is refused with the robot file
+        # a sensor farther away is refused with the robot file
         if self.body is not None and sensor.type != "imu" and np.abs(origin_m).max() < _MAX_M:
-            # simulators do not draw a housing from its inside
+            # simulators do not draw the inside of a housing
             hides = enclosing_nodes(self.body, origin_m)
             table |= {"hides": hides} if hides else {}
         return table
@@ -161,7 +162,7 @@ def _commented(lines: Sequence[str]) -> dict[str, Any]:
 
 
 def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -> Scene | None:
-    """Model as it is drawn; None, with a notice, where it cannot be."""
+    """Load the meshes of a model; None, with a notice: they cannot be read."""
     try:
         return read_scene(path, resources=resources, animation="none")
     except SceneError as reason:
@@ -170,8 +171,8 @@ def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -
 
 
 def footprint(body: Scene, base_m: NDArray[np.float64]) -> dict[str, float]:
-    """Footprint around the body, about the base (3,) in its frame."""
+    """Footprint of a body, about the base (3,) in the body's frame."""
     low, high = body.bounds_m() - base_m
     length, width = (2.0 * float(max(-low[axis], high[axis])) for axis in (0, 1))
     sizes = {"length_m": length, "width_m": width, "height_m": max(float(high[2]), 0.01)}
-    return {key: round(value, 6) for key, value in sizes.items()}  # bounds are of float32
+    return {key: round(value, 6) for key, value in sizes.items()}  # bounds are float32

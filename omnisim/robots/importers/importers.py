@@ -1,4 +1,4 @@
-"""Importers of robots, by the formats of their models."""
+"""Importers of robots, by file format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from omnisim.robots.vehicle import Vehicle
 
 Resources = Sequence[str | Path]
 
-# Drives of robot files import none of the formats.
+# Their drives import none of the formats.
 
 
 def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
@@ -58,12 +58,12 @@ def import_model(path: Path, name: str | None = None, resources: Resources = ())
     """Import the robot of a model.
 
     Args:
-        path: of one of `SUFFIXES`.
-        name: of the model, in a file of several.
-        resources: folders of models and packages that it names.
+        path: model file with one of `SUFFIXES`.
+        name: name of the model in a file of several.
+        resources: folders with its models and packages.
 
     Raises:
-        RobotFileError: no such file or model, or values that are none.
+        RobotFileError: no such file or model, or an invalid value.
         OmnisimError: MuJoCo is not installed.
     """
     if not path.is_file():
@@ -77,11 +77,11 @@ def _check_no_name(path: Path, name: str | None) -> None:
 
 
 class LoadedModel(NamedTuple):
-    """Robot of a model, without a robot file.
+    """Robot of a model without a robot file.
 
     Attributes:
-        robot: of the table that a robot file would have.
-        vehicle: with its body and sensors.
+        robot: robot, as from a robot file.
+        vehicle: vehicle with its body and sensors.
         notices: one line each.
     """
 
@@ -91,10 +91,10 @@ class LoadedModel(NamedTuple):
 
 
 def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:
-    """Load the robot of a model.
+    """Load a model file as a robot.
 
     Raises:
-        OmnisimError: as `import_model` and `Vehicle.from_robot` do.
+        OmnisimError: see `import_model` and `Vehicle.from_robot`.
     """
     imported = import_model(path, None, resources)
     robot = imported.robot(path)

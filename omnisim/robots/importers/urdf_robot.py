@@ -32,11 +32,11 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
     """Import a robot.
 
     Args:
-        path: of the file.
-        resources: folders of the packages that it names.
+        path: URDF file.
+        resources: folders of its packages.
 
     Raises:
-        RobotFileError: it is damaged; naming element, attribute and value.
+        RobotFileError: the file is damaged; the message names element, attribute and value.
     """
     notices: list[str] = []
     try:
@@ -59,7 +59,7 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
 
 
 def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Wheel]:
-    """Links on continuous joints about y that nothing else moves."""
+    """Links on continuous joints about y that carry no further moving links."""
     moved = {
         _link(joint, "child"): _link(joint, "parent")
         for joint in robot.children("joint")
@@ -88,7 +88,7 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
 
 
 def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
-    """Joints whose child is a link."""
+    """True for each joint whose child is the link."""
     return (True for joint in robot.children("joint") if _link(joint, "child") == link)
 
 
@@ -100,7 +100,7 @@ def _link(joint: XmlElement, tag: str) -> str:
 def _tyre(
     link: XmlElement, pose: NDArray[np.float64], body: Scene | None
 ) -> tuple[NDArray[np.float64], float] | None:
-    """Middle (3,) and radius of a wheel: of a round shape, or else of all that is drawn of it."""
+    """Middle (3,) and radius of a wheel, from a round shape or else from all its visuals."""
     for tag in ("collision", "visual"):
         for part in link.children(tag):
             geometry = part.find("geometry")
@@ -123,7 +123,7 @@ def _tyre(
 
 
 def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
-    """Mass of all links, and its center (3,)."""
+    """Mass of all links, and their center of mass (3,)."""
     total_kg, moment = 0.0, np.zeros(3)
     for link in robot.children("link"):
         inertial = link.find("inertial")
@@ -139,7 +139,7 @@ def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
 def _sensors(
     root: Element, path: Path, poses: Poses, notices: list[str]
 ) -> Iterator[ImportedSensor]:
-    """Sensors of the `<gazebo>` elements, on their links."""
+    """Sensors of the `<gazebo>` elements, by their links."""
     others: Counter[str] = Counter()
     taken: set[str] = set()
     for extension in XmlElement(root, "robot", path).children("gazebo"):
@@ -154,7 +154,7 @@ def _sensors(
 
 
 def _plugin_limits(root: Element, path: Path) -> dict[str, float]:
-    """Limits that a plugin of Gazebo states."""
+    """Limits stated by a Gazebo plugin, by the keys of `[kinematics]`."""
     for extension in XmlElement(root, "robot", path).children("gazebo"):
         for plugin in extension.children("plugin"):
             if is_wheel_drive(plugin):

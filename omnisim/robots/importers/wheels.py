@@ -1,4 +1,4 @@
-"""Wheels that joints turn, and the drive that they make."""
+"""Wheels on joints, and the drive of a robot with such wheels."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-ACROSS_COSINE = 0.9  # of a wheel's axis from y
-GROUND_SHARE = 0.25  # of a radius, by which the wheels' lowest points may differ
+ACROSS_COSINE = 0.9  # minimum cosine between a wheel's axis and y
+GROUND_SHARE = 0.25  # maximum difference between the wheels' lowest points, as a share of a radius
 
 
 class Wheel(NamedTuple):
     """Wheel of a model at rest.
 
     Attributes:
-        name: of its joint.
-        middle_m: (3,) of the tyre, in the file's frame.
-        radius_m: of the tyre.
-        speed_radps: largest that its joint states, or 0.
+        name: name of its joint.
+        middle_m: (3,) middle of the tire, in the file's frame.
+        radius_m: radius of the tire.
+        speed_radps: maximum speed stated by its joint; 0: not stated.
     """
 
     name: str
@@ -37,9 +37,9 @@ class WheelDrive(NamedTuple):
     """Drive of a robot on wheels that turn in pairs.
 
     Attributes:
-        base_m: (3,) point of the ground between the wheels, in the file's frame.
-        table: keys of `[kinematics]` but for limits.
-        speed_mps: that the joints state, or 0.
+        base_m: (3,) point on the ground between the wheels, in the file's frame.
+        table: keys of `[kinematics]` without limits.
+        speed_mps: maximum speed stated by the joints; 0: not stated.
     """
 
     base_m: NDArray[np.float64]
@@ -48,12 +48,12 @@ class WheelDrive(NamedTuple):
 
 
 def is_across(axis: NDArray[np.float64]) -> bool:
-    """True for an axis (3,) that points to the left or the right."""
+    """True for an axis (3,) that points left or right."""
     return bool(abs(axis[1]) > ACROSS_COSINE * np.linalg.norm(axis))
 
 
 def drive_of(wheels: Sequence[Wheel], notices: list[str]) -> WheelDrive | None:
-    """Drive of the wheels that stand on the ground; None, with a notice: they are no pairs."""
+    """Drive of the wheels on the ground; None, with a notice: the wheels are not in pairs."""
     ground_m = min((one.lowest_m for one in wheels), default=0.0)
     standing = [one for one in wheels if one.lowest_m - ground_m < GROUND_SHARE * one.radius_m]
     middles = np.array([one.middle_m for one in standing]).reshape(-1, 3)

@@ -45,11 +45,11 @@ class MountedDepthCamera(RenderedSensor):
 
     @property
     def near_m(self) -> float:
-        """Distance below which nothing is seen."""
+        """Minimum visible distance."""
         return self._camera.near_m
 
     def documents(self) -> dict[str, str]:
-        """Calibration."""
+        """Calibration file of the camera."""
         return {CALIBRATION: calibration_json(self._camera)}
 
     @property
@@ -59,19 +59,19 @@ class MountedDepthCamera(RenderedSensor):
     def measure(
         self, renderer: DepthRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Take the depths of a moment: a shutter that takes no time."""
+        """Measure the depths at a moment, without an exposure time."""
         depths_m = renderer.measure(moment.motion(moment.time_s), moment.number)
         return FileMeasurement(DEPTH_SUFFIX, partial(_write_depths, depths_m))
 
 
 def _write_depths(depths_m: NDArray[np.float32], path: Path) -> None:
-    """Write millimeters in 16 bits, 0 in holes (ROS, REP 118)."""
+    """Write depths as 16-bit millimeters, 0 in holes (ROS, REP 118)."""
     steps = np.round(depths_m * STEPS_PER_M).astype(np.uint16)
     write_numbers(path, steps, {"unit_m": 1.0 / STEPS_PER_M})
 
 
 class DepthCameraMount(SensorMount):
-    """Depth camera, looking along x; its errors follow from the drive's seed."""
+    """Depth camera that looks along x; its errors follow from the drive's seed."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedDepthCamera
 
@@ -79,23 +79,23 @@ class DepthCameraMount(SensorMount):
     device: Literal["kinect_v1", "d435"] = "kinect_v1"
     """Size, field of view, range and errors: "kinect_v1" or Intel's "d435"."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """True: with the device's errors; false: depths are exact to the millimeter, holes stay."""
+    """True: the device's errors; false: depths exact to the millimeter, with the same holes."""
     width_px: Size | None = None
-    """Width of the image; left out, as all that follows: the device's."""
+    """Image width in pixels; this and the following keys: left out, the device's."""
     height_px: Size | None = None
-    """Height of the image."""
+    """Image height in pixels."""
     focal_length_px: AboveZero | None = None
-    """Focal length; the optical axis is in the middle of the image."""
+    """Focal length in pixels; the optical axis is in the middle of the image."""
     baseline_m: AboveZero | None = None
-    """Meters to the right, to the projector or the second camera."""
+    """Meters from the camera to the projector or second camera, to the right."""
     is_stereo: Annotated[bool, Field(strict=True)] | None = None
-    """True: a second camera with the same image; false: a projector that lights all of it."""
+    """True: a second camera with the same image; false: a projector that lights the whole image."""
     range_min_m: AboveZero | None = None
-    """Meters along the optical axis; nearer are holes."""
+    """Minimum depth along the optical axis in meters; below are holes."""
     range_max_m: Annotated[Number, Field(gt=0.0, le=MAX_RANGE_M)] | None = None
-    """Meters along the optical axis; farther are holes."""
+    """Maximum depth along the optical axis in meters; beyond are holes."""
     max_incidence_deg: Annotated[Number, Field(gt=0.0, le=90.0)] | None = None
-    """Degrees between ray and normal; beyond are holes."""
+    """Maximum angle between ray and normal in degrees; beyond are holes."""
     disparity_sigma_px: Level | None = None
     """Standard deviation of the disparity, rounding included."""
     disparity_step_px: Level | None = None

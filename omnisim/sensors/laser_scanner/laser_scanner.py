@@ -1,8 +1,9 @@
-"""Laser range scanners: beams, limits, errors, and the scans that they take of a scene.
+"""Laser range scanners: beams, limits, errors, and their scans of a scene.
 
-Frame of the scanner: x forward, y left, z up (REP 103); the beams lie in its plane z = 0 and start
-at its origin. They count from right to left, counter-clockwise seen from above, as ROS's LaserScan
-and USARSim do.
+Frame of the scanner: x forward, y left, z up (REP 103); the beams start at its origin and lie in
+its
+plane z = 0. They are numbered from right to left, counter-clockwise seen from above, as in ROS's
+LaserScan and in USARSim.
 """
 
 from __future__ import annotations
@@ -36,22 +37,22 @@ _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 @dataclass(frozen=True, kw_only=True)
 class LaserScanner(Parameters, name="scanner"):
-    """Range and error model of a scanner. Without arguments: an LMS200 in mm mode.
+    """Range and error model of a scanner; the defaults are those of an LMS200 in mm mode.
 
     Attributes:
-        field_of_view_deg: from the first beam to the last, half of it to either side.
-        resolution_deg: between beams; the last beam is the last that fits.
-        range_min_m, range_max_m: nearer hits are −inf; farther ones, and none, are +inf (REP 117).
-            The LMS200's least range is an assumption.
-        step_m: ranges are rounded to multiples of it; 0: not at all.
+        field_of_view_deg: angle from the first beam to the last, centered ahead.
+        resolution_deg: angle between beams; the last beam is the last that fits.
+        range_min_m, range_max_m: limits; hits nearer are −inf, farther hits and misses +inf (REP
+            117). The LMS200's minimum range is an assumption.
+        step_m: step that ranges are rounded to; 0: no rounding.
         sigma_m: standard deviation of a range's statistical error, normally distributed.
-        sigma_per_m: share of the range that adds to it, by the root of the sum of squares.
-        systematic_error_m: the device's constant error lies between plus and minus this, evenly
-            distributed (an assumption) and drawn once from the seed.
-        seed: of the device: its constant error and all its noise.
+        sigma_per_m: further standard deviation as a share of the range, added in quadrature.
+        systematic_error_m: bound of the device's constant error, drawn once from the seed,
+            uniformly (an assumption).
+        seed: seed of the device: its constant error and all its noise.
 
     Raises:
-        OpticsError: naming the parameter, what was expected and what was got.
+        OpticsError: the message names the parameter, its value and the expected value.
     """
 
     field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0
@@ -84,15 +85,15 @@ class LaserScanner(Parameters, name="scanner"):
 
     @classmethod
     def lms200(cls, resolution_deg: float = 0.5, mode: str = "mm", seed: int = 0) -> LaserScanner:
-        """A SICK LMS200 as it can be set up.
+        """A SICK LMS200 in one of its configurations.
 
         Args:
             resolution_deg: 1 or 0.5 over 180°, or 0.25 over 100° (an assumption).
             mode: "mm": to 8.19 m in steps of 1 mm; "cm": to 81.9 m in steps of 10 mm.
-            seed: of the device.
+            seed: seed of the device.
 
         Raises:
-            OpticsError: a resolution or mode that it does not have.
+            OpticsError: a resolution or mode that the device does not have.
         """
         if resolution_deg not in _LMS200_FIELDS_DEG:
             raise OpticsError(
@@ -120,13 +121,13 @@ class LaserScanner(Parameters, name="scanner"):
         noise: float = 0.001,
         seed: int = 0,
     ) -> LaserScanner:
-        """The LMS200 as USARSim's configuration has it: ScanFov, Resolution, MaxRange, Noise.
+        """The LMS200 of USARSim's configuration: ScanFov, Resolution, MaxRange, Noise.
 
-        USARSim writes ranges with two decimals, and MaxRange where nothing is hit: here +inf. Its
-        noise is a share of the range; that it is normally distributed is an assumption.
+        USARSim writes ranges with two decimals, and MaxRange for a miss: here +inf. Its noise is a
+        share of the range; the normal distribution is an assumption.
 
         Raises:
-            OpticsError: values that no scanner can have.
+            OpticsError: values that no scanner has.
         """
         return cls(
             field_of_view_deg=math.degrees(scan_fov_rad),
@@ -141,7 +142,7 @@ class LaserScanner(Parameters, name="scanner"):
         )
 
     def without_noise(self) -> LaserScanner:
-        """The same scanner without statistical and systematic error; it still rounds."""
+        """The same scanner without statistical and systematic errors; it still rounds."""
         return dataclasses.replace(self, sigma_m=0.0, sigma_per_m=0.0, systematic_error_m=0.0)
 
     def without_errors(self) -> LaserScanner:
@@ -151,7 +152,7 @@ class LaserScanner(Parameters, name="scanner"):
     @property
     def beams(self) -> int:
         """Number of beams."""
-        # 1e-9: steps that fit but for the rounding of floats
+        # 1e-9: steps that fit except for float rounding
         return math.floor(self.field_of_view_deg / self.resolution_deg + 1e-9) + 1
 
     @cached_property
@@ -183,27 +184,27 @@ class LaserScanner(Parameters, name="scanner"):
     @property
     def reach_m(self) -> float:
         """Range beyond which no noise brings a surface back into range."""
-        # ten sigmas happen once in 1e23 beams
+        # ten sigmas occur once in 1e23 beams
         return (self.range_max_m + self.step_m + self.systematic_error_m + 10.0 * self.sigma_m) * (
             1.0 + 10.0 * self.sigma_per_m
         )
 
     @cached_property
     def device_error_m(self) -> float:
-        """Constant error of the device with this seed."""
+        """Constant error of the device, from its seed."""
         bound = self.systematic_error_m
         return float(np.random.default_rng((self.seed, _DEVICE)).uniform(-bound, bound))
 
     def measure(self, true_ranges_m: NDArray[np.float64], scan_number: int) -> NDArray[np.float64]:
         """Measured ranges (beams,) in meters.
 
-        Errors are added, the sum is rounded, and what then lies outside of the limits is −inf or
-        +inf. The noise depends on the seed, the number of the scan and the beam alone, so
-        that any scan of a drive can be made again by itself.
+        Errors are added, the sum is rounded, and values outside the limits become −inf or +inf. The
+        noise depends only on the seed, the scan number and the beam, so that any scan of a drive
+        can be repeated alone.
 
         Args:
-            true_ranges_m: (beams,), +inf where nothing is hit.
-            scan_number: of the drive; scans with the same number have the same noise.
+            true_ranges_m: (beams,), +inf for a miss.
+            scan_number: number of the scan in its drive; equal numbers give equal noise.
 
         Raises:
             OpticsError: a scan number that is not a whole number of 32 bits.
@@ -213,7 +214,7 @@ class LaserScanner(Parameters, name="scanner"):
         ranges = np.asarray(true_ranges_m, dtype=np.float64)[hit]
         if self.sigma_m or self.sigma_per_m:
             random = np.random.default_rng((self.seed, _NOISE, scan_number))
-            noise = random.standard_normal(self.beams)[hit]  # the same for a beam, hit or not
+            noise = random.standard_normal(self.beams)[hit]  # the same for a beam, hit or miss
             ranges = ranges + noise * np.hypot(self.sigma_m, self.sigma_per_m * ranges)
         ranges = ranges + self.device_error_m
         ranges = rounded(ranges, self.step_m)
@@ -229,10 +230,10 @@ class Scan:
 
     Attributes:
         angles_rad: (beams,) counter-clockwise from straight ahead.
-        ranges_m: (beams,) +inf: out of range; −inf: too near (REP 117).
-        scanner: that took it.
-        world_from_scanner: (4, 4) its pose.
-        metadata: omnisim's version, the scene, the number of the scan.
+        ranges_m: (beams,); +inf: out of range; −inf: too near (REP 117).
+        scanner: scanner of the scan.
+        world_from_scanner: (4, 4) pose of the scanner.
+        metadata: omnisim's version, the scene, the scan number.
     """
 
     angles_rad: NDArray[np.float64]
@@ -248,23 +249,24 @@ class Scan:
 
     @property
     def hit(self) -> NDArray[np.bool_]:
-        """Mask (beams,) of the beams that have a range."""
+        """Mask (beams,) of beams with a range."""
         return np.isfinite(self.ranges_m)
 
     @property
     def points_m(self) -> NDArray[np.float64]:
-        """Points (k, 3) in the scanner's frame, of the beams that have a range."""
+        """Points (k, 3) of beams with a range, in the scanner's frame."""
         angles, ranges = self.angles_rad[self.hit], self.ranges_m[self.hit]
         return np.stack(
             (ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)), axis=-1
         )
 
     def save_csv(self, path: str | Path) -> None:
-        """Write columns beam, angle_deg and range_m; the file is written atomically.
+        """Write the columns beam, angle_deg and range_m; atomically.
 
-        Lines that start with `#` come first, `# key: value` with the value in JSON: the metadata,
-        the scanner's parameters under their own names, and `world_from_scanner`, the pose by rows.
-        Ranges are `inf` out of range and `-inf` too near, as NumPy reads them.
+        The first lines are comments, `# key: value` with JSON values: the metadata, the scanner's
+        parameters by name, and `world_from_scanner`, the pose by rows. Ranges are `inf` out of
+        range and
+        `-inf` too near, as NumPy reads them.
 
         Raises:
             OutputError: the file cannot be written.
@@ -284,7 +286,7 @@ class Scan:
 
 
 class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
-    """Takes a scanner's scans of a scene."""
+    """Renderer of a scanner's scans of a scene."""
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
         angles_rad, reach_m = self.sensor.angles_rad, self.sensor.reach_m
@@ -294,11 +296,12 @@ class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
         """Take one scan.
 
         Args:
-            state: of the world; or, where nothing else moves, the (4, 4) pose of the vehicle.
-            scan_number: of the drive; the noise depends on it and on the scanner's seed alone.
+            state: world state; or, if nothing else moves, the pose (4, 4) of the vehicle.
+            scan_number: number of the scan in its drive; the noise depends on it and the scanner's
+                seed only.
 
         Raises:
-            OmnisimError: an invalid pose, an object without one, an invalid scan number, or the
+            OmnisimError: an invalid pose, an object without a pose, an invalid scan number, or the
                 renderer or its stage is closed.
         """
         now = self._state(state)

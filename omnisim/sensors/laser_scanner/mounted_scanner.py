@@ -30,7 +30,7 @@ class MountedScanner(RenderedSensor):
     def measure(
         self, renderer: LaserRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Take the scan of a moment."""
+        """Take the scan at a moment."""
         scan = renderer.scan(moment.motion(moment.time_s), moment.number)
         return FileMeasurement(TABLE_SUFFIX, scan.save_csv)
 
@@ -42,7 +42,7 @@ def _check_resolution(resolution_deg: float) -> float:
 
 
 class Lms200Mount(SensorMount):
-    """SICK LMS200, with the errors of one device."""
+    """SICK LMS200 with the errors of one device."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedScanner
 
@@ -50,11 +50,11 @@ class Lms200Mount(SensorMount):
     resolution_deg: Annotated[Number, AfterValidator(_check_resolution)] = 0.5
     """Degrees between beams: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: Literal["mm", "cm"] = "mm"
-    """Range and step: "mm" to 8.19 m by 1 mm, "cm" to 81.9 m by 1 cm."""
+    """Range and step: "mm" for 8.19 m and 1 mm, "cm" for 81.9 m and 1 cm."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """True: with the device's errors."""
+    """True: the device's errors; false: none."""
     seed: Seed = 0
-    """Seed of the device: its errors follow from it."""
+    """Seed of the device's errors."""
 
     def parameters(self) -> LaserScanner:
         """Build the LMS200."""
@@ -63,7 +63,7 @@ class Lms200Mount(SensorMount):
 
 
 class RangeScannerMount(SensorMount):
-    """Range scanner as USARSim's configuration has it; by default its SICK LMS200."""
+    """Range scanner of USARSim's configuration; by default its SICK LMS200."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedScanner
 
@@ -79,12 +79,12 @@ class RangeScannerMount(SensorMount):
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
     seed: Seed = 0
-    """Seed of the device: its noise follows from it."""
+    """Seed of the device's noise."""
 
     def parameters(self) -> LaserScanner:
         """Build USARSim's scanner."""
         return LaserScanner.usarsim(
-            # a turn, whose last digit is rounded up
+            # a full turn, whose last digit is rounded up
             scan_fov_rad=min(self.scan_fov_rad, 2.0 * math.pi),
             resolution_rad=self.resolution_rad,
             max_range_m=self.max_range_m,

@@ -1,4 +1,4 @@
-"""Spinning 3-D lidars on vehicles: a point cloud a step, skewed by the motion."""
+"""Spinning 3-D lidars on vehicles: a point cloud per step, skewed by the motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from omnisim.sensors.sensor import (
 )
 from omnisim.sensors.sensor_mount import Rate, SensorMount
 
-STATES = 16  # true states in a revolution
+STATES = 16  # true states per revolution
 DEVICES = {"vlp16": SpinningLidar.vlp16, "hdl64e": SpinningLidar.hdl64e}
 
 
@@ -31,7 +31,7 @@ class MountedLidar(RenderedSensor):
     """Lidar on its vehicle.
 
     Attributes:
-        file_format: of its point clouds, "ply" or "pcd".
+        file_format: format of the point clouds, "ply" or "pcd".
     """
 
     sensor: SpinningLidar
@@ -41,12 +41,12 @@ class MountedLidar(RenderedSensor):
     has_instances: ClassVar[bool] = True
 
     def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Times within all revolutions, close enough to take the skew out of a cloud."""
+        """Times within all revolutions, dense enough to remove the skew from a cloud."""
         since_s = np.arange(STATES) / (STATES * self.sensor.rate_hz)
         return (times_s[:, None] - since_s).ravel()
 
     def note(self, times_s: NDArray[np.float64]) -> str | None:
-        """Note on revolutions between the steps, which have no cloud."""
+        """Note on revolutions between the steps, which have no point cloud, or None."""
         turns = int(float(np.ptp(times_s)) * self.sensor.rate_hz + LATE) + 1
         if self.rate is not None or turns <= len(times_s):
             return None
@@ -56,24 +56,24 @@ class MountedLidar(RenderedSensor):
         )
 
     def settings(self) -> dict[str, Any]:
-        """Format of its files."""
+        """Format of the files."""
         return {"file_format": self.file_format}
 
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
-        """Suffix of its format."""
+        """Suffix of the format."""
         return (f".{content.settings['file_format']}",)
 
     def measure(
         self, renderer: LidarRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Take the cloud of the revolution that ends at a moment."""
+        """Measure the point cloud of the revolution that ends at a moment."""
         cloud = renderer.scan(moment.motion, moment.time_s, moment.number)
         return FileMeasurement(f".{self.file_format}", cloud.save)
 
 
 class LidarMount(SensorMount):
-    """Spinning 3-D lidar; keys that are left out are those of its device."""
+    """Spinning 3-D lidar; keys that are left out have the device's values."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedLidar
 
@@ -81,26 +81,26 @@ class LidarMount(SensorMount):
     device: Literal["vlp16", "hdl64e"] = "vlp16"
     """Velodyne's VLP-16 (16 rings, ±15°) or HDL-64E S2 (64 rings, −24.3° to 2°)."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """True: with the device's noise; false: ranges are exact, but for their steps."""
+    """True: the device's noise; false: exact ranges except for rounding."""
     seed: Seed = 0
-    """Seed of the device: its noise follows from it."""
+    """Seed of the device's noise."""
     file_format: Literal["ply", "pcd"] = "ply"
     """Format of the point clouds, binary: PLY, or PCD of the Point Cloud Library."""
     elevations_deg: tuple[Number, ...] | None = None
-    """Degrees above the lidar's x-y plane, one a ring, rising; left out, as all that follows: the
-    device's."""
+    """Degrees above the lidar's x-y plane, one per ring, ascending; left out, as other keys below:
+    the device's."""
     firings: Annotated[int, Field(strict=True)] | None = None
-    """Firings of all rings in a revolution; 1800 are 0.2° apart."""
+    """Firings of all rings per revolution; 1800 are 0.2° apart."""
     rate_hz: Rate | None = None
-    """Revolutions a second, each with a cloud; left out: the device's, and a cloud at each step."""
+    """Revolutions per second, each with a cloud; left out: the device's, and a cloud per step."""
     range_min_m: Level | None = None
-    """Meters; nearer hits give no point."""
+    """Minimum range in meters; nearer hits give no point."""
     range_max_m: AboveZero | None = None
-    """Meters; farther hits give no point."""
+    """Maximum range in meters; farther hits give no point."""
     sigma_m: Level | None = None
     """Standard deviation of a range in meters."""
     step_m: Level | None = None
-    """Meters that ranges are rounded to; 0: not at all."""
+    """Step in meters that ranges are rounded to; 0: no rounding."""
 
     def parameters(self) -> SpinningLidar:
         """Build the lidar."""

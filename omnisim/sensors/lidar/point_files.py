@@ -31,13 +31,13 @@ _PLY_TYPES = {"<f4": "float", "<u2": "ushort", "<u4": "uint"}
 def write_points(
     path: Path, points: NDArray[np.void], world_from_lidar: Pose, metadata: Mapping[str, Any]
 ) -> None:
-    """Write points (n,) of `POINT` by the path's suffix, .ply or .pcd; atomically.
+    """Write points (n,) of type `POINT` in the format of the suffix, .ply or .pcd; atomically.
 
     Args:
-        path: of the file.
+        path: file to write.
         points: see `PointCloud`.
         world_from_lidar: (4, 4) viewpoint.
-        metadata: comments of the header, `key: value` with the value in JSON.
+        metadata: comments of the header, `key: value` with JSON values.
 
     Raises:
         OutputError: the file cannot be written.

@@ -1,10 +1,11 @@
-"""Spinning 3-D lidars: rings, limits, noise, and the point clouds that they take of a scene.
+"""Spinning 3-D lidars: rings, limits, noise, and their point clouds of a scene.
 
-Frame of the lidar: x forward, y left, z up (REP 103); all lasers start at its origin, and ring 0
-looks down the most, as the drivers of ROS count. The head turns clockwise seen from above, as
-Velodyne's do, and a revolution begins straight behind. All rings of a firing shoot at once, in one
-direction; a laser has one return. The devices' lasers shoot within 46 µs, their lenses lie some
-centimeters apart, and a beam that two surfaces share has two returns: all this is left out.
+Frame of the lidar: x forward, y left, z up (REP 103). All lasers start at its origin; ring 0 points
+down the most, as in ROS drivers. The head turns clockwise seen from above, as Velodyne's do, and a
+revolution begins straight behind. All rings of a firing fire at once, in one direction; a laser has
+one return. The devices' lasers fire within 46 µs, their lenses are some centimeters apart, and a
+beam
+that two surfaces share has two returns: this is not modeled.
 """
 
 from __future__ import annotations
@@ -46,19 +47,19 @@ Elevation = Annotated[Number, Field(ge=-MAX_ELEVATION_DEG, le=MAX_ELEVATION_DEG)
 
 @dataclass(frozen=True, kw_only=True)
 class SpinningLidar(Parameters, name="lidar"):
-    """Rings and range model of a lidar. Without arguments: a VLP-16 at 10 revolutions a second.
+    """Rings and range model of a lidar; the defaults are those of a VLP-16 at 10 Hz.
 
     Attributes:
-        elevations_deg: of the rings, rising.
-        firings: in a revolution, evenly spaced.
-        rate_hz: revolutions a second.
-        range_min_m, range_max_m: nearer and farther hits give no point.
-        step_m: ranges are rounded to multiples of it; 0: not at all.
+        elevations_deg: elevations of the rings, ascending.
+        firings: number of firings per revolution, evenly spaced.
+        rate_hz: revolutions per second.
+        range_min_m, range_max_m: limits; nearer and farther hits give no point.
+        step_m: step that ranges are rounded to; 0: no rounding.
         sigma_m: standard deviation of a range, normally distributed.
-        seed: of the device: all its noise.
+        seed: seed of all of the device's noise.
 
     Raises:
-        OpticsError: naming the parameter, what was expected and what was got.
+        OpticsError: the message names the parameter, its value and the expected value.
     """
 
     elevations_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=MAX_RINGS)] = (
@@ -96,8 +97,8 @@ class SpinningLidar(Parameters, name="lidar"):
         """A Velodyne VLP-16 at 10 Hz.
 
         Source: Velodyne, VLP-16 User Manual, 63-9243 Rev. D: 16 lasers 2° apart, 0.2° at 10 Hz,
-        100 m, steps of 2 mm. Its typical accuracy of ±3 cm is taken as the standard deviation, and
-        the least range is assumed.
+        100 m, steps of 2 mm. Its typical accuracy of ±3 cm is taken as the standard deviation; the
+        minimum range is an assumption.
         """
         return cls()
 
@@ -107,7 +108,7 @@ class SpinningLidar(Parameters, name="lidar"):
 
         Source: Velodyne, HDL-64E S2 User's Manual, specifications: 32 lasers 1/3° apart above 32
         that are 1/2° apart, 120 m, less than 2 cm (one sigma), steps of 2 mm. 2083 firings are
-        0.173° apart. Numbers that could not be checked are assumed, the least range above all.
+        0.173° apart. Values that could not be checked are assumptions, such as the minimum range.
         """
         return cls(
             elevations_deg=HDL64E_ELEVATIONS_DEG,
@@ -132,7 +133,7 @@ class SpinningLidar(Parameters, name="lidar"):
 
     @property
     def period_s(self) -> float:
-        """Seconds of a revolution."""
+        """Duration of a revolution in seconds."""
         return 1.0 / self.rate_hz
 
     @property
@@ -142,31 +143,31 @@ class SpinningLidar(Parameters, name="lidar"):
 
     @cached_property
     def azimuths_rad(self) -> NDArray[np.float64]:
-        """Azimuths (firings,) from straight ahead, counter-clockwise: from π downwards."""
+        """Azimuths (firings,) from straight ahead, counter-clockwise: descending from π."""
         return math.pi - 2.0 * math.pi * np.arange(self.firings, dtype=np.float64) / self.firings
 
     @cached_property
     def times_s(self) -> NDArray[np.float64]:
-        """Times (firings,) of the firings, from the revolution's start."""
+        """Times (firings,) of the firings after the revolution's start, seconds."""
         return np.arange(self.firings, dtype=np.float64) * (self.period_s / self.firings)
 
     @cached_property
     def beams(self) -> LidarBeams:
-        """Directions of its beams."""
+        """Directions of the beams."""
         return LidarBeams(np.radians(self.elevations_deg), self.azimuths_rad, self.reach_m)
 
     def measure(self, true_ranges_m: NDArray[np.floating], revolution: int) -> NDArray[np.float64]:
         """Measured ranges (rings, firings) in meters; +inf: no return.
 
-        The noise depends on the seed, the number of the revolution, ring and firing alone, so that
-        any revolution of a drive can be made again by itself.
+        The noise depends only on the seed and the numbers of revolution, ring and firing, so that
+        any revolution of a drive can be repeated alone.
 
         Args:
-            true_ranges_m: (rings, firings), +inf where nothing is hit.
-            revolution: its number; those with the same number have the same noise.
+            true_ranges_m: (rings, firings), +inf for a miss.
+            revolution: number of the revolution; equal numbers give equal noise.
 
         Raises:
-            OpticsError: a number that is not a whole number of 32 bits.
+            OpticsError: a revolution that is not a whole number of 32 bits.
         """
         check_number("lidar: revolution", revolution)
         ranges_m = np.array(true_ranges_m, dtype=np.float64)
@@ -180,7 +181,7 @@ class SpinningLidar(Parameters, name="lidar"):
     def points(
         self, ranges_m: NDArray[np.float64], instances: NDArray[np.uint32]
     ) -> NDArray[np.void]:
-        """Points (n,) of measured ranges (rings, firings), +inf for none, and of instances."""
+        """Points (n,) from measured ranges (rings, firings), +inf for none, and instances."""
         firings, rings = np.nonzero(np.isfinite(ranges_m.T))
         points = np.empty(len(rings), dtype=POINT)
         ranges = ranges_m[rings, firings]
@@ -198,12 +199,12 @@ class PointCloud:
     """Points of one revolution, in the order in which they are measured.
 
     Attributes:
-        points: (n,) of `POINT`: meters in the lidar's frame at each point's own time, number of the
-            ring, seconds since the revolution's start, azimuth in radians counter-clockwise, range
-            in meters, and ID of the instance as ground truth has it.
-        lidar: that took it.
-        world_from_lidar_at_start, world_from_lidar: (4, 4) its poses at the revolution's start and
-            end.
+        points: (n,) of type `POINT`: meters in the lidar's frame at each point's own time, ring,
+            seconds since the revolution's start, azimuth in radians counter-clockwise, range in
+            meters, and instance ID as in ground truth.
+        lidar: lidar that measured them.
+        world_from_lidar_at_start, world_from_lidar: (4, 4) poses of the lidar at the revolution's
+            start and end.
         metadata: omnisim's version, the scene, number and end of the revolution.
     """
 
@@ -218,13 +219,13 @@ class PointCloud:
 
     @property
     def points_m(self) -> NDArray[np.float32]:
-        """Points (n, 3) in the lidar's frame at each one's own time."""
+        """Points (n, 3) in the lidar's frame at each point's own time."""
         return np.stack([self.points[axis] for axis in "xyz"], axis=-1)
 
     def save(self, path: str | Path) -> None:
-        """Write the cloud by its suffix, .ply or .pcd; the file is written atomically.
+        """Write the point cloud in the format of the suffix, .ply or .pcd; atomically.
 
-        Comments of the header hold `key: value` with the value in JSON: the metadata, the lidar's
+        Comments of the header are `key: value` with JSON values: the metadata, the lidar's
         parameters, and its poses by rows.
 
         Raises:
@@ -241,7 +242,7 @@ class PointCloud:
 
 
 class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
-    """Takes a lidar's point clouds of a scene."""
+    """Renderer of a lidar's point clouds of a scene."""
 
     def __init__(self, stage: SharedScene, sensor: SpinningLidar, mounting: Mounting):
         super().__init__(stage, sensor, mounting)
@@ -254,18 +255,18 @@ class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
     def scan(
         self, motion: Motion | WorldState | ArrayLike, time_s: float = 0.0, revolution: int = 0
     ) -> PointCloud:
-        """Take the point cloud of the revolution that ends at a time.
+        """Measure the point cloud of the revolution that ends at a time.
 
         Args:
-            motion: states of the world by seconds, or (4, 4) poses of the vehicle where nothing
-                else moves; or one of either, at rest.
-            time_s: of the end.
-            revolution: its number in the drive; the noise depends on it and on the lidar's seed
-                alone.
+            motion: world states by time in seconds, or poses (4, 4) of the vehicle if nothing else
+                moves; or a single state or pose, at rest.
+            time_s: end of the revolution.
+            revolution: number of the revolution in its drive; the noise depends on it and the
+                lidar's seed only.
 
         Raises:
-            OmnisimError: an invalid pose, an object without one, an invalid number, a vehicle that
-                turns too fast, or the renderer or its stage is closed.
+            OmnisimError: an invalid pose, an object without a pose, an invalid number, a vehicle
+                that turns too fast, or the renderer or its stage is closed.
         """
 
         def poses_at(at_s: float) -> LidarPoses:

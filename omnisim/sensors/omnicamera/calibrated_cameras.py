@@ -1,7 +1,7 @@
 """Cameras of a calibration file on vehicles: models, extrinsics and time shifts in one table.
 
-The mount is that of the frame that the file names beside its cameras, such as Kalibr's IMU; where
-it names none, of the first camera, looking along x.
+The mount is the pose of the reference frame that the file names besides its cameras, such as
+Kalibr's IMU; without one, of the first camera, looking along x.
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ class CalibratedCamerasMount(SensorMount):
 
     type: Literal["omnicamera"]
     name: SensorName = "cameras"
-    """Name of the only camera, and before those of several: "rig" makes rig_cam0; left out: their
-    names in the file."""
+    """Name of a single camera, and prefix of several: "rig" makes rig_cam0; left out: names as in
+    the file."""
     position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Meters in the base frame: of the file's IMU or base, or of its first camera."""
+    """Position in the base frame in meters: of the file's IMU or base, or of its first camera."""
     file: Name
     """Calibration file, relative to this file, in any format that is read, such as Kalibr's
     camchain-imucam.yaml."""
     camera: Name | None = None
-    """Name in the file of the only camera to take; left out: all of them."""
+    """Name in the file of a single camera to use; left out: all cameras."""
 
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
-        """Read the calibration, and mount its cameras."""
-        # formats and their parsers are worth their time only to robots with a calibration
+        """Read the calibration and mount its cameras."""
+        # only robots with a calibration need the formats and their parsers, which are slow to
+        # import
         from omnisim.cameras.calibration import load_calibration
         from omnisim.cameras.calibration.rig import Rig
 
@@ -71,7 +72,7 @@ class CalibratedCamerasMount(SensorMount):
         return tuple(cameras)
 
     def _name(self, camera: str, count: int) -> str:
-        """Name of a camera, which is that of its folder."""
+        """Name of a camera and its folder."""
         if "name" not in self.model_fields_set:
             return folder_name(camera)
         return self.name if count == 1 else folder_name(f"{self.name}_{camera}")

@@ -1,8 +1,8 @@
-"""Omnidirectional cameras on vehicles: images, with channels of ground truth.
+"""Omnidirectional cameras on vehicles: images with channels of ground truth.
 
-A camera moves while its image is exposed, has noise of its own, and its auto-exposure follows
-from the image before. The two numbers that it takes are in the metadata of that image's file,
-so that an interrupted drive resumes with the same bytes.
+A camera moves during its exposure, has its own noise, and its auto-exposure depends on the previous
+image. The metadata of an image have the two numbers for that, so that an interrupted drive resumes
+with the same bytes.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ from omnisim.sensors.sensor_names import Name
 
 IMAGE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
 DESCRIPTION_SUFFIX, BOXES_3D_SUFFIX = ".channels.json", f".{BOXES_3D}"
-CAMERA_POSES = "poses.tum"  # of a rig's camera
-VIEWPOINT_GRID = 33  # rays to a side of the image whose nearest point is sought
+CAMERA_POSES = "poses.tum"  # poses of a rig's camera
+VIEWPOINT_GRID = 33  # rays per image side for the point nearest to all rays
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,8 +55,9 @@ class MountedCamera(RenderedSensor):
     """Camera on its vehicle.
 
     Attributes:
-        sensor: whose `base_from_rig` is the robot file's mount and the sensor file's, composed.
-        time_shift_s: from an image's stamp to the time at which it was taken.
+        sensor: camera whose `base_from_rig` composes the mounts of the robot file and the sensor
+            file.
+        time_shift_s: time from an image's stamp to its exposure.
     """
 
     sensor: OmniCamera
@@ -76,7 +77,7 @@ class MountedCamera(RenderedSensor):
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Effective viewpoint (3,), base; of an optical system the point nearest to its rays."""
+        """Viewpoint (3,) in the base frame; non-central optics: the point nearest to the rays."""
         model, base_from_optical = self.sensor.model, self.sensor.base_from_optical
         if not isinstance(model, NonCentralCamera):
             return base_from_optical[:3, 3]
@@ -88,17 +89,17 @@ class MountedCamera(RenderedSensor):
         if rays.origins_m is None or not rays.valid.any():
             return base_from_optical[:3, 3]
         nearest_m = common_point(rays.origins_m[rays.valid], rays.directions[rays.valid])
-        found: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
-        return found + base_from_optical[:3, 3]
+        nearest_base_m: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
+        return nearest_base_m + base_from_optical[:3, 3]
 
     @property
     def near_m(self) -> float:
-        """Distance below which nothing is seen."""
+        """Minimum visible distance."""
         return self.sensor.near_m
 
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
-        """Suffixes of an image, its channels, and the boxes of its instances."""
+        """Suffixes of an image, its channels, and its instances' boxes."""
         channels, channel_format, boxes_3d, _ = content
         suffixes = [IMAGE_SUFFIX]
         if channels and channel_format is not ChannelFormat.NPY:
@@ -112,9 +113,10 @@ class MountedCamera(RenderedSensor):
         return tuple(suffixes)
 
     def settings(self) -> dict[str, Any]:
-        """Degradation and quality, and of an optical system all of it.
+        """Degradation and quality, and the whole table of an optical system.
 
-        Its files may change, and samples in doubt are cast as rays only where those are installed.
+        The system's files may change, and undecided samples are cast as rays only if embreex is
+        installed.
         """
         model, optics = self.sensor.model, {}
         if isinstance(model, NonCentralCamera):
@@ -137,10 +139,10 @@ class MountedCamera(RenderedSensor):
         }
 
     def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
-        """Refuse an exposure that has not ended when the next image begins.
+        """Refuse an exposure that overlaps the next image's.
 
         Raises:
-            RunError: naming camera, step, and what is expected.
+            RunError: the message names camera, step, and the expected exposure.
         """
         exposure_s = self.sensor.degradation.exposure_s
         periods_s = np.diff(times_s)
@@ -156,7 +158,7 @@ class MountedCamera(RenderedSensor):
     def measure(
         self, renderer: Renderer, settings: DriveSettings, moment: Moment
     ) -> CameraMeasurement:
-        """Take the image of a moment, of the file of the image before if it is metered."""
+        """Take the image at a moment; a metered one reads the file of the previous image."""
         is_ideal = self.sensor.degradation.is_ideal
 
         def motion(time_s: float) -> WorldState | NDArray[np.float64]:
@@ -175,7 +177,7 @@ class MountedCamera(RenderedSensor):
         return CameraMeasurement(frame, moment.number, settings.channel_format)
 
     def _exposure_ev(self, moment: Moment) -> float | None:
-        """Exposure that auto-exposure has reached; None: settled on the image itself."""
+        """Exposure of the auto-exposure so far; None: it settles on the image itself."""
         degradation = self.sensor.degradation
         if degradation.exposure is None or not degradation.is_metered:
             return None
@@ -195,7 +197,7 @@ class OmniCameraMount(SensorMount):
     """Sensor file, relative to this file; left out: the paper's camera."""
 
     def sensor(self, folder: Path, source: str) -> MountedSensor:
-        """Read the sensor file, and mount its camera."""
+        """Read the sensor file and mount its camera."""
         camera = OmniCamera()
         if self.file is not None:
             camera = OmniCamera.from_file(
@@ -209,9 +211,9 @@ class CameraMeasurement(Measurement):
     """Image of a camera with channels of ground truth.
 
     Attributes:
-        frame: the image.
-        number: of the step.
-        channel_format: of files with ground truth.
+        frame: image and ground truth.
+        number: number of the step.
+        channel_format: format of ground-truth files.
     """
 
     frame: Frame
@@ -219,7 +221,7 @@ class CameraMeasurement(Measurement):
     channel_format: ChannelFormat
 
     def save(self, stem: Path) -> None:
-        """Write the image's channels, boxes, and last the image, those that are missing.
+        """Write the missing files: channels and boxes first, the image last.
 
         Raises:
             OutputError: a file cannot be written.

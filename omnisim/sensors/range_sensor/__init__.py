@@ -1,1 +1,1 @@
-"""Range sensors of one number: sonars and infrared."""
+"""Range sensors with a single value: sonars and infrared sensors."""

@@ -1,4 +1,4 @@
-"""Sonars and infrared sensors on vehicles, as USARSim has them: one range a step."""
+"""Sonars and infrared sensors on vehicles, as in USARSim: one range per step."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ class MountedRangeSensor(RenderedSensor):
     def measure(
         self, renderer: RangeSensorRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Take the range of a moment."""
+        """Measure the range at a moment."""
         reading = renderer.measure(moment.motion(moment.time_s), moment.number)
         return FileMeasurement(TABLE_SUFFIX, reading.save_csv)
 
 
 class SonarMount(SensorMount):
-    """Sonar as USARSim's configuration has it: the nearest hit of rays in a cone about x."""
+    """Sonar of USARSim's configuration: the nearest hit of rays in a cone about x."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedRangeSensor
 
     type: Literal["usarsim_sonar"]
     beam_angle_rad: Annotated[Number, Field(gt=0.0, lt=math.pi)] = 0.349
-    """Radians across the cone: USARSim's beamAngle."""
+    """Opening angle of the cone in radians: USARSim's beamAngle."""
     cones: Count = 10
     """Cones of rays from the axis to the edge: USARSim's numberOfCones."""
     rays_per_cone: Count = 16
-    """Rays on each: USARSim's tracesPerCone."""
+    """Rays per cone: USARSim's tracesPerCone."""
     range_max_m: AboveZero = 5.0
     """Meters; farther hits are out of range: USARSim's MaxRange."""
     range_min_m: Level = 0.1
@@ -54,7 +54,7 @@ class SonarMount(SensorMount):
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
     seed: Seed = 0
-    """Seed of the device: its noise follows from it."""
+    """Seed of the device's noise."""
 
     def parameters(self) -> RangeSensor:
         """Build USARSim's sonar."""
@@ -70,7 +70,7 @@ class SonarMount(SensorMount):
 
 
 class InfraredMount(SensorMount):
-    """Infrared sensor as USARSim's configuration has it: one ray along x."""
+    """Infrared sensor of USARSim's configuration: one ray along x."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedRangeSensor
 
@@ -82,7 +82,7 @@ class InfraredMount(SensorMount):
     noise_share: Level = 0.001
     """Standard deviation as a share of the range: USARSim's Noise."""
     seed: Seed = 0
-    """Seed of the device: its noise follows from it."""
+    """Seed of the device's noise."""
 
     def parameters(self) -> RangeSensor:
         """Build USARSim's infrared sensor."""

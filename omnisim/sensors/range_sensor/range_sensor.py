@@ -1,10 +1,11 @@
-"""Range sensors of one number: sonars and infrared sensors, as USARSim has them.
+"""Range sensors with a single value: sonars and infrared sensors, as in USARSim.
 
-A sonar hears the nearest surface in a cone: rays lie on cones about its axis, evenly from the axis
-to the edge, and the shortest range counts. An infrared sensor has one ray.
+A sonar measures the nearest surface in a cone: rays lie on cones about its axis, evenly spaced from
+the axis to the edge, and the shortest range counts. An infrared sensor has one ray.
 
-Not in the model: what a sonar loses by slanted surfaces, which reflect the sound away, and echoes.
-USARSim's limit to the angle of incidence is left out; as its sources have it, it is never met.
+Slanted surfaces, which reflect sound away, and echoes are not modeled. USARSim's limit of the angle
+of
+incidence is left out: its own code never reaches it.
 
 Source: USARSim's SonarSensor and IRSensor, and their defaults in its configuration.
 """
@@ -36,18 +37,19 @@ Count = Annotated[int, Field(strict=True, ge=1, le=360)]
 
 @dataclass(frozen=True, kw_only=True)
 class RangeSensor(Parameters, name="range_sensor"):
-    """Cone and error model of a range sensor. Without arguments: USARSim's sonar.
+    """Cone and error model of a range sensor; the defaults are those of USARSim's sonar.
 
     Attributes:
-        beam_angle_deg: of the whole cone; 0: one ray.
+        beam_angle_deg: opening angle of the whole cone; 0: one ray.
         cones: number of cones of rays about the axis.
-        rays_per_cone: evenly about the axis.
-        range_min_m, range_max_m: nearer hits are −inf; farther ones, and none, are +inf (REP 117).
+        rays_per_cone: rays per cone, evenly spaced about the axis.
+        range_min_m, range_max_m: limits; hits nearer are −inf, farther hits and misses +inf (REP
+            117).
         noise_share: standard deviation as a share of the range.
-        seed: of the device: its noise follows from it.
+        seed: seed of the device's noise.
 
     Raises:
-        OpticsError: naming the parameter, what was expected and what was got.
+        OpticsError: the message names the parameter, its value and the expected value.
     """
 
     beam_angle_deg: Annotated[float, Field(strict=True, ge=0.0, lt=180.0)] = 20.0
@@ -94,13 +96,13 @@ class RangeSensor(Parameters, name="range_sensor"):
         if not self.beam_angle_deg:
             return np.zeros(1)
         half_rad = math.radians(0.5 * self.beam_angle_deg)
-        # a ray and the one across the axis are in one plane
+        # a ray and the one on the opposite side of the axis are in one plane
         least = -self.cones if self.rays_per_cone % 2 == 0 else 0
         return half_rad / self.cones * np.arange(least, self.cones + 1, dtype=np.float64)
 
     @property
     def rolls_deg(self) -> NDArray[np.float64]:
-        """Degrees about the axis of the planes with rays; the first is upright."""
+        """Angles about the axis, in degrees, of the planes with rays; the first is upright."""
         if not self.beam_angle_deg:
             return np.zeros(1)
         planes = self.rays_per_cone // (2 if self.rays_per_cone % 2 == 0 else 1)
@@ -112,9 +114,9 @@ class RangeReading:
     """Reading of a range sensor.
 
     Attributes:
-        range_m: +inf: out of range; −inf: too near (REP 117).
-        sensor: that took it.
-        world_from_sensor: (4, 4) its pose; its axis is x.
+        range_m: range in meters; +inf: out of range; −inf: too near (REP 117).
+        sensor: sensor of the reading.
+        world_from_sensor: (4, 4) pose of the sensor; its axis is x.
         metadata: omnisim's version, the scene, the number of the reading.
     """
 
@@ -127,7 +129,7 @@ class RangeReading:
         return short_repr(self, f"{self.range_m:g} m", repr(self.sensor))
 
     def save_csv(self, path: str | Path) -> None:
-        """Write the column range_m after lines `# key: value` in JSON; written atomically.
+        """Write the column range_m after comments `# key: value` in JSON; atomically.
 
         Raises:
             OutputError: the file cannot be written.
@@ -143,7 +145,7 @@ class RangeReading:
 
 
 class RangeSensorRenderer(SensorRenderer[RangeSensor, RangeFinder]):
-    """Takes a range sensor's readings in a scene."""
+    """Renderer of a range sensor's readings in a scene."""
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
         reach_m = self.sensor.errors.reach_m
@@ -153,12 +155,12 @@ class RangeSensorRenderer(SensorRenderer[RangeSensor, RangeFinder]):
         """Take one reading.
 
         Args:
-            state: of the world; or, where nothing else moves, the (4, 4) pose of the vehicle.
-            number: of the reading; the noise depends on it and on the sensor's seed alone.
+            state: world state; or, if nothing else moves, the pose (4, 4) of the vehicle.
+            number: number of the reading; the noise depends on it and the sensor's seed only.
 
         Raises:
-            OmnisimError: an invalid pose, an object without one, an invalid number, or the renderer
-                or its stage is closed.
+            OmnisimError: an invalid pose, an object without a pose, an invalid number, or the
+                renderer or its stage is closed.
         """
         now = self._state(state)
         world_from_sensor, objects = self._world_from_sensor(now), self._stage.poses_in(now)

@@ -1,1 +1,1 @@
-"""Robots out of Gazebo's models, as robot files."""
+"""Robots from Gazebo models, as robot files."""

@@ -1,4 +1,4 @@
-"""Plugins of Gazebo that drive robots on wheels, as tables of a robot file."""
+"""Gazebo plugins for drives on wheels, as tables of a robot file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from omnisim.scene.formats.xml.element import XmlElement
 
 _PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")
 _SKIDS = "skid_steer"
-# Key, element of the plugin, what is assumed without, and the key's units in one of the plugin's.
+# Key, element of the plugin, default value, and the key's units in one of the plugin's.
 _LIMITS = (
     ("max_speed_mps", "max_linear_velocity", 1.0, 1.0),
     ("max_turn_rate_degps", "max_angular_velocity", np.radians(90.0), np.degrees(1.0)),
@@ -41,13 +41,13 @@ def drive_table(plugin: XmlElement, notices: list[str]) -> dict[str, Any]:
 
 
 def stated_limits(plugin: XmlElement) -> dict[str, float]:
-    """Limits that a plugin states."""
+    """Limits that a plugin states, by the keys of `[kinematics]`."""
     found = {key: plugin.number(path, 0.0) * scale for key, path, _, scale in _LIMITS}
     return {key: value for key, value in found.items() if value > 0.0}
 
 
 def limits(stated: Mapping[str, float], notices: list[str]) -> dict[str, float]:
-    """Limits of a drive; those that are not stated are assumptions, with a notice."""
+    """Limits of a drive; limits that are not stated are assumed, with a notice."""
     assumed = {key: default * scale for key, _, default, scale in _LIMITS if key not in stated}
     if assumed:
         listed = ", ".join(f"{key} = {value:g}" for key, value in assumed.items())

@@ -1,8 +1,7 @@
-"""Import of a model as a robot: sensors, wheels, and the model itself as the body.
+"""Import of a Gazebo model as a robot: sensors, wheels, and the model itself as the body.
 
 Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, lidars `lidar`,
-or `usarsim_range_scanner` where they have one ring, and IMUs `imu`. Everything else is named in the
-notices.
+or `usarsim_range_scanner` for one ring, and IMUs `imu`. Notices name everything else.
 """
 
 from __future__ import annotations
@@ -35,21 +34,21 @@ from omnisim.scene.formats.sdf.models import (
 from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
-_GROUND_M = 0.02  # a body whose lowest point is as near to 0 stands on the ground
+_GROUND_M = 0.02  # a body whose lowest point is this close to 0 stands on the ground
 
 
 def import_model(
     path: Path, name: str | None = None, resources: Sequence[str | Path] = ()
 ) -> ImportedRobot:
-    """Import a model of a file.
+    """Import a model from a file.
 
     Args:
-        path: a world or a model.
-        name: of the model; may be left out where one has sensors.
-        resources: folders of models that it includes.
+        path: file of a world or a model.
+        name: name of the model; optional if only one model has sensors.
+        resources: folders of included models.
 
     Raises:
-        RobotFileError: no such model, or values that are none.
+        RobotFileError: the model does not exist, or a value is invalid.
     """
     try:
         library = ModelLibrary(ResourcePath(path, resources), Omissions())
@@ -57,7 +56,7 @@ def import_model(
         world = root.find("world")
         tree = library.tree(world or root, "")
         model = _choose(tree, name)
-        # a model that is alone in its file has that file's frame, as its body has
+        # a model alone in its file has the file's frame, as its body has
         whole = tree if world is None and len(tree.models) == 1 else model
         sensors, others = _sensors(whole)
         about_drive: list[str] = []
@@ -115,7 +114,7 @@ def _has_sensors(model: Model) -> bool:
 
 
 def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
-    """Sensors with distinct names and poses in the base, and counts of other kinds."""
+    """Sensors with distinct names and poses in the base frame, and counts of the other kinds."""
     found: list[ImportedSensor] = []
     others: Counter[str] = Counter()
     taken: set[str] = set()
@@ -133,7 +132,7 @@ def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
 
 
 def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
-    """Drive of a plugin for two or four wheels, or None."""
+    """Drive of a plugin for two or four wheels; None: the model has no such plugin."""
     for placed in placed_models(model):
         for plugin in placed.model.element.children("plugin"):
             if is_wheel_drive(plugin):

@@ -1,8 +1,8 @@
 """Omnidirectional cameras in USARBot.ini: one part, or the paper's three groups (section 2.4).
 
-They are the mirror, the virtual cameras at the effective viewpoint, and the camera that looks up at
-the mirror from below. What Position means of a whole camera or a mirror is taken to be the
-effective viewpoint, too.
+The groups are the mirror, the virtual cameras at the effective viewpoint, and the camera that looks
+up at the mirror from below. The Position of a whole camera or a mirror is taken as its effective
+viewpoint.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from omnisim.robots.importers.usarsim.usarsim_parts import Part
 _MIRROR = re.compile(r"mirror")
 _VIRTUAL = re.compile(r"cameratexture|virtualcam")
 _OMNI = re.compile(r"omni.*cam|omnidirectional|catadioptric")
-# Parts of one camera are at one place; its lens is below, within the length of any mirror's holder.
+# Parts of one camera share a position; its lens is below, within the length of a mirror holder.
 SAME_PLACE_M = 1e-3
 BESIDE_AXIS_M = 0.01
 LENS_BELOW_M = 0.5
@@ -25,7 +25,7 @@ LOOKS_UP = 0.9998  # cosine of a degree
 
 
 def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
-    """Omnidirectional cameras among the parts of a robot, and the parts that each is made of."""
+    """Omnidirectional cameras among the parts of a robot, each with the parts it is made of."""
     cameras = []
     for group in _groups(parts):
         lens = _find_lens(group, parts)
@@ -35,7 +35,7 @@ def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
 
 
 def _groups(parts: list[Part]) -> list[list[Part]]:
-    """Parts of omnidirectional cameras, by their places; of each, the one that leads is first."""
+    """Parts of omnidirectional cameras, grouped by position; the leading part comes first."""
     groups: list[list[Part]] = []
     for part in parts:
         if _rank(part) is None:
@@ -50,7 +50,7 @@ def _groups(parts: list[Part]) -> list[list[Part]]:
 
 
 def _rank(part: Part) -> int | None:
-    """0: a whole camera; 1: a mirror; 2: a virtual camera; None: no such part."""
+    """Rank of a part: 0 for a whole camera, 1 for a mirror, 2 for a virtual camera; else None."""
     for rank, pattern in ((1, _MIRROR), (2, _VIRTUAL), (0, _OMNI)):
         if pattern.search(part.short_class):
             return rank
@@ -78,7 +78,7 @@ def _camera(lead: Part, members: list[Part]) -> ImportedSensor:
         name=lead.name,
         type="omnicamera",
         position_m=lead.position_m,
-        # virtual cameras look to all sides
+        # virtual cameras look in all directions
         angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
         comments=(*(f"line {part.entry.line}: {part}" for part in members), _FILE),
     )
