@@ -24,7 +24,7 @@ VAGUE = (
 # British stems; the other spelling is everywhere the same.
 BRITISH = (
     "colour", "centre", "centring", "metre", "grey", "neighbour", "labell", "rasteris", "normalis",
-    "initialis", "quantis", "favour", "behaviour", "licence",
+    "initialis", "quantis", "favour", "behaviour", "licence", "tyre",
 )  # fmt: skip
 # Words of other formats' files, and the old name that a message tells.
 SPELLED_BY_OTHERS = (

@@ -16,7 +16,7 @@ from omnisim.runs.pose_sweep import SPACING_M, Sweep
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 
-TYRE_M = 0.05  # half side of the square under a wheel, whose median height bears it
+TIRE_M = 0.05  # half side of the square under a wheel, whose median height bears it
 SPOT_M = 1e-4  # a shorter step is a rotation on the spot
 POSES_AT_ONCE = 256  # batch size, which bounds the memory
 # Five points per wheel: their median is exact on slopes and bridges joints and pebbles.
@@ -103,15 +103,15 @@ class _Track:
 
     middle_m: NDArray[np.float64]
     half_m: NDArray[np.float64]
-    tyre_m: float
+    tire_m: float
 
     @classmethod
     def of(cls, box: BodyBoxes | None) -> _Track:
         if box is None:
             return cls(np.zeros(2), np.zeros(2), 0.0)
         half = 0.5 * (box.high_m - box.low_m)[:2]
-        tyre_m = min(TYRE_M, 0.5 * float(half.min()))
-        return cls(0.5 * (box.low_m + box.high_m)[:2], half - tyre_m, tyre_m)
+        tire_m = min(TIRE_M, 0.5 * float(half.min()))
+        return cls(0.5 * (box.low_m + box.high_m)[:2], half - tire_m, tire_m)
 
     @property
     def radius_m(self) -> float:
@@ -133,7 +133,7 @@ def _points_under(
         spread: (n,) fractions of the wheels' distances from the middle.
     """
     places = track.middle_m + spread[:, None, None] * track.half_m * _PLACES
-    local = places[:, :, None] + track.tyre_m * _POINTS
+    local = places[:, :, None] + track.tire_m * _POINTS
     cos, sin = np.cos(yaw_rad)[:, None, None], np.sin(yaw_rad)[:, None, None]
     x, y = local[..., 0], local[..., 1]
     turned = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)

@@ -98,13 +98,13 @@ def test_uneven_ground_is_embree_s(vehicle):
     scene = dataclasses.replace(scene, paths=(ScenePath("way", ((-1.5, -1), (1.5, 1), (0, 1.5))),))
     found = plan_route(scene, vehicle, Route("way")).trajectory
     caster, down = RayCaster(scene), np.array([[0.0, 0.0, -1.0]])
-    tyre = np.array(((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))) * 0.05
+    tire = np.array(((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))) * 0.05
     for world_from_base, yaw in zip(found.world_from_base, found.yaw_rad, strict=True):
         turn = np.array(((np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))))
         wheels = []
         for ahead in (-LENGTH_M / 2 + 0.05, LENGTH_M / 2 - 0.05):
             for left in (-WIDTH_M / 2 + 0.05, WIDTH_M / 2 - 0.05):
-                points = world_from_base[:2, 3] + (np.array((ahead, left)) + tyre) @ turn.T
+                points = world_from_base[:2, 3] + (np.array((ahead, left)) + tire) @ turn.T
                 heights = [5.0 - caster.ranges(np.array((*p, 5.0)), down)[0] for p in points]
                 wheels.append((ahead, left, 1.0, np.median(heights)))
         *system, heights = np.array(wheels).T

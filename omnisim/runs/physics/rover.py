@@ -34,7 +34,7 @@ class Rover:
         mass_kg: total mass.
         center_m: (3,) center of mass in the base frame.
         size_m: (3,) size of the bounding box.
-        friction: friction coefficient of the tyres.
+        friction: friction coefficient of the tires.
         wheels_m: (n, 3) centers of the driven wheels in the base frame: left ones, then right ones.
         wheel_radius_m: radius of the driven wheels.
         castor_m: (3,) center of the castor, whose radius is its height; None: no castor.
@@ -95,18 +95,18 @@ class Rover:
 
     @property
     def track_m(self) -> float:
-        """Distance between the centers of the left and right tyres."""
+        """Distance between the centers of the left and right tires."""
         return float(np.ptp(self.wheels_m[:, 1]))
 
     @property
     def effective_track_m(self) -> float:
         """Track of a robot without skidding that turns equally at the same wheel speeds.
 
-        In a slow rotation on the spot each tyre slides against friction of equal magnitude. The
+        In a slow rotation on the spot each tire slides against friction of equal magnitude. The
         torques about the center balance where the effective track is 1 + (wheelbase / track)² times
         the track.
 
-        Source: torque balance of the tyres; Mandow et al., "Experimental kinematics for
+        Source: torque balance of the tires; Mandow et al., "Experimental kinematics for
         wheeled skid-steer mobile robots", IROS 2007, measure such tracks on a Pioneer.
         """
         wheelbase_m = float(np.ptp(self.wheels_m[:, 0]))

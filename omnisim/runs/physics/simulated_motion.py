@@ -48,7 +48,7 @@ class SimulatedMotion:
 
     Attributes:
         base: poses of the robot's base.
-        wheels_m: (n, 2) distances rolled by the left and the right tyres at the base's times, from
+        wheels_m: (n, 2) distances rolled by the left and the right tires at the base's times, from
             0.
         effective_track_m: track that converts differences of the wheels' distances into turns.
         objects: poses of the free objects, by name, at the same times.

@@ -19,7 +19,7 @@ PERIOD_S = STEPS_AT_ONCE * STEP_S
 # Above the braking by friction. Below (1 - d) / d of gravity over friction, where d is the
 # contacts' impedance, sliding does not lift the load.
 SLIDING_MPS2 = 10.0
-SIDE_COSINE = 0.7  # cosine of a contact's normal to the vertical; below it a tyre hits an obstacle
+SIDE_COSINE = 0.7  # cosine of a contact's normal to the vertical; below it a tire hits an obstacle
 DIVERGED = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,

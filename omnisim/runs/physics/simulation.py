@@ -25,7 +25,7 @@ from omnisim.runs.physics.world_model import STEP_S, WorldModel
 from omnisim.scene import Scene
 
 PERIODS_PER_COMMAND = 2  # the wheels are commanded at 100 Hz
-SETTLING = 100  # periods at rest before the start, in which tyres and objects settle
+SETTLING = 100  # periods at rest before the start, in which tires and objects settle
 TIPPED_COSINE = 0.7  # cosine of the base's maximum tilt: 45°
 LOST_M = 0.5  # maximum distance from the path
 MAX_S = 3600.0

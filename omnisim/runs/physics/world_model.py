@@ -25,10 +25,10 @@ MAX_HULL = 64  # maximum number of a hull's vertices
 CONTACT_S, IMPEDANCE = 0.005, 0.3
 FRICTION_IMPEDANCE = 100.0  # ratio of friction's impedance to that of contacts: 0.1 mm/s of creep
 SERVO_RADPS = 100.0  # natural frequency of the wheels' servos, which are critically damped
-FRICTION = (0.5, 5e-3, 1e-4)  # everything but tyres: sliding; torsional and rolling, in meters
+FRICTION = (0.5, 5e-3, 1e-4)  # everything but tires: sliding; torsional and rolling, in meters
 ROLLING_RESISTANCE = 0.02  # for balls
 CASTOR_FRICTION = 1e-3
-TYRE_PRIORITY, CASTOR_PRIORITY = 1, 2  # the higher one's friction applies
+TIRE_PRIORITY, CASTOR_PRIORITY = 1, 2  # the higher one's friction applies
 
 GEOMS = {
     "ball": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -189,7 +189,7 @@ class WorldModel:
         middle_m: NDArray[np.float64],
         mass_kg: float,
     ) -> None:
-        """Add a driven wheel: its tyre is an ellipsoid, which meets the ground below its center."""
+        """Add a driven wheel: its tire is an ellipsoid, which meets the ground below its center."""
         radius_m = rover.wheel_radius_m
         wheel = base.add_body(name=name, pos=middle_m)
         joint = wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
@@ -199,7 +199,7 @@ class WorldModel:
             size=(radius_m, WHEEL_WIDTH * radius_m, radius_m),
             mass=mass_kg,
             friction=(rover.friction, *FRICTION[1:]),
-            priority=TYRE_PRIORITY,
+            priority=TIRE_PRIORITY,
         )
         # the motor's inertia equals that of the wheel's share of the robot's mass
         inertia = rover.mass_kg * radius_m**2 / len(rover.wheels_m)

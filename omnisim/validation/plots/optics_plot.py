@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 def optics_figure(name: str, system: OpticalSystem) -> Figure:
     """Section along the row of the principal point, the caustic of that row's rays from near, and
-    degrees a pixel against the radius in the image."""  # fmt: skip
+    degrees per pixel against the radius in the image."""  # fmt: skip
     figure = Figure(figsize=(14.0, 5.2), dpi=DPI, layout="constrained")
     section, near, resolution = figure.subplots(1, 3, width_ratios=(1.0, 0.8, 1.0))
     caustic_m = caustic_points(system, _row(system, _COLUMNS)) + system.origin_m
@@ -40,7 +40,7 @@ def optics_figure(name: str, system: OpticalSystem) -> Figure:
     handles, labels = section.get_legend_handles_labels()
     by_label = dict(zip(labels, handles, strict=True))
     figure.legend(by_label.values(), by_label.keys(), loc="outside lower left", ncols=6, fontsize=8)
-    label_axes(resolution, "Angular resolution", "radius in the image (px)", "degrees a pixel")
+    label_axes(resolution, "Angular resolution", "radius in the image (px)", "degrees per pixel")
     _draw_resolution(resolution, system)
     return figure
 

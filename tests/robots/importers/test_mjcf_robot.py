@@ -11,11 +11,11 @@ from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.robots.importers.importers import import_model
 from omnisim.robots.vehicle import Vehicle
 
-TYRE = '<geom type="cylinder" size=".1 .03" zaxis="0 1 0" mass="1"/>'
+TIRE = '<geom type="cylinder" size=".1 .03" zaxis="0 1 0" mass="1"/>'
 
 
-def wheel(name, x, y, joint='axis="0 1 0"', tyre=TYRE):
-    return f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}" {joint}/>{tyre}</body>'
+def wheel(name, x, y, joint='axis="0 1 0"', tire=TIRE):
+    return f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}" {joint}/>{tire}</body>'
 
 
 PAIR = wheel("left", -0.05, 0.2) + wheel("right", -0.05, -0.2)
@@ -48,18 +48,18 @@ def test_wheels_are_bodies_on_hinges_without_limits(tmp_path):
         0.2,
     )
     assert table["body_offset_m"] == [0.05, 0.0, -0.2]
-    tyre = next(one for one in vehicle.body.instances if one.name.startswith("left/"))
-    assert tyre.world_from_node[:3, 3] == pytest.approx((0.0, 0.2, 0.1))
+    tire = next(one for one in vehicle.body.instances if one.name.startswith("left/"))
+    assert tire.world_from_node[:3, 3] == pytest.approx((0.0, 0.2, 0.1))
     assert table["physics"] == {"mass_kg": 10.0, "center_height_m": 0.16}
 
 
-def test_tyres_can_be_meshes(tmp_path):
+def test_tires_can_be_meshes(tmp_path):
     angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
     rims = [(0.1 * np.cos(a), y, 0.1 * np.sin(a)) for y in (-0.02, 0.02) for a in angles]
     vertices = " ".join(f"{value:.6f}" for point in rims for value in point)
-    asset = f'<asset><mesh name="tyre" vertex="{vertices}"/></asset>'
-    tyre = '<geom type="mesh" mesh="tyre" mass="1"/>'
-    pair = wheel("left", 0, 0.2, tyre=tyre) + wheel("right", 0, -0.2, tyre=tyre)
+    asset = f'<asset><mesh name="tire" vertex="{vertices}"/></asset>'
+    tire = '<geom type="mesh" mesh="tire" mass="1"/>'
+    pair = wheel("left", 0, 0.2, tire=tire) + wheel("right", 0, -0.2, tire=tire)
     _, table = load(tmp_path, model(pair, asset))
     assert table["kinematics"]["wheel_diameter_m"] == pytest.approx(0.2, rel=1e-3)
     assert table["kinematics"]["track_m"] == pytest.approx(0.4, abs=1e-4)

@@ -16,11 +16,11 @@ BOX = "<visual><geometry><box size='0.4 0.3 0.1'/></geometry></visual>"
 
 
 def wheel(name, x, y, z, radius=0.1, kind="continuous", axis="0 1 0", parent="base", limit=""):
-    """Link with a tyre, and its joint."""
-    tyre = f"<origin rpy='1.5708 0 0'/><geometry><cylinder radius='{radius}' length='0.04'/>"
+    """Link with a tire, and its joint."""
+    tire = f"<origin rpy='1.5708 0 0'/><geometry><cylinder radius='{radius}' length='0.04'/>"
     mass = "<inertial><mass value='0.5'/></inertial>"
     return (
-        f"<link name='{name}'>{mass}<visual>{tyre}</geometry></visual></link>"
+        f"<link name='{name}'>{mass}<visual>{tire}</geometry></visual></link>"
         f"<joint name='{name}_joint' type='{kind}'><parent link='{parent}'/><child link='{name}'/>"
         f"<origin xyz='{x} {y} {z}'/><axis xyz='{axis}'/>{limit}</joint>"
     )
@@ -59,8 +59,8 @@ def test_the_base_is_on_the_ground_between_the_wheels(tmp_path):
     vehicle, table, _ = load(tmp_path, urdf(*parts))
     assert table["body_offset_m"] == [0.15, 0.0, 0.15]
     assert vehicle.body.bounds_m()[0, 2] == pytest.approx(0.0, abs=1e-4)  # 1.5708 is not quite π/2
-    tyre = next(one for one in vehicle.body.instances if one.name.startswith("w0.2"))
-    assert tyre.world_from_node[:3, 3] == pytest.approx((0.0, 0.2, 0.1))
+    tire = next(one for one in vehicle.body.instances if one.name.startswith("w0.2"))
+    assert tire.world_from_node[:3, 3] == pytest.approx((0.0, 0.2, 0.1))
     assert table["kinematics"]["max_speed_mps"] == pytest.approx(0.5)  # 5 rad/s
     assert table["footprint"]["clearance_m"] == 0.05
 

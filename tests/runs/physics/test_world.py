@@ -85,14 +85,14 @@ def test_straight_wheels_drive_as_far_as_they_turn(drive):
     rows = _run(world, 2.0, (1.0, 1.0))[:, 0]
     way_m = (world.wheels_rad[0] - turned_rad).mean() * robot.wheel_radius_m
     driven_m = rows[-1, 0] - rows[0, 0] + (rows[1, 0] - rows[0, 0])
-    assert driven_m == pytest.approx(way_m, rel=2e-3)  # tyres are pressed flat a little
+    assert driven_m == pytest.approx(way_m, rel=2e-3)  # tires are pressed flat a little
     assert abs(rows[-1, 1]) < 1e-3
 
 
 @pytest.mark.parametrize("rate", [1.0, 4.0])
 @pytest.mark.parametrize("drive", ["skid_steer", "differential"])
 def test_turns_on_the_spot_have_the_effective_track(drive, rate):
-    """The balance of torques of tyres that slide, against MuJoCo's contacts."""
+    """The balance of torques of tires that slide, against MuJoCo's contacts."""
     robot = rover(drive)
     world = _world([ground()], robot=robot, pose=np.eye(4))
     _run(world, 1.0, (-rate, rate))
