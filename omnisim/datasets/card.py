@@ -16,7 +16,7 @@ from omnisim.datasets.statistics import RANGE_EDGES_M, Statistics
 
 EXAMPLE = "example.jpg"
 EXAMPLES, EXAMPLE_COLUMNS, GAP_PX = 8, 4, 4
-BAR = 30  # letters of the longest bar
+BAR = 30  # characters of the longest bar
 MAX_CLASSES = 60
 
 

@@ -1,6 +1,6 @@
-"""COCO's layout of a data set: `images/` and one `annotations.json`, or one for each split.
+"""COCO layout of a data set: `images/` and one `annotations.json`, or one per split.
 
-Classes of all scenes have one number for each name, in all splits.
+The classes of all scenes share one numbering by name, in all splits.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class CocoSettings:
     """Settings of a COCO folder.
 
     Attributes:
-        limits: of the objects that are annotated.
-        with_polygons: masks as polygons in place of run lengths.
-        splits: share of the samples by name; empty: one file for all of them.
+        limits: minimum sizes of annotated objects.
+        with_polygons: masks as polygons instead of run lengths.
+        splits: share of the samples by split name; empty: one file for all.
     """
 
     limits: BoxLimits = field(default_factory=BoxLimits)
@@ -37,9 +37,10 @@ class CocoSettings:
     splits: Mapping[str, float] = field(default_factory=dict)
 
     def split_of(self, number: int) -> str:
-        """Split of a sample by its number, whatever the number of samples; "": there is one.
+        """Split of a sample by its number, independent of the number of samples; "": no splits.
 
-        Multiples of the golden ratio, whose fractions are even over any range of numbers.
+        Uses multiples of the golden ratio, whose fractional parts are even over any range of
+        numbers.
         """
         place, end = number * GOLDEN % 1.0, 0.0
         for name, share in self.splits.items():
@@ -58,11 +59,11 @@ class _Split:
 
 
 def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = None) -> Iterator[int]:
-    """Write the images and boxes of a data set, whole or not at all; yield after each sample.
+    """Write the images and boxes of a data set, atomically; yield after each sample.
 
     Raises:
-        PlanError: a data set without the channel instance, or without the visible shares that
-            the limits need; or a damaged shard.
+        PlanError: the data set lacks the channel instance, or the visible shares that the limits
+            need; or a shard is damaged.
         OutputError: the folder cannot be written.
     """
     settings = settings or CocoSettings()
@@ -106,7 +107,7 @@ def _add(
     classes: dict[str, int],
     settings: CocoSettings,
 ) -> None:
-    """Add an image and the annotations of its objects that are large enough."""
+    """Add an image and the annotations of its objects within the limits."""
     (image,) = boxes["images"]
     split.images.append(image | {"id": image_id})
     names = {one["id"]: one["name"] for one in boxes["categories"]}

@@ -1,4 +1,4 @@
-"""Manifest of a data set, `manifest.json`: its shards with their hashes, and statistics."""
+"""Manifest of a data set, `manifest.json`: its shards with their hashes, and its statistics."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True, eq=False)
 class Manifest:
-    """Data set that is whole.
+    """Finished data set.
 
     Attributes:
-        title: of the data set.
-        license: of the data set, or None.
+        title: title of the data set.
+        license: license of the data set; None: not stated.
         plan: fingerprint of the plan.
-        channels: of ground truth.
-        shards: by number.
+        channels: channels of ground truth.
+        shards: summaries of the shards, by number.
     """
 
     title: str
@@ -48,7 +48,7 @@ class Manifest:
         return total
 
     def to_json(self) -> dict[str, Any]:
-        """Manifest, as JSON can hold it."""
+        """Content of the manifest, of JSON types."""
         return {
             "title": self.title,
             "license": self.license,
@@ -72,7 +72,7 @@ def read_manifest(folder: Path) -> Manifest:
     """Read the manifest of a data set and the summaries of its shards.
 
     Raises:
-        PlanError: it is missing, unfinished or damaged.
+        PlanError: the manifest is missing, unfinished or damaged.
     """
     path = folder / MANIFEST
     try:
@@ -100,10 +100,10 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def check_hashes(folder: Path, manifest: Manifest) -> Iterator[ShardSummary]:
-    """Compare the hash of each shard with that of the manifest; yield it if they agree.
+    """Compare the hash of each shard with the manifest's; yield the shard if they agree.
 
     Raises:
-        PlanError: naming the first that differs, or cannot be read.
+        PlanError: the message names the first shard that differs, or that cannot be read.
     """
     for shard in manifest.shards:
         path = folder / shard.name

@@ -1,1 +1,1 @@
-"""Exports of recorded runs to the files and folders that other tools read."""
+"""Exports of recorded runs to the files and folders of other tools."""

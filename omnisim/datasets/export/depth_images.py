@@ -13,11 +13,11 @@ MAX_DEPTH = np.iinfo(np.uint16).max
 
 
 class FarDepths:
-    """Encoder of depths in whole steps, 0 for none, which counts those that are too far for it.
+    """Encoder of depths as integer steps, 0 for none; counts the depths that exceed its range.
 
     Args:
-        camera: name, for the note.
-        steps_per_m: of the images.
+        camera: name of the camera, for the note.
+        steps_per_m: steps per meter.
     """
 
     def __init__(self, camera: str, steps_per_m: float):
@@ -25,14 +25,14 @@ class FarDepths:
         self._count = 0
 
     def encode(self, depths_m: NDArray[np.floating[Any]]) -> NDArray[np.uint16]:
-        """Steps (height, width) of depths, +inf for none."""
+        """Steps (height, width) of depths; +inf: none."""
         steps = np.round(np.where(np.isfinite(depths_m), depths_m, 0.0) * self._steps_per_m)
         fits = (steps >= 0.0) & (steps <= MAX_DEPTH)
         self._count += int(np.count_nonzero(~fits))
         return np.where(fits, steps, 0.0).astype(np.uint16)
 
     def note(self, print_note: PrintNote) -> None:
-        """Note the depths that were too far, if any."""
+        """Note the number of depths out of range, if any."""
         if self._count:
             limit_m = MAX_DEPTH / self._steps_per_m
             print_note(f"{self._camera}: {self._count} depths past {limit_m:.1f} m are 0: none")

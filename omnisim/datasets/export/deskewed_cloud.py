@@ -1,4 +1,4 @@
-"""Point clouds without the skew of a moving lidar, as data sets of vehicles have them."""
+"""Point clouds without the skew of a moving lidar, as in data sets of vehicles."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from omnisim.datasets.export.stored_clouds import StoredCloud
 def deskewed_points_m(
     cloud: StoredCloud, truth: Trajectory, base_from_lidar: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Points (n, 3) as the lidar had measured them all at the revolution's end, in its frame there.
+    """Points (n, 3) as if all were measured at the revolution's end, in the lidar's frame there.
 
-    The motion is straight and even between the revolution's start, the poses of the truth within
-    it, and its end.
+    The motion is taken as straight and uniform between the revolution's start, the true poses
+    within it, and its end.
 
     Args:
-        cloud: of a revolution.
-        truth: poses of the base.
+        cloud: point cloud of a revolution.
+        truth: true poses of the base.
         base_from_lidar: (4, 4).
 
     Raises:
-        RunError: a header without poses and times.
+        RunError: the header lacks poses or times.
     """
     header = cloud.header
     end_s = header.number("time_s")

@@ -1,4 +1,4 @@
-"""Export of a run: whole, or not at all."""
+"""Export of a run, atomically."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ def export_run(
     camera_name: str | None = None,
     print_note: PrintNote = lambda note: None,
 ) -> Iterator[int]:
-    """Export a run to a folder; yields the run's number of steps, then how many are done.
+    """Export a run to a folder; yield the run's number of steps, then the number of finished steps.
 
-    The folder appears at the end, when it is whole.
+    The folder appears when it is complete.
 
     Args:
-        run: folder of the run, which is finished.
+        run: folder of the finished run.
         format: name of the format, a key of `registry.FORMATS`.
-        output: folder that is not there yet.
-        settings: of the export.
-        camera_name: the only camera to export; None: all that the format takes.
-        print_note: called with what the format cannot say.
+        output: new folder.
+        settings: settings of the export.
+        camera_name: only camera to export; None: all that the format supports.
+        print_note: called with notes on content that the format does not support.
 
     Raises:
-        OmnisimError: an unknown format, a run that is not finished, an extra that is missing, a
-            camera that the format has no model for, or a folder that cannot be written.
+        OmnisimError: an unknown format, an unfinished run, a missing extra, a camera without a
+            model in the format, or a folder that cannot be written.
     """
     extra = FORMATS[check_format(format)].extra
     if extra is not None:
@@ -58,10 +58,10 @@ def export_run(
 
 
 def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
-    """Recording with the cameras that a format takes, and notes about what it leaves out.
+    """Recording with the cameras that a format supports; notes name the others.
 
     Raises:
-        OutputError: the format holds nothing of the run.
+        OutputError: the format supports nothing of the run.
     """
     manifest = recording.run.manifest
     held = form.sensors if recording.cameras else (*form.sensors, *form.lone_sensors)
@@ -95,10 +95,10 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
 
 
 def _check_settings(settings: ExportSettings, form: ExportFormat) -> None:
-    """Refuse settings that a format has no use for.
+    """Refuse settings that a format does not use.
 
     Raises:
-        OutputError: naming the option and the formats that have it.
+        OutputError: the message names the option and the formats that use it.
     """
     for option, is_given, is_used, others in (
         ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),

@@ -1,4 +1,4 @@
-"""Interface of the formats that runs are exported to."""
+"""Interface of export formats."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.sensors.sensor import MountedSensor
 
 NANOSECONDS = 1_000_000_000
-MAX_S = 2**31 - 1  # in 2038: ROS counts seconds in signed 32 bits
+MAX_S = 2**31 - 1  # in 2038: ROS has signed 32-bit seconds
 
 PrintNote = Callable[[str], None]
 
@@ -27,8 +27,8 @@ class ExportSettings:
 
     Attributes:
         start_ns: stamp of the time 0 s, nanoseconds since 1970.
-        compressed: images as PNG files in place of their pixels, where a format has both.
-        with_points: also points of each camera's ranges, where a format has point clouds.
+        compressed: images as PNG files instead of pixels, if the format has both.
+        with_points: also points of each camera's ranges, if the format has point clouds.
     """
 
     start_ns: int = 0
@@ -39,11 +39,11 @@ class ExportSettings:
         """Stamps of times, whole nanoseconds.
 
         Raises:
-            OutputError: a stamp before 1970, or later than ROS can count.
+            OutputError: a stamp before 1970, or later than ROS supports.
         """
         largest_s = MAX_S - self.start_ns / NANOSECONDS
         for time_s in times_s.tolist():
-            if not -self.start_ns / NANOSECONDS <= time_s < largest_s:  # true for NaN, too
+            if not -self.start_ns / NANOSECONDS <= time_s < largest_s:  # also refuses NaN
                 raise OutputError(
                     f"{source}: time {time_s:g} s: expected a stamp from 1970 to 2038: "
                     "--start-time moves it"
@@ -52,17 +52,17 @@ class ExportSettings:
 
 
 class ExportFormat(ABC):
-    """Format of exported runs.
+    """Export format.
 
     Attributes:
-        name: on the command line.
-        one_camera: it holds the images of one camera.
-        sensors: classes of the sensors that it holds beside cameras.
-        lone_sensors: classes of those that it holds where the run has no camera.
-        holds_motion: it holds more of the motion than poses of sensors.
-        channels: of ground truth that it holds.
-        dates_stamps: its stamps are since 1970.
-        has_clocks: each sensor has stamps of its own; else frames have all sensors.
+        name: name on the command line.
+        one_camera: it has the images of one camera.
+        sensors: classes of supported sensors besides cameras.
+        lone_sensors: classes of sensors that it supports in runs without a camera.
+        holds_motion: it has more of the motion than poses of sensors.
+        channels: supported channels of ground truth.
+        dates_stamps: its stamps count from 1970.
+        has_clocks: each sensor has its own stamps; otherwise frames have all sensors.
         has_messages: it has a choice of pixels or PNG, and point clouds.
     """
 
@@ -80,14 +80,14 @@ class ExportFormat(ABC):
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
-        """Write a run into an empty folder; yields the number of steps done after each.
+        """Write a run into an empty folder; yield the number of finished steps after each.
 
         Args:
-            recording: what is exported.
-            folder: that becomes the export.
-            settings: of the export.
-            print_note: called with what the format cannot say.
+            recording: run to export.
+            folder: folder that becomes the export.
+            settings: settings of the export.
+            print_note: called with notes on content that the format does not support.
 
         Raises:
-            OmnisimError: a file of the run is damaged, or the format cannot say what is needed.
+            OmnisimError: a file of the run is damaged, or the format lacks required content.
         """

@@ -1,4 +1,4 @@
-"""Registry of the formats that runs are exported to; each is imported when it is used."""
+"""Registry of export formats; each is imported when it is used."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:  # slow to import
 
 
 class FormatEntry(NamedTuple):
-    """Place of a format's class, and what is said of it before it is imported.
+    """Location of a format's class, and its description before it is imported.
 
     Attributes:
         title: contents and readers, for lists.
-        module: below `omnisim.datasets.export`.
-        class_name: in it.
-        extra: that it needs, or None.
-        takes_samples: data sets are converted to it, too, as recordings of single poses.
+        module: module below `omnisim.datasets.export`.
+        class_name: class in the module.
+        extra: required extra; None: none.
+        takes_samples: also converts data sets, as recordings of single poses.
     """
 
     title: str
@@ -78,10 +78,10 @@ LAYOUTS = (
 
 
 def check_format(name: str) -> str:
-    """Name of a format.
+    """Check the name of a format, and return it.
 
     Raises:
-        OutputError: there is none of that name.
+        OutputError: there is no such format.
     """
     if name not in FORMATS:
         raise OutputError(f"--to {name}: {did_you_mean(name.lower(), FORMATS)}")
@@ -92,7 +92,7 @@ def format_named(name: str) -> ExportFormat:
     """Format of a name.
 
     Raises:
-        OutputError: there is none of that name.
+        OutputError: there is no such format.
     """
     entry = FORMATS[check_format(name)]
     module = import_module(f"omnisim.datasets.export.{entry.module}")

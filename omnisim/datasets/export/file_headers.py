@@ -1,4 +1,4 @@
-"""Headers of a run's tables and point clouds: `key: value` with the value in JSON."""
+"""Headers of a run's tables and point clouds: `key: value` with JSON values."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class FileHeader:
     """Header of a file of a run.
 
     Args:
-        path: of the file, for messages.
-        lines: `key: value` each.
+        path: path of the file, for messages.
+        lines: lines `key: value`.
     """
 
     def __init__(self, path: Path, lines: Iterable[str]):
@@ -30,7 +30,7 @@ class FileHeader:
         """Value of a key.
 
         Raises:
-            RunError: it is missing or damaged.
+            RunError: the value is missing or damaged.
         """
         try:
             return json.loads(self._texts[key])
@@ -41,7 +41,7 @@ class FileHeader:
         """Number of a key.
 
         Raises:
-            RunError: it is none.
+            RunError: the value is not a number.
         """
         value = self.value(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -52,7 +52,7 @@ class FileHeader:
         """Pose (4, 4) of a key.
 
         Raises:
-            RunError: it is none.
+            RunError: the value is not a pose.
         """
         try:
             return check_pose(self.value(key))

@@ -1,4 +1,4 @@
-"""Folders of images and masks, a camera each, as structure from motion takes them."""
+"""Folders of images and masks, one per camera, for structure from motion."""
 
 from __future__ import annotations
 
@@ -16,28 +16,27 @@ IMAGES, MASKS = "images", "masks"
 
 
 def image_name(camera: LensCamera, step: int) -> str:
-    """Path of an image below `IMAGES`."""
+    """Path of an image, relative to `IMAGES`."""
     return f"{camera.name}/{step:06d}.png"
 
 
 def mask_name(camera: LensCamera) -> str:
-    """Path of the mask of all images of a camera below `MASKS`."""
+    """Path of the mask of a camera's images, relative to `MASKS`."""
     return f"{camera.name}.png"
 
 
 def write_images(
     recording: Recording, cameras: list[LensCamera], folder: Path, front_only: bool = False
 ) -> Iterator[int]:
-    """Write masks and images; yields the number of steps done after each.
+    """Write masks and images; yield the number of finished steps after each.
 
-    A mask is 255 where the image shows the scene, else 0; a camera that shows it everywhere has
-    none.
+    A mask is 255 where the image shows the scene, else 0; a camera without invalid pixels has none.
 
     Args:
-        recording: the run.
-        cameras: whose images they are.
-        folder: of the export.
-        front_only: mask what lenses see at and past 90° from their axes; panoramas have none.
+        recording: run to export.
+        cameras: cameras of the images.
+        folder: folder of the export.
+        front_only: mask pixels at and past 90° from the lens's axis; panoramas then have no mask.
 
     Raises:
         OmnisimError: a file cannot be read or written.
@@ -56,6 +55,6 @@ def write_images(
 
 
 def note_missing_ranges(cameras: list[LensCamera], contents: str, print_note: PrintNote) -> None:
-    """Note that points need ranges, where no camera has some."""
+    """Note that points need ranges if no camera has ranges."""
     if not any(camera.recorded.has("range") for camera in cameras):
         print_note(f"no {contents}: they come from ranges, which --also range records")

@@ -1,7 +1,7 @@
-"""Cameras of a run as lenses, which is what the formats of other tools know.
+"""Cameras of a run as lenses, for the formats of other tools.
 
-A mirror's image is a mirror image: no lens has it. Flipped left to right it is a lens's, whose
-frame is turned by half a turn. Ranges are flipped along; rays and points stay what they are.
+A mirror's image is mirrored: no lens has it. Flipped left to right it is a lens's image, with a
+frame that is turned by half a turn. Ranges are flipped with it; rays and points are unchanged.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class LensCamera:
     """Camera of a run as a lens.
 
     Attributes:
-        recorded: the camera.
-        model: its model, which has one viewpoint.
+        recorded: camera of the run.
+        model: central model of the camera.
     """
 
     recorded: RecordedCamera
@@ -53,14 +53,14 @@ class LensCamera:
 
     @classmethod
     def of(cls, recorded: RecordedCamera, print_note: PrintNote) -> LensCamera:
-        """Take a camera as a lens.
+        """Convert a camera to a lens.
 
         Args:
-            recorded: the camera.
-            print_note: called where its images are flipped.
+            recorded: camera of the run.
+            print_note: called if its images are flipped.
 
         Raises:
-            RunError: it has no single viewpoint.
+            RunError: the camera is non-central.
         """
         camera = cls(recorded, recorded.central)
         if camera.is_flipped:
@@ -77,7 +77,7 @@ class LensCamera:
 
     @property
     def is_flipped(self) -> bool:
-        """True for a mirror's images."""
+        """True: images of a mirror."""
         return is_catadioptric(self.model)
 
     @property
@@ -91,7 +91,7 @@ class LensCamera:
         """The lens, without the rim of a mirror.
 
         Raises:
-            CalibrationError: its model has no flipped images.
+            CalibrationError: the model does not support flipped images.
         """
         lens = lens_of(self.model)
         if not self.is_flipped or lens is None:
@@ -99,7 +99,7 @@ class LensCamera:
         return flipped_lens(lens, str(self.recorded.run.path / self.name))
 
     def save_calibration(self, path: Path) -> None:
-        """Write the lens as omnisim's calibration file.
+        """Write the lens to an omnisim calibration file.
 
         Raises:
             OutputError: the file cannot be written.
@@ -107,15 +107,15 @@ class LensCamera:
         save_calibration(calibration_of(self.lens, self.name), path, "omnisim")
 
     def encode(self, form: Format[LensT], print_note: PrintNote, model: str | None = None) -> LensT:
-        """Lens by a model of a calibration format, the same or the nearest.
+        """Lens in a model of a calibration format, exact or the best fit.
 
         Args:
-            form: the format.
+            form: calibration format.
             print_note: called with the residual of a fit.
-            model: name of the only model to take; None: any.
+            model: name of the only allowed model; None: any.
 
         Raises:
-            CalibrationError: no model of the format is near.
+            CalibrationError: no model of the format fits.
         """
         calibrated = CalibratedCamera(self.name, self.model)
         place = str(self.recorded.run.path / self.name)
@@ -130,7 +130,7 @@ class LensCamera:
         return flipped_lens(encoded.lens, place) if self.is_flipped else encoded.lens
 
     def flip(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Array (height, width, …) of the image, flipped where the image is."""
+        """Array (height, width, …) of the image, flipped if the image is."""
         return np.ascontiguousarray(values[:, ::-1]) if self.is_flipped else values
 
     def copy_image(self, step: int, target: Path) -> None:
@@ -139,7 +139,7 @@ class LensCamera:
         Raises:
             OutputError: a file cannot be read or written.
         """
-        image = self.recorded.image(step)  # a damaged one is not worth a copy
+        image = self.recorded.image(step)  # fails for a damaged image, before anything is copied
         source = self.recorded.image_file(step)
         if self.is_flipped or source.suffix != target.suffix:
             write_image(target, self.flip(image))
@@ -148,7 +148,7 @@ class LensCamera:
 
     @property
     def is_pinhole(self) -> bool:
-        """True for a lens whose image is a plane's, distorted or not."""
+        """True for a lens that projects to a plane, distorted or not."""
         lens = self.lens
         return isinstance(lens, PerspectiveCamera) or (
             isinstance(lens, UnifiedCamera) and lens.xi == 0.0
@@ -160,7 +160,7 @@ class LensCamera:
         return isinstance(self.model, EquirectangularCamera)
 
     def depths_m(self, step: int) -> NDArray[np.float32]:
-        """Coordinates (height, width) of the points along the lens's axis; +inf: nothing.
+        """Coordinates (height, width) of points along the lens's axis; +inf: nothing.
 
         Raises:
             OutputError: a file is missing or damaged.

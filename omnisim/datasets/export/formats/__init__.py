@@ -1,1 +1,1 @@
-"""Formats of exported runs, one module each."""
+"""Export formats, one module each."""

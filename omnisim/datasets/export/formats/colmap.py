@@ -1,13 +1,13 @@
-"""COLMAP's reconstruction: cameras, images with poses, and points of the ranges.
+"""COLMAP reconstruction: cameras, images with poses, and points from the ranges.
 
     images/<camera>/000000.png              images
     masks/<camera>.png                      for `ImageReader.camera_mask_path`
     sparse/0/cameras, images, points3D      .txt or .bin
-    sparse/0/rigs, frames                   all cameras on one rig, whose first is its reference
+    sparse/0/rigs, frames                   all cameras on one rig; the first is the reference
 
-The world is omnisim's: meters, z up. A point's track has the images whose ranges agree with it;
-its pixels are exact projections. COLMAP projects nothing at or past 90° from a lens's axis: masks
-and tracks leave that out.
+The world is omnisim's: meters, z up. A point's track has the images whose ranges agree with it,
+with exact projections as pixels. COLMAP projects nothing at or past 90° from a lens's axis: masks
+and tracks leave it out.
 
 Source: COLMAP's documentation, "Output Format" and "Camera Models"; its reconstruction_io.cc.
 """
@@ -41,7 +41,7 @@ from omnisim.datasets.export.scene_points import (
     sample_points,
 )
 
-# COLMAP's numbers of the models that `parameters` names.
+# COLMAP's numbers of its models, by the names of `parameters`.
 MODEL_IDS = {
     "PINHOLE": 1,
     "OPENCV": 4,
@@ -50,18 +50,18 @@ MODEL_IDS = {
     "EUCM": 16,
     "EQUIRECTANGULAR": 17,
 }
-Track = list[tuple[int, int]]  # images that see a point, and the point's number in each
+Track = list[tuple[int, int]]  # images that see a point, and its index in each of them
 
 
 class Image(NamedTuple):
     """Image of the reconstruction.
 
     Attributes:
-        id: of the image, from 1.
-        camera_id: from 1.
+        id: number of the image, from 1.
+        camera_id: number of its camera, from 1.
         name: path below the folder of images.
         lens_from_world: (4, 4).
-        seen: points.
+        seen: visible points.
     """
 
     id: int
@@ -72,7 +72,7 @@ class Image(NamedTuple):
 
 
 class _Colmap(ExportFormat):
-    """Base of COLMAP's two formats."""
+    """Base of the two COLMAP formats."""
 
     dates_stamps = False
     channels = ("range",)
@@ -100,14 +100,14 @@ class _Colmap(ExportFormat):
 
 
 class Colmap(_Colmap):
-    """Reconstruction of COLMAP as text."""
+    """COLMAP reconstruction as text."""
 
     name = "colmap"
     suffix = ".txt"
 
 
 class ColmapBinary(_Colmap):
-    """Reconstruction of COLMAP in binary files."""
+    """COLMAP reconstruction in binary files."""
 
     name = "colmap-binary"
     suffix = ".bin"
@@ -116,7 +116,7 @@ class ColmapBinary(_Colmap):
 def _images(
     recording: Recording, cameras: list[LensCamera], points: ScenePoints
 ) -> Iterator[Image]:
-    """Images step by step, with what they see."""
+    """Images with their visible points, step by step."""
     found = observations(recording, cameras, points, front_only=True)
     number = 0
     for step in range(recording.steps):
@@ -198,7 +198,7 @@ def _pack_image(file: BinaryIO, image: Image) -> None:
 def _seen_points(
     points: ScenePoints, tracks: list[Track]
 ) -> Iterator[tuple[int, list[float], list[int], Track]]:
-    """Number, position, color and track of the points that an image sees."""
+    """Number, position, color and track of each point that an image sees."""
     rows = zip(points.positions_m.tolist(), points.colors.tolist(), tracks, strict=True)
     for number, (position, color, track) in enumerate(rows, start=1):
         if track:

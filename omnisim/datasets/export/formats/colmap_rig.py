@@ -1,7 +1,7 @@
 """Rig of a COLMAP reconstruction: `rigs` and `frames`, as text and in binary files.
 
-All cameras are on one rig, whose frame is the first camera's. A frame is a step of the run, whose
-images have the numbers that `images` gives them: step by step, camera by camera.
+All cameras are on one rig, whose frame is the first camera's. A frame is a step of the run; its
+images are numbered as in `images`: step by step, camera by camera.
 
 Source: COLMAP's documentation, "Rigs" and "Output Format"; its reconstruction_io.cc.
 """
@@ -31,8 +31,8 @@ def write_rig_text(
     """Write rigs.txt and frames.txt.
 
     Args:
-        folder: of the model.
-        lens_from_rig: (4, 4) of each camera.
+        folder: folder of the model.
+        lens_from_rig: (4, 4) for each camera.
         rig_from_world: (steps, 4, 4).
     """
     sensors = f"{RIG_ID} {len(lens_from_rig)} CAMERA {REFERENCE_ID}"
@@ -68,5 +68,5 @@ def write_rig_binary(
 
 
 def _images(step: int, cameras: list[NDArray[np.float64]]) -> list[tuple[int, int]]:
-    """Numbers of the cameras and their images of a step."""
+    """Numbers of the cameras and of their images at a step."""
     return [(camera, step * len(cameras) + camera) for camera in range(1, len(cameras) + 1)]

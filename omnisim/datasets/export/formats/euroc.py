@@ -1,13 +1,14 @@
-"""EuRoC MAV, the layout that TUM VI has, too: cameras, IMU and true states, stamped in nanoseconds.
+"""EuRoC MAV, also the layout of TUM VI: cameras, IMU and true states, stamped in nanoseconds.
 
-    mav0/cam0/data.csv, data/<ns>.png, sensor.yaml      a folder a camera
+    mav0/cam0/data.csv, data/<ns>.png, sensor.yaml      a folder per camera
     mav0/imu0/data.csv, sensor.yaml                     readings, and their noise
     mav0/state_groundtruth_estimate0/data.csv           poses of the body
 
-The body is the IMU, or the vehicle's base where the run has none. `sensor.yaml` has Kalibr's
-models, which come from the same laboratory: `pinhole` with `radial-tangential` or `equidistant`,
-`omni`, `eucm`, `ds`. States are at the stamps of all sensors, with the motion's own velocities and
-the biases that are in the last reading; without an IMU, or in a run that did not record them, of 0.
+The body is the IMU, or the vehicle's base if the run has no IMU. `sensor.yaml` has the models of
+Kalibr, from the same laboratory: `pinhole` with `radial-tangential` or `equidistant`, `omni`,
+`eucm`,
+`ds`. States are at the stamps of all sensors, with the true velocities and the biases of the last
+reading; without an IMU, or in a run that did not record them, biases are 0.
 
 Source: Burri et al., The EuRoC micro aerial vehicle datasets (2016), and its files.
 """
@@ -51,7 +52,7 @@ DISTORTIONS = {"radtan": "radial-tangential", "none": "radial-tangential"}
 
 
 class Euroc(ExportFormat):
-    """Data set of EuRoC MAV."""
+    """EuRoC MAV data set."""
 
     name = "euroc"
     has_clocks = True
@@ -96,7 +97,7 @@ def _begin_camera(
     stamps_ns: list[int],
     print_note: PrintNote,
 ) -> None:
-    """Write the list of images and the calibration."""
+    """Write a camera's list of images and its calibration."""
     (folder / "data").mkdir(parents=True)
     write_lines(folder / "data.csv", iter([IMAGES, *(f"{ns},{ns}.png" for ns in stamps_ns)]))
     kalibr = Kalibr()
@@ -128,7 +129,7 @@ def _write_states(
     readings: ImuReadings | None,
     settings: ExportSettings,
 ) -> None:
-    """Write the states of the body."""
+    """Write the true states of the body."""
     folder.mkdir()
     times_s, biases = recording.state_times_s, None
     states = recording.states(times_s).at_mount(base_from_body)
@@ -165,7 +166,7 @@ def _write_imu(
 
 
 def _pose_lines(pose: NDArray[np.float64]) -> list[str]:
-    """Pose of a sensor on the body, as OpenCV's and YAML's readers take it."""
+    """Pose of a sensor on the body, for the readers of OpenCV and YAML."""
     return ["T_BS:", "  cols: 4", "  rows: 4", f"  data: {_numbers(pose.ravel().tolist())}"]
 
 

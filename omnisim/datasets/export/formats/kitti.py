@@ -6,9 +6,9 @@
     sequences/00/times.txt                  seconds since the first step
     poses/00.txt                            poses of camera 0 in its frame at the first step
 
-Camera 0 is the first pinhole, x right, y down, z forward: P2 = P0. Without a pinhole it stands at
-the lidar's origin and looks along its x. As in the benchmark, clouds are compensated for motion:
-all points of a revolution are in the lidar's frame at its end, whose time is the step's.
+Camera 0 is the first pinhole, x right, y down, z forward: P2 = P0. Without a pinhole it is at the
+lidar's origin and looks along its x. As in the benchmark, point clouds are compensated for motion:
+all points of a revolution are in the lidar's frame at its end, at the time of the step.
 
 Source: Geiger et al., Are we ready for autonomous driving? (2012); the benchmark's development kit.
 """
@@ -34,11 +34,11 @@ from omnisim.sensors.lidar.mounted_lidar import MountedLidar
 
 SEQUENCE = "00"
 IMAGES = ("image_2", "image_3")
-PARALLEL = 1e-6  # radians between axes of rectified cameras
+PARALLEL = 1e-6  # maximum angle in radians between axes of rectified cameras
 
 
 class Kitti(ExportFormat):
-    """Sequence of KITTI's odometry benchmark."""
+    """Sequence of the KITTI odometry benchmark."""
 
     name = "kitti"
     sensors = (MountedLidar,)
@@ -86,7 +86,7 @@ class Kitti(ExportFormat):
 
 
 def _pinholes(recording: Recording, print_note: PrintNote) -> list[LensCamera]:
-    """The first two pinholes; what is left out is noted."""
+    """First two pinholes; a note names the others."""
     pinholes = [one for one in recording.cameras if isinstance(one.mount.camera, PerspectiveCamera)]
     taken = [LensCamera.of(camera, print_note) for camera in pinholes[: len(IMAGES)]]
     names = [camera.name for camera in taken]
@@ -116,10 +116,10 @@ def _calibration(
     base_from_camera: NDArray[np.float64],
     base_from_lidar: NDArray[np.float64] | None,
 ) -> Iterator[str]:
-    """Lines of calib.txt; a camera that is not there has the numbers of the first.
+    """Lines of calib.txt; missing cameras have the values of the first.
 
     Raises:
-        OutputError: pinholes that are not parallel.
+        OutputError: the pinholes are not parallel.
     """
     projections = [np.eye(3, 4)]
     for index, camera in enumerate(cameras):
@@ -146,7 +146,7 @@ def _calibration(
 def _note_what_is_missing(
     cameras: list[LensCamera], lidars: list[str], print_note: PrintNote
 ) -> None:
-    """Note numbers of calib.txt that readers want, of what the run has not."""
+    """Note values of calib.txt that readers need and the run does not have."""
     if not cameras:
         print_note(
             f"calib.txt: no pinhole: camera 0 stands in the place of {lidars[0]}, with a focal "

@@ -10,10 +10,10 @@
     data_poses/<drive>/poses.txt, cam0_to_world.txt
 
 The body is the GPS/IMU, at the base of the vehicle: x forward, y right, z down; the world's z is
-up. Fisheyes are MEI. Classes are the run's own, instances are numbered in each class from 1. The
-drive has the name of the first one, which the development kit expects. Clouds are skewed by the
-motion, as the raw ones of the data set. Without cameras, image_00 stands at the lidar's origin and
-looks along its x.
+up. Fisheyes are MEI. Classes are the run's own; instances are numbered from 1 in each class. The
+drive has the name of KITTI-360's first one, which the development kit expects. Point clouds are
+skewed by the motion, as the raw ones of the data set. Without cameras, image_00 is at the lidar's
+origin and looks along its x.
 
 Source: KITTI-360's documentation; kitti360scripts: loadCalibration.py, project.py, annotation.py.
 """
@@ -48,7 +48,7 @@ BASE_FROM_IMU = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 class Kitti360(ExportFormat):
-    """Data set of KITTI-360."""
+    """KITTI-360 data set."""
 
     name = "kitti360"
     sensors = (MountedLidar,)
@@ -95,7 +95,7 @@ def name_cameras(recording: Recording, print_note: PrintNote) -> dict[str, LensC
     """Cameras by their names in KITTI-360, pinholes first.
 
     Raises:
-        OutputError: more than two of a kind.
+        OutputError: more than two cameras of a kind.
     """
     lenses = [LensCamera.of(camera, print_note) for camera in recording.cameras]
     pinholes = [lens for lens in lenses if isinstance(lens.lens, PerspectiveCamera)]
@@ -135,7 +135,7 @@ def _write_calibrations(
         imu_from_lens[PINHOLES[0]] = imu_from_velo @ LIDAR_FROM_CAMERA
     first = next(iter(imu_from_lens))
     lines = []
-    for name in (*PINHOLES, *FISHEYES):  # the development kit wants all four
+    for name in (*PINHOLES, *FISHEYES):  # the development kit needs all four
         pose = imu_from_lens.get(name, imu_from_lens[first])
         lines.append(f"{name}: {_matrix(pose[:3])}")
     missing = [name for name in (*PINHOLES, *FISHEYES) if name not in cameras]
@@ -161,7 +161,7 @@ def _write_calibrations(
 
 
 def _write_pinholes(path: Path, cameras: dict[str, LensCamera]) -> None:
-    """Write the rectified pinholes; both, where there is one: the development kit wants them."""
+    """Write the rectified pinholes; a single one is written twice, for the development kit."""
     lenses = [cameras[name].lens for name in PINHOLES if name in cameras]
     lines = []
     for index, lens in enumerate((lenses * 2)[:2]):

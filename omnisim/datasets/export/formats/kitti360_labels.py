@@ -1,6 +1,6 @@
-"""Images of classes and instances, as KITTI-360 has them.
+"""Images of classes and instances, as in KITTI-360.
 
-Source: kitti360scripts: annotation.py; a global number is 1000 times the class, and the instance.
+Source: kitti360scripts: annotation.py; a global number is 1000 times the class, plus the instance.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from omnisim.ground_truth.label_names import Labels
 from omnisim.runs.run_folder import LABELS
 
 SEMANTIC, INSTANCE = "semantic", "instance"
-MAX_N = 1000  # instances of a class
+MAX_N = 1000  # maximum number of instances per class
 MAX_ID = {SEMANTIC: 2**8 - 1, INSTANCE: 2**16 - 1}
 
 
@@ -32,9 +32,9 @@ class LabelImages:
     """Writer of the labels of all cameras.
 
     Attributes:
-        folder: of the drive.
-        cameras: by their names in KITTI-360.
-        numbers: of the images, by kind and by the run's own numbers.
+        folder: folder of the drive.
+        cameras: cameras by their names in KITTI-360.
+        numbers: numbers in the images, by kind and by the run's own numbers.
     """
 
     folder: Path
@@ -51,7 +51,7 @@ class LabelImages:
         cameras: Mapping[str, LensCamera],
         print_note: PrintNote,
     ) -> LabelImages | None:
-        """Prepare the folders; None where the run has no labels.
+        """Prepare the folders; None: the run has no labels.
 
         Raises:
             OutputError: the table of labels is damaged.
@@ -81,7 +81,7 @@ class LabelImages:
         """Write the images of a step.
 
         Raises:
-            RunError: a channel has numbers that the table of labels has not.
+            RunError: a channel has a number that is not in the table of labels.
             OutputError: a file cannot be read or written.
         """
         for name, camera in self.cameras.items():
@@ -98,10 +98,10 @@ class LabelImages:
 
 
 def _instances(labels: Labels) -> NDArray[np.int64]:
-    """Global numbers by the numbers of instances, from that of nothing on."""
+    """Global numbers by instance number, from that of nothing."""
     numbers, counts = [0], dict[int, int]()
     for one in labels.instances:
         counts[one.class_id] = number = counts.get(one.class_id, 0) + 1
-        # one too many has no number that fits
+        # further instances have no valid number
         numbers.append(one.class_id * MAX_N + number if number < MAX_N else 1 << 16)
     return np.array(numbers, dtype=np.int64)

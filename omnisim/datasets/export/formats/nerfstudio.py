@@ -1,10 +1,10 @@
-"""Nerfstudio's data set: `transforms.json`, images, masks, depths of pinholes, points.
+"""Nerfstudio data set: `transforms.json`, images, masks, depths of pinholes, points.
 
     transforms.json                 intrinsics and poses, OpenGL axes: x right, y up, z back
     images/<camera>/000000.png      images
-    masks/<camera>.png              255: shows the scene; only of cameras that do not everywhere
-    depths/<camera>/000000.png      along the axis in millimeters, 16 bits, 0: none; of pinholes
-    points.ply                      points of the ranges, to begin with
+    masks/<camera>.png              255: shows the scene; only for cameras with invalid pixels
+    depths/<camera>/000000.png      along the axis in millimeters, 16 bits, 0: none; for pinholes
+    points.ply                      points from the ranges, for initialization
 
 The world is omnisim's: meters, z up. Source: nerfstudio's documentation, "Data conventions".
 """
@@ -37,11 +37,11 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.export.scene_points import sample_points
 
 DEPTHS, POINTS = "depths", "points.ply"
-STEPS_PER_M = 1000.0  # nerfstudio's default depth_unit_scale_factor is a thousandth
+STEPS_PER_M = 1000.0  # nerfstudio's default depth_unit_scale_factor is 1/1000
 
 
 class Nerfstudio(ExportFormat):
-    """Data set of nerfstudio."""
+    """Nerfstudio data set."""
 
     name = "nerfstudio"
     dates_stamps = False

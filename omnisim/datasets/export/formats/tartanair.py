@@ -3,18 +3,18 @@
     P000/image_lcam_front/000000_lcam_front.png
     P000/depth_lcam_front/000000_lcam_front_depth.png   float32 in the four bytes of a pixel
     P000/seg_lcam_front/000000_lcam_front_seg.png       number of the class
-    P000/flow_lcam_front/000000_000001_flow.png         u, v and mask, of 16 bits each
+    P000/flow_lcam_front/000000_000001_flow.png         u, v and mask, 16 bits each
     P000/pose_lcam_front.txt                            x y z qx qy qz qw
-    P000/calibration.json, labels.json                  omnisim's: the data set has its own lens
+    P000/calibration.json, labels.json                  omnisim's: the data set's lens differs
 
-A pinhole is `lcam_front`, its depths are along the axis; a fisheye is `lcam_fish`, a panorama
-`lcam_equirect`, and their depths are the rays' lengths. Depths of nothing are 10 000 m. Poses are
-in NED (x north, y east, z down), of a camera whose axes are x forward, y right, z down; north is
-the world's x.
+A pinhole is `lcam_front`, with depths along the axis; a fisheye is `lcam_fish`, a panorama
+`lcam_equirect`, with ray lengths as depths. The depth of nothing is 10 000 m. Poses are in NED
+(x north, y east, z down), of a camera with axes x forward, y right, z down; north is the world's x.
 
-Flow is 32768 + 64 u and v, in the order in which OpenCV reads them. Its mask is 0 where the point
-is seen in the next image, 1 where it is hidden, 100 where it is outside, or no point, and 200
-where the flow is 512 px or longer.
+Flow is 32768 + 64 u and v, in the order in which OpenCV reads them. Its mask is 0 if the point is
+visible in the next image, 1 if it is hidden, 100 if it is outside, or no point, and 200 if the flow
+is
+512 px or longer.
 
 Source: tartanair.org, "Modalities"; tartanairpy: reader.py, customizer.py, flow16to32.
 """
@@ -38,16 +38,16 @@ from omnisim.runs.run_folder import LABELS
 
 FAR_M = 10_000.0
 FLOW_ZERO, FLOW_PER_PX = 32768.0, 64.0
-HIDDEN, OUTSIDE, TOO_LONG = 1, 100, 200  # in the masks of flow
+HIDDEN, OUTSIDE, TOO_LONG = 1, 100, 200  # in the flow masks
 NED_FROM_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
-# x of the NED camera is the lens's z, y its x, z its y.
+# The NED camera's x is the lens's z, its y the lens's x, its z the lens's y.
 LENS_FROM_NED = np.array(
     [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
 
 
 class Tartanair(ExportFormat):
-    """Trajectory of TartanAir V2."""
+    """TartanAir V2 trajectory."""
 
     name = "tartanair"
     one_camera = True
@@ -91,7 +91,7 @@ def tartanair_name(camera: LensCamera) -> str:
 
 
 def _depths(camera: LensCamera, step: int) -> NDArray[np.uint8]:
-    """Bytes (height, width, 4) of depths, in the order in which OpenCV reads them as BGRA."""
+    """Bytes (height, width, 4) of depths, in the order that OpenCV reads as BGRA."""
     if camera.is_pinhole:
         depths_m = camera.depths_m(step)
     else:
@@ -101,13 +101,13 @@ def _depths(camera: LensCamera, step: int) -> NDArray[np.uint8]:
 
 
 def _classes(camera: LensCamera, step: int) -> NDArray[np.uint8 | np.uint16]:
-    """Classes in 8 bits as the data set has them, in 16 where there are more."""
+    """Classes in 8 bits as in the data set, or in 16 if there are more."""
     classes = camera.flip(camera.recorded.channel(step, "semantic"))
     return classes.astype(np.uint8) if classes.max(initial=0) < 256 else classes.astype(np.uint16)
 
 
 def _flow(camera: LensCamera, step: int) -> NDArray[np.uint16]:
-    """Mask, v and u (height, width, 3), as OpenCV reads them from the last to the first."""
+    """Mask, v and u (height, width, 3), in the reverse order of OpenCV's channels."""
     flow_px = camera.flip(camera.recorded.channel(step, "flow"))
     if camera.is_flipped:
         flow_px = flow_px * (-1.0, 1.0)

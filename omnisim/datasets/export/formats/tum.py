@@ -1,11 +1,11 @@
 """TUM RGB-D: images of one camera, depths of a pinhole, poses of the camera.
 
     rgb.txt, rgb/<s>.png            stamps and images
-    depth.txt, depth/<s>.png        coordinates along the axis, 5000 a meter in 16 bits, 0: none
+    depth.txt, depth/<s>.png        coordinates along the axis, 5000 per meter in 16 bits, 0: none
     groundtruth.txt                 poses of the camera's optical frame, at the fastest rate
     calibration.json                omnisim's calibration: the format has none
 
-Of a run without a camera the first depth camera, which has no `rgb`.
+Without a camera, the first depth camera is exported, without `rgb`.
 
 Source: TUM RGB-D benchmark, file formats.
 """
@@ -30,7 +30,7 @@ STEPS_PER_M = 5000.0
 
 
 class Tum(ExportFormat):
-    """Data set of the TUM RGB-D benchmark."""
+    """TUM RGB-D data set."""
 
     name = "tum"
     one_camera = True
@@ -77,7 +77,7 @@ class Tum(ExportFormat):
 
 
 def write_lines(path: Path, lines: Iterator[str]) -> None:
-    """Write a text of lines.
+    """Write lines to a text file.
 
     Raises:
         OutputError: the file cannot be written.
