@@ -89,13 +89,13 @@ def read_manifest(folder: Path) -> Manifest:
         ) from None
     except (ValueError, KeyError, TypeError, RecursionError):
         raise PlanError(f"{path}: is damaged: `omnisim generate` writes it again") from None
-    found = [find_shard(folder, number) for number in range(count)]
-    for number, shard in enumerate(found):
+    summaries = [find_shard(folder, number) for number in range(count)]
+    for number, shard in enumerate(summaries):
         if shard is None or shard.plan != plan:
             raise PlanError(
                 f"{folder}: shard {number} is missing or damaged: `omnisim generate` makes it again"
             )
-    shards = tuple(shard for shard in found if shard is not None)
+    shards = tuple(shard for shard in summaries if shard is not None)
     return Manifest(title, None if license is None else str(license), plan, channels, shards)
 
 
@@ -108,12 +108,12 @@ def check_hashes(folder: Path, manifest: Manifest) -> Iterator[ShardSummary]:
     for shard in manifest.shards:
         path = folder / shard.name
         try:
-            found = file_sha256(path)
+            sha256 = file_sha256(path)
         except OSError as reason:
             raise PlanError(f"{path}: cannot be read: {reason.strerror}") from None
-        if found != shard.sha256:
+        if sha256 != shard.sha256:
             raise PlanError(
-                f"{path}: is damaged: expected SHA-256 {shard.sha256[:16]}…, got {found[:16]}…: "
+                f"{path}: is damaged: expected SHA-256 {shard.sha256[:16]}…, got {sha256[:16]}…: "
                 "remove it, and `omnisim generate` makes it again"
             )
         yield shard

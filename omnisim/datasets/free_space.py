@@ -1,8 +1,8 @@
-"""Free space: the floor of a scene on which a footprint stands without touching anything.
+"""Free space: floor of a scene on which a footprint stands without contact.
 
-The floor plan is divided into cells. Points on all triangles, closer together than cells, tell the
-height of each cell's floor and which cells have surfaces between what is driven over and the height
-of what stands there. A place is free as far as the nearest such cell is away.
+The floor plan is divided into cells. Points on all triangles, denser than the cells, give the
+height of each cell's floor, and the cells with surfaces between the height that is driven over and
+the height of the standing object. The distance to the nearest such cell is the clearance.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from omnisim.scene.model import Scene
 from omnisim.scene.space.floor import HeightField
 from omnisim.scene.space.triangles import triangles_within
 
-MAX_CELLS = 1000  # to a side of the floor plan, around the scene's start
+MAX_CELLS = 1000  # per side of the floor plan, around the scene's start
 CELLS_PER_RADIUS = 4.0
-# From a surface to the point on it that is known, and from both ends to the middles of their cells.
+# Distances from a surface to its nearest sampled point, and from both ends to their cells' middles.
 MARGIN_CELLS = 2.0 / 3.0 + math.sqrt(2.0)
-WINDOW_CELLS = 160, 320  # from the start to the sides of smaller floor plans that are tried first
-LARGE_CELLS = 16.0  # a triangle of the floor that reaches further is looked up cell by cell
+WINDOW_CELLS = 160, 320  # from the start to the sides of smaller floor plans, tried first
+LARGE_CELLS = 16.0  # larger triangles of the floor are looked up cell by cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +37,9 @@ class FreeSpace:
     Attributes:
         low_m: (2,) corner of the floor plan, world.
         cell_m: side of a cell.
-        floor_m: (rows, columns) height of the floor along y and x; NaN: there is none.
+        floor_m: (rows, columns) height of the floor along y and x; NaN: no floor.
         clearance_m: (rows, columns) distance to the nearest obstacle on the floor plan.
-        is_free: (rows, columns) the footprint stands there.
+        is_free: (rows, columns) True: the footprint stands there.
     """
 
     low_m: NDArray[np.float64]
@@ -61,18 +61,18 @@ class FreeSpace:
         return np.argwhere(self.is_free)
 
     def cell_of(self, point_m: NDArray[np.float64]) -> tuple[int, int] | None:
-        """Row and column of a point (2,), or None: it is beyond the floor plan."""
+        """Row and column of a point (2,); None: outside the floor plan."""
         column, row = np.floor((point_m - self.low_m) / self.cell_m).astype(int)
         rows, columns = self.is_free.shape
         return (row, column) if 0 <= row < rows and 0 <= column < columns else None
 
     def is_free_at(self, point_m: NDArray[np.float64]) -> bool:
-        """True where the footprint stands at a point (2,)."""
+        """True if the footprint stands at a point (2,)."""
         cell = self.cell_of(point_m)
         return cell is not None and bool(self.is_free[cell])
 
     def clears(self, cell: tuple[int, int], radius_m: float) -> bool:
-        """True where another footprint, as high, stands anywhere in a cell."""
+        """True if another footprint of the same height stands anywhere in a cell."""
         has_floor = bool(np.isfinite(self.floor_m[cell]))
         return has_floor and self.clearance_m[cell] >= radius_m + MARGIN_CELLS * self.cell_m
 
@@ -95,15 +95,15 @@ def find_free_space(
 
     Args:
         scene: static scene.
-        radius_m: of the footprint.
-        height_m: of what stands on it: surfaces above do not count.
-        step_m: surfaces no higher than this above the floor do not count.
-        floor_m: height of the floor; None: the one below the scene's start.
-        from_start: only what hangs together with the scene's start, or, where that is not free,
-            the largest part.
+        radius_m: radius of the footprint.
+        height_m: height of the standing object: higher surfaces do not count.
+        step_m: surfaces up to this height above the floor do not count.
+        floor_m: height of the floor; None: below the scene's start.
+        from_start: only the part connected to the scene's start, or the largest part if the start
+            is not free.
 
     Raises:
-        PlanError: there is no such place.
+        PlanError: there is no free floor.
     """
     start = np.array(scene.start.position_m[:2])
     grid = _Grid.of_scene(scene, radius_m / CELLS_PER_RADIUS)
@@ -116,7 +116,7 @@ def find_free_space(
         free = np.isfinite(floor) & (clearance >= reach_m)
         if from_start:
             free = _region(free, window.cells(start[None])[0], or_largest=window is grid)
-        if window is not grid:  # what is beyond its edge is as near as the edge
+        if window is not grid:  # surfaces beyond its edge may be as near as the edge
             edge_m = window.edge_distance_m()
             clearance = np.minimum(clearance, edge_m)
             if np.any(edge_m[free] <= reach_m):
@@ -130,7 +130,7 @@ def find_free_space(
 
 
 def _floor_at_start(scene: Scene) -> float:
-    """Height of the highest surface below the scene's start; without any, that of its lowest."""
+    """Height of the highest surface below the scene's start, or else of the lowest surface."""
     *start, z = scene.start.position_m
     point = np.array(start)
     heights = HeightField(scene, point, point).heights_m(point[None, None])
@@ -141,7 +141,7 @@ def _floor_at_start(scene: Scene) -> float:
 def _region(
     free: NDArray[np.bool_], start: NDArray[np.intp], or_largest: bool
 ) -> NDArray[np.bool_]:
-    """The part of the free cells that the start is in, or else the largest or none."""
+    """Connected free cells around the start, or else the largest part, or none."""
     parts, _ = scipy.ndimage.label(free)
     row, column = start
     inside = 0 <= row < free.shape[0] and 0 <= column < free.shape[1]
@@ -164,7 +164,7 @@ class _Grid:
 
     @classmethod
     def of_scene(cls, scene: Scene, cell_m: float) -> _Grid:
-        """Cells of a scene, as far as they are near its start."""
+        """Cells of a scene within reach of its start."""
         low, high = (corner[:2] for corner in scene.bounds_m())
         start = np.array(scene.start.position_m[:2])
         low = np.maximum(low, start - 0.5 * MAX_CELLS * cell_m) - cell_m
@@ -174,22 +174,22 @@ class _Grid:
 
     @property
     def high_m(self) -> NDArray[np.float64]:
-        """The other corner (2,)."""
+        """Opposite corner (2,)."""
         return self.low_m + self.cell_m * np.array(self.shape[::-1])
 
     def windows(self, point_m: NDArray[np.float64]) -> Iterator[_Grid]:
-        """Smaller grids of the same cells around a point (2,), the smallest first."""
+        """Smaller grids of the same cells around a point (2,), smallest first."""
         row_column = self.cells(point_m[None])[0]
         for half in WINDOW_CELLS:
             first = np.clip(row_column - half, 0, self.shape)
             last = np.clip(row_column + half, 0, self.shape)
             rows, columns = (last - first).tolist()
-            if 0 < 2 * rows * columns < math.prod(self.shape):  # or else it is not worth it
+            if 0 < 2 * rows * columns < math.prod(self.shape):  # otherwise it saves nothing
                 low_m = self.low_m + self.cell_m * first[::-1]
                 yield _Grid(low_m, self.cell_m, (rows, columns))
 
     def edge_distance_m(self) -> NDArray[np.float32]:
-        """Distances (rows, columns) of the cells' middles to the nearest edge."""
+        """Distances (rows, columns) from the cells' middles to the nearest edge."""
         along = [np.minimum(np.arange(count), np.arange(count)[::-1]) for count in self.shape]
         distances = np.minimum(along[0][:, None], along[1]) + np.float32(0.5)
         return (distances * np.float32(self.cell_m)).astype(np.float32)
@@ -205,7 +205,7 @@ class _Grid:
         floor = self._floor(
             triangles.corners_m[walked & (from_floor_m.min(axis=1) <= reach_m)], floor_m, reach_m
         )
-        # what is all floor is no obstacle
+        # a plan that is all floor has no obstacle
         others = triangles.corners_m[~(walked & (from_floor_m.max(axis=1) <= reach_m))]
         obstacles = self._obstacles(others, floor, step_m, height_m)
         clearance = scipy.ndimage.distance_transform_edt(~obstacles).astype(np.float32)
@@ -219,8 +219,9 @@ class _Grid:
     def _floor(
         self, corners: NDArray[np.float64], floor_m: float, reach_m: float
     ) -> NDArray[np.float32]:
-        """Heights of the floor at the cells' middles: the highest surface seen from above that a
-        step leads to from the given height. A plate on the ground is the floor, a table is not."""
+        """Heights of the floor at the cells' middles: the highest surface, seen from above, that a
+        step reaches from the given height. A plate on the ground is part of the floor, a table is
+        not."""
         heights = np.full(self.shape, np.nan, dtype=np.float32)
         large = np.ptp(corners[..., :2], axis=1).max(axis=1) > LARGE_CELLS * self.cell_m
         for corner in corners[large]:
@@ -238,17 +239,17 @@ class _Grid:
         return heights
 
     def _inside(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.intp], ...]:
-        """Numbers (k,) of the points (n, 2 or 3) on the floor plan, and their rows and columns."""
+        """Indices (k,) of the points (n, 2 or 3) on the floor plan, and their rows and columns."""
         cells = self.cells(points_m)
         numbers = np.flatnonzero(np.all((cells >= 0) & (cells < self.shape), axis=1))
         rows, columns = cells[numbers].T
         return numbers, rows, columns
 
     def _cells_below(self, corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
-        """First and last cell, exclusive, below some points (n, 3)."""
+        """First and last cell, exclusive, below points (n, 3)."""
         cells = self.cells(corners_m)
-        found: NDArray[np.intp] = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
-        return np.clip(found, 0, self.shape)
+        bounds: NDArray[np.intp] = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
+        return np.clip(bounds, 0, self.shape)
 
     def _obstacles(
         self,
@@ -257,10 +258,10 @@ class _Grid:
         step_m: float,
         height_m: float,
     ) -> NDArray[np.bool_]:
-        """Cells with a surface between a step and a height above the floor there."""
-        found = np.zeros(self.shape, dtype=bool)
+        """Cells with a surface between a step and a height above their floor."""
+        blocked = np.zeros(self.shape, dtype=bool)
         if not np.isfinite(floor).any():
-            return found
+            return blocked
         lowest, highest = float(np.nanmin(floor)), float(np.nanmax(floor))
         filled = np.where(np.isfinite(floor), floor, lowest)
         low_m = np.array((*self.low_m, lowest + step_m))
@@ -270,7 +271,7 @@ class _Grid:
             for pieces in columns_of(own, self.cell_m, low_m, high_m):
                 middles, z = pieces.mean(axis=1), pieces[..., 2]
                 numbers, rows, columns = self._inside(middles)
-                # a slope that can be walked on counts at its middle, as the floor does
+                # a walkable slope counts at its middle, as the floor does
                 low, high = (
                     (middles[numbers, 2],) * 2
                     if counts == "middle"
@@ -278,5 +279,5 @@ class _Grid:
                 )
                 below = filled[rows, columns]
                 inside = (high > below + step_m) & (low < below + height_m)
-                found[rows[inside], columns[inside]] = True
-        return found
+                blocked[rows[inside], columns[inside]] = True
+        return blocked

@@ -1,4 +1,4 @@
-"""Free floors in files: found once for a data set, and read by all of its processes."""
+"""Files of free floors, computed once for a data set and read by all of its processes."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from omnisim.core.files.atomic_file import atomic_write
 from omnisim.datasets.free_space import FreeSpace
 
-PATTERN = ".free-*.npz"  # hidden: they are no part of the data set
+PATTERN = ".free-*.npz"  # hidden, as they are not part of the data set
 
 
 def free_space_path(folder: Path, fingerprint: str, scene: int) -> Path:
-    """File of the free floor of a plan's scene in the folder of its data set."""
+    """File of the free floor of a plan's scene in the data set's folder."""
     return folder / f".free-{fingerprint}-{scene}.npz"
 
 
 def read_free_space(path: Path) -> FreeSpace | None:
-    """Read a free floor; None: it is not there, or damaged."""
+    """Read a free floor; None: the file is missing or damaged."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
-            low_m, cell_m = found["low_m"], float(found["cell_m"])
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            low_m, cell_m = arrays["low_m"], float(arrays["cell_m"])
             floor_m, clearance_m, is_free = (
-                found[key] for key in ("floor_m", "clearance_m", "is_free")
+                arrays[key] for key in ("floor_m", "clearance_m", "is_free")
             )
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
@@ -33,10 +33,10 @@ def read_free_space(path: Path) -> FreeSpace | None:
 
 
 def write_free_space(path: Path, free: FreeSpace) -> None:
-    """Write a free floor, whole or not at all.
+    """Write a free floor; atomically.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     with atomic_write(path) as partial, partial.open("wb") as file:
         np.savez(

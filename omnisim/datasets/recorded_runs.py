@@ -1,7 +1,7 @@
-"""Samples of a data set as recordings, which are written in the formats of other tools.
+"""Samples of a data set as recordings, for writing them in other tools' formats.
 
-These formats hold the images of one scene by the same cameras. A data set of several scenes or
-rigs becomes a folder for each: `soccer/fisheye`.
+These formats have images of one scene by the same cameras. A data set with several scenes or rigs
+becomes a folder for each: `soccer/fisheye`.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from omnisim.runs.run_manifest import MANIFEST_FORMAT, parse_manifest
 from omnisim.sensors.calibration_file import parse_mount
 from omnisim.sensors.sensor_names import folder_name
 
-SAME = 1e-6  # meters and radians: a camera's pose on its base, computed from two others
+SAME = 1e-6  # meters and radians: rounding of a camera's pose on its base from two other poses
 
 
 class _Files:
-    """Files of one sample at a time, in a folder that goes at the end.
+    """Files of one sample at a time, in a temporary folder.
 
     Args:
-        shards: of the data set.
-        folder: to extract to.
+        shards: shards of the data set.
+        folder: folder to extract to.
     """
 
     def __init__(self, shards: Shards, folder: Path):
@@ -48,13 +48,13 @@ class _Files:
         self._images: dict[str, Path] = {}
 
     def image(self, row: int, camera: str) -> Path:
-        """Image of a sample by the name of its camera; its channels are beside it."""
+        """Image of a sample, by the name of its camera; its channels are beside it."""
         if row != self._row:
             self._row = -1
             shutil.rmtree(self._folder, ignore_errors=True)
             self._folder.mkdir()
-            found = self._shards.images(self._shards.extract(row, self._folder))
-            self._images = {path.stem.partition(".")[2] or "camera": path for path in found}
+            paths = self._shards.images(self._shards.extract(row, self._folder))
+            self._images = {path.stem.partition(".")[2] or "camera": path for path in paths}
             self._row = row
         if camera not in self._images:
             raise PlanError(
@@ -66,19 +66,19 @@ class _Files:
 
 @dataclass(frozen=True, eq=False)
 class _SampleCamera(RecordedCamera):
-    """Camera of samples, as one of a run whose steps they are."""
+    """Camera of samples, as a camera of a run with samples as steps."""
 
     files: _Files
     rows: Sequence[int]
 
     def image_file(self, step: int) -> Path:
-        """File of the image of a step."""
+        """Image file of a step."""
         return self.files.image(self.rows[step], self.name)
 
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Samples of one scene and rig: their rows, and what is in each of their JSON files."""
+    """Samples of one scene and rig: their indices, and the contents of their JSON files."""
 
     scene: str
     rig: str
@@ -89,13 +89,11 @@ class _Group:
 def write_recordings(
     shards: Shards, format: str, folder: Path, print_note: PrintNote = lambda note: None
 ) -> Iterator[int]:
-    """Write the samples in a format of `omnisim.datasets.export`, whole or not at all.
-
-    Yields after each sample.
+    """Write the samples in a format of `omnisim.datasets.export`, atomically; yield after each one.
 
     Raises:
-        OmnisimError: a damaged shard, cameras that vary or that the format cannot say, or a folder
-            that cannot be written.
+        OmnisimError: a damaged shard, cameras that vary or that the format does not support, or a
+            folder that cannot be written.
     """
     check_new_folder(folder)
     form, settings = format_named(format), ExportSettings()
@@ -125,23 +123,23 @@ def _files_of(shards: Shards) -> Iterator[_Files]:
 
 
 def _groups(shards: Shards) -> list[_Group]:
-    """Samples by scene and rig, in the order of their first."""
-    found: dict[tuple[str, str], _Group] = {}
+    """Samples by scene and rig, in the order of first samples."""
+    groups: dict[tuple[str, str], _Group] = {}
     for row in range(len(shards)):
         content = shards.metadata(row)
         with shards.damage_named(row):
             key = str(content["scene"]), str(content["camera"])
-            group = found.setdefault(key, _Group(*key, [], []))
+            group = groups.setdefault(key, _Group(*key, [], []))
             group.rows.append(row)
             group.contents.append(content)
-    return list(found.values())
+    return list(groups.values())
 
 
 def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
-    """Recording of a group's samples, one second apart for each number.
+    """Recording of a group's samples, with their numbers as seconds.
 
     Raises:
-        OmnisimError: a camera that is not the same in all of them.
+        OmnisimError: a camera that differs between samples.
     """
     first: dict[str, Any] = {}
     mounts: dict[str, NDArray[np.float64]] = {}
@@ -153,9 +151,9 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
             numbers.append(float(content["number"]))
             poses.append(images[next(iter(first))]["world_from_base"])
             for name, image in first.items():
-                found, mount = images[name], _mount(images[name])
+                other, mount = images[name], _mount(images[name])
                 known = mounts.setdefault(name, mount)
-                if found["camera"] != image["camera"] or np.abs(mount - known).max() > SAME:
+                if other["camera"] != image["camera"] or np.abs(mount - known).max() > SAME:
                     raise PlanError(
                         f"{shards.folder}: sample {content['number']}: {name} is not as in sample "
                         f"{numbers[0]:.0f}: expected cameras that do not vary, as this format has "
@@ -172,12 +170,14 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
 def _mount(image: dict[str, Any]) -> NDArray[np.float64]:
     """Pose (4, 4) of an image's camera on its base."""
     world_from_base = check_pose(image["world_from_base"])
-    found: NDArray[np.float64] = inverse(world_from_base) @ np.array(image["world_from_optical"])
-    return found
+    base_from_optical: NDArray[np.float64] = inverse(world_from_base) @ np.array(
+        image["world_from_optical"]
+    )
+    return base_from_optical
 
 
 def _run(shards: Shards, group: _Group, cameras: list[str]) -> RunFolder:
-    """Folder of a run that has no files of its own."""
+    """Folder of a run without files."""
     scene = {"name": group.scene, "file": group.scene, "up_axis": None, "contents": ""}
     content = {
         "format": MANIFEST_FORMAT,

@@ -1,4 +1,4 @@
-"""Statistics of a shard's images: what a data set's card counts."""
+"""Statistics of a shard's images, for a data set's card."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from omnisim.ground_truth.frame import Frame
 
 BRIGHTNESS_BINS = 16
-# Edges of the histogram of ranges, meters: ten to a decade, 0.1 m to 1 km.
+# Edges of the histogram of ranges, meters: ten per decade, 0.1 m to 1 km.
 RANGE_EDGES_M = np.logspace(-1.0, 3.0, 41)
 
 
@@ -20,12 +20,12 @@ class Statistics:
     """Counts over samples and pixels.
 
     Attributes:
-        samples: number.
-        redrawn: attempts that were rejected.
-        scenes, cameras: samples by name.
-        classes: pixels by class, where the channel semantic is there.
-        brightness: pixels by brightness of sRGB, 16 steps from black to white.
-        ranges: pixels by range between `RANGE_EDGES_M`, where the channel range is there.
+        samples: number of samples.
+        redrawn: number of rejected attempts.
+        scenes, cameras: number of samples by name.
+        classes: number of pixels by class, with the channel semantic.
+        brightness: number of pixels by brightness of sRGB, 16 steps from black to white.
+        ranges: number of pixels by range between `RANGE_EDGES_M`, with the channel range.
     """
 
     samples: int = 0
@@ -53,14 +53,14 @@ class Statistics:
                     self.classes[label.name] += int(counts[label.id])
 
     def update(self, other: Statistics) -> None:
-        """Add the counts of others."""
+        """Add other counts."""
         self.samples += other.samples
         self.redrawn += other.redrawn
         for name in ("scenes", "cameras", "classes", "brightness", "ranges"):
             getattr(self, name).update(getattr(other, name))
 
     def to_json(self) -> dict[str, Any]:
-        """Counts, as JSON can hold them."""
+        """Counts, of JSON types."""
         return {
             "samples": self.samples,
             "redrawn": self.redrawn,
@@ -72,17 +72,17 @@ class Statistics:
 
     @classmethod
     def from_json(cls, content: Any) -> Statistics:
-        """Counts of `to_json`.
+        """Counts from the output of `to_json`.
 
         Raises:
-            KeyError, TypeError, ValueError, AttributeError: they are none.
+            KeyError, TypeError, ValueError, AttributeError: other content.
         """
-        found = cls(int(content["samples"]), int(content["redrawn"]))
+        counts = cls(int(content["samples"]), int(content["redrawn"]))
         for name in _NAMED:
-            getattr(found, name).update({str(k): int(v) for k, v in content[name].items()})
-        found.brightness.update(dict(enumerate(map(int, content["brightness"]))))
-        found.ranges.update(dict(enumerate(map(int, content["ranges"]))))
-        return found
+            getattr(counts, name).update({str(k): int(v) for k, v in content[name].items()})
+        counts.brightness.update(dict(enumerate(map(int, content["brightness"]))))
+        counts.ranges.update(dict(enumerate(map(int, content["ranges"]))))
+        return counts
 
 
 _NAMED = ("scenes", "cameras", "classes")

@@ -1,4 +1,4 @@
-"""Tar files that are functions of their members: no times, no owners, in the order of names."""
+"""Tar files that depend only on their members: no times, no owners, sorted by name."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from omnisim.core.files.atomic_file import atomic_write
 
 
 def write_tar(path: Path, folder: Path) -> tuple[str, int]:
-    """Write all files of a folder into a tar, whole or not at all.
+    """Write all files of a folder to a tar, atomically.
 
     Returns:
         SHA-256 of the tar, hexadecimal, and its size in bytes.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     with atomic_write(path) as partial:
         with tarfile.open(partial, "w", format=tarfile.USTAR_FORMAT) as tar:

@@ -174,13 +174,13 @@ class LensCamera:
 
     @property
     def optical_from_lens(self) -> NDArray[np.float64]:
-        """Pose (4, 4) of the lens's frame in the optical frame: none, or a half turn."""
+        """Rotation (4, 4) from the lens's to the optical frame: the identity, or a half turn."""
         if not self.is_flipped:
             return np.eye(4)
         return _ABOUT_X if isinstance(self.model, EllipticCamera) else _ABOUT_Y
 
     def mask(self, front_only: bool = False) -> NDArray[np.bool_] | None:
-        """Pixels (height, width) that show the scene; None: all of them.
+        """Pixels (height, width) that show the scene; None: all pixels.
 
         Args:
             front_only: leave out rays at and past 90° from the axis.
@@ -199,14 +199,14 @@ class LensCamera:
 
 
 def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
-    """Lens whose image is another's, flipped left to right.
+    """Lens whose image is that of another lens, flipped left to right.
 
     Args:
-        lens: the other.
-        place: names the camera in messages.
+        lens: lens to flip.
+        place: name of the camera in messages.
 
     Raises:
-        CalibrationError: its model has none.
+        CalibrationError: its model does not support flipped images.
     """
     if not isinstance(lens, ParametricCamera):
         raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped images")

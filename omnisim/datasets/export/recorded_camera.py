@@ -1,4 +1,4 @@
-"""Cameras of a recorded run: images and ground truth by step."""
+"""Cameras of a recorded run: images and ground truth at each step."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class RecordedCamera:
     """Camera of a run.
 
     Attributes:
-        run: its folder.
-        name: of the camera.
-        mount: model, pose on the base, and mask of the pixels that show the scene.
-        indices: (n,) numbers of its images by frame, or None: a frame is an image.
+        run: folder of the run.
+        name: name of the camera.
+        mount: model, pose on the base, and mask of pixels that show the scene.
+        indices: (n,) numbers of its images by frame; None: frames and images correspond.
     """
 
     run: RunFolder
@@ -45,7 +45,7 @@ class RecordedCamera:
         """Read the calibration of a camera.
 
         Raises:
-            RunError: it cannot be read.
+            RunError: the calibration cannot be read.
         """
         return cls(run, name, read_mount(run.path / name / CALIBRATION))
 
@@ -56,15 +56,15 @@ class RecordedCamera:
 
     @property
     def has_one_viewpoint(self) -> bool:
-        """False for an optical system whose rays do not meet."""
+        """False for non-central optics."""
         return not isinstance(self.mount.camera, NonCentralCamera)
 
     @property
     def central(self) -> CentralCamera:
-        """The camera's model, which has one viewpoint.
+        """Central model of the camera.
 
         Raises:
-            RunError: it has none.
+            RunError: the camera is non-central.
         """
         if not self.has_one_viewpoint:
             raise RunError(
@@ -74,7 +74,7 @@ class RecordedCamera:
         return self.mount.camera
 
     def image_file(self, step: int) -> Path:
-        """File of the image of a step."""
+        """Image file of a step."""
         index = step if self.indices is None else int(self.indices[step])
         return self.run.file(self.name, index, IMAGE)
 
@@ -83,7 +83,7 @@ class RecordedCamera:
 
         Raises:
             OutputError: the file is missing or damaged.
-            RunError: it is not one of this camera.
+            RunError: the image has another size than the camera's.
         """
         path = self.image_file(step)
         pixels, _ = read_image(path)
@@ -100,7 +100,7 @@ class RecordedCamera:
 
         Raises:
             OutputError: the file is missing or damaged.
-            RunError: it is not one of this camera.
+            RunError: the image has another size than the camera's.
         """
         path = self.image_file(step)
         depths = read_image(path)[0][..., 0]
@@ -111,14 +111,14 @@ class RecordedCamera:
         return depths_m
 
     def has(self, channel: str) -> bool:
-        """Channel of ground truth is in the run."""
+        """True if the run has a channel of ground truth."""
         return channel in self.run.manifest.channels
 
     def channel(self, step: int, name: str) -> NDArray[Any]:
-        """Channel of ground truth of a step.
+        """Channel of ground truth at a step.
 
         Raises:
-            OutputError: a file is missing or damaged, or of another image's size.
+            OutputError: a file is missing or damaged, or has another size than the image.
         """
         path = self.image_file(step)
         values: NDArray[Any] = StoredChannels(path, {}).read([name])[name]
@@ -128,10 +128,10 @@ class RecordedCamera:
         return values
 
     def labels(self, step: int) -> Labels | None:
-        """Labels of the classes and instances of a step, or None: unknown.
+        """Labels of the classes and instances at a step; None: unknown.
 
         Raises:
-            OutputError: a damaged table.
+            OutputError: the table is damaged.
         """
         return StoredChannels(self.image_file(step), {}).labels
 
@@ -142,16 +142,16 @@ class RecordedCamera:
 
     @property
     def directions(self) -> NDArray[np.float64]:
-        """Unit vectors (height, width, 3) of the pixels' rays, optical frame."""
+        """Unit vectors (height, width, 3) along the pixels' rays, optical frame."""
         return self._rays[0]
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) that have a ray."""
+        """Pixels (height, width) with a ray."""
         return self._rays[2]
 
     def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Points (n, 3) in the optical frame of the pixels that hit something, and their mask.
+        """Points (n, 3) in the optical frame for pixels with a hit, and a mask of these pixels.
 
         Args:
             ranges_m: (height, width).

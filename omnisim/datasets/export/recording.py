@@ -1,4 +1,4 @@
-"""Recorded runs as exporters read them: whole, with poses, odometry and sensors."""
+"""Recorded runs for exporters: poses, odometry and sensors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, RE
 from omnisim.sensors.imu.mounted_imu import COLUMNS as IMU_COLUMNS
 from omnisim.sensors.sensor import MountedSensor
 
-STAMP_S = 2e-9  # files of nine digits, read twice
+STAMP_S = 2e-9  # rounding of two times with nine digits
 NOTED_S = 1e-3
 
 
@@ -39,7 +39,7 @@ class ImuReadings:
     Attributes:
         times_s: (n,).
         values: (n, 6) angular rate in rad/s and specific force in m/s², frame of the unit.
-        biases: (n, 6) that are in them, or None: the run has none.
+        biases: (n, 6) biases of the readings; None: the run has none.
     """
 
     times_s: NDArray[np.float64]
@@ -51,17 +51,17 @@ class ImuReadings:
 class Recording:
     """Finished run.
 
-    Steps have poses and odometry. A sensor measures at each step, or at a rate of its own: its
-    measurements are numbered from 0, stamped by `times_s(name)`, in the files
-    `run.file(name, index, suffix)`, and those up to a step's time are `indices_at(name, step)`.
-    A format whose frames have all sensors takes `in_frames`, of which a frame is a step.
+    Steps have poses and odometry. A sensor measures at each step, or at its own rate: its
+    measurements are numbered from 0, stamped by `times_s(name)`, in the files `run.file(name,
+    index, suffix)`; those up to a step's time are `indices_at(name, step)`. Formats whose frames
+    have all sensors use `in_frames`, with frames in place of steps.
 
     Attributes:
-        run: its folder.
-        truth: poses of the base at the steps, or frames.
-        odometry: readings of the wheels, or None: it has none.
-        cameras: those that are exported.
-        frames: number of each sensor's measurement by frame, by its name; empty: frames are steps.
+        run: folder of the run.
+        truth: poses of the base at the steps or frames.
+        odometry: readings of the wheels; None: there are none.
+        cameras: exported cameras.
+        frames: by sensor name, number of its measurement at each frame; empty: frames are steps.
     """
 
     run: RunFolder
@@ -75,11 +75,11 @@ class Recording:
         """Read a run.
 
         Args:
-            path: its folder.
-            camera_name: the only camera to export; None: all.
+            path: folder of the run.
+            camera_name: only camera to export; None: all cameras.
 
         Raises:
-            OmnisimError: no run, one that is not finished, no such camera, or a damaged file.
+            OmnisimError: not a run, an unfinished run, an unknown camera, or a damaged file.
         """
         run = RunFolder.read(path)
         for step in range(run.manifest.steps):
@@ -98,20 +98,20 @@ class Recording:
 
     @property
     def steps(self) -> int:
-        """Number of steps, or frames."""
+        """Number of steps or frames."""
         return len(self.truth)
 
     def times_s(self, name: str) -> NDArray[np.float64]:
-        """Times (n,) of a sensor's measurements, those of its frames where frames are taken."""
+        """Times (n,) of a sensor's measurements; with frames, of those in frames."""
         times_s = self.run.times_s(name)
         return times_s[self.frames[name]] if name in self.frames else times_s
 
     def indices_at(self, name: str, step: int) -> range:
-        """Numbers of a sensor's measurements after the step before, up to a step's time."""
+        """Numbers of a sensor's measurements after the previous step, up to a step's time."""
         return self.run.indices_at(name, step)
 
     def index_of(self, name: str, frame: int) -> int:
-        """Number of a sensor's measurement of a frame."""
+        """Number of a sensor's measurement at a frame."""
         return int(self.frames[name][frame]) if name in self.frames else frame
 
     @cached_property
@@ -121,17 +121,17 @@ class Recording:
 
     @property
     def state_times_s(self) -> NDArray[np.float64]:
-        """Times (n,) at which states of the base are recorded: of all measurements, the fastest
-        sensor's among them; in runs of older versions the steps."""
+        """Times (n,) of the recorded states of the base: of all measurements, also of the fastest
+        sensor; in older runs, of the steps."""
         return self.truth.times_s if self._states is None else self._states[0]
 
     @property
     def fine_truth(self) -> Trajectory:
-        """Poses of the base at all times at which states are recorded."""
+        """Poses of the base at all times of recorded states."""
         return Trajectory(self.state_times_s, self.states(self.state_times_s).world_from_base)
 
     def states(self, times_s: NDArray[np.float64]) -> MotionStates:
-        """True states of the base at times (n,): the recorded ones, and between them a spline's."""
+        """True states of the base at times (n,): recorded ones, and between them a spline."""
         if self._states is None:
             return SplineMotion(self.truth).at(times_s)
         known_s, states = self._states
@@ -141,14 +141,14 @@ class Recording:
         return SplineMotion(Trajectory(known_s, states.world_from_base)).at(times_s)
 
     def in_frames(self, names: Sequence[str], print_note: Callable[[str], None]) -> Recording:
-        """Recording whose steps are the measurements of the slowest of some sensors.
+        """Recording whose steps are the measurements of the slowest of several sensors.
 
-        The others' nearest measurements are taken beside each. Where none has a rate of its own it
-        is the recording itself.
+        Each gets the nearest measurements of the others. If no sensor has its own rate, the
+        recording itself.
 
         Args:
             names: sensors of the frames.
-            print_note: called with sensors that measure at other times.
+            print_note: called with notes on sensors that measure at other times.
         """
         if not any(self.run.has_own_rate(name) for name in names):
             return self
@@ -172,7 +172,7 @@ class Recording:
         """Readings of an IMU.
 
         Raises:
-            RunError: a file of them cannot be read, or is damaged.
+            RunError: a file of readings cannot be read, or is damaged.
         """
         folder, columns = self.run.path / name, IMU_COLUMNS.split(",")
         if (folder / READINGS).is_file():
@@ -205,7 +205,7 @@ class Recording:
     def mount(
         self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
     ) -> NDArray[np.float64]:
-        """Pose (4, 4) on the base of a sensor by its pose at a time; None: of the first step."""
+        """Pose (4, 4) of a sensor on the base, from its pose at a time; None: at the first step."""
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
             world_from_base = self.states(np.array([time_s])).world_from_base[0]
@@ -213,26 +213,26 @@ class Recording:
         return pose
 
     def cloud(self, name: str, step: int) -> StoredCloud:
-        """Point cloud of a lidar by the number of its measurement, or frame.
+        """Point cloud of a lidar, by the number of its measurement or frame.
 
         Raises:
-            RunError: its file cannot be read, or is damaged.
+            RunError: the file cannot be read, or is damaged.
         """
         table = self.run.manifest.sensors[name].model_extra or {}
         index = self.index_of(name, step)
         return read_cloud(self.run.file(name, index, f".{table['file_format']}"))
 
     def depth_camera(self, name: str) -> RecordedCamera:
-        """Depth camera, whose images are depths.
+        """Depth camera; its images are depths.
 
         Raises:
-            RunError: its calibration cannot be read.
+            RunError: the calibration cannot be read.
         """
         camera = RecordedCamera.read(self.run, name)
         return dataclasses.replace(camera, indices=self.frames.get(name))
 
     def base_from_lidar(self, name: str) -> NDArray[np.float64]:
-        """Pose (4, 4) of a lidar.
+        """Pose (4, 4) of a lidar on the base.
 
         Raises:
             RunError: its first file cannot be read.
@@ -242,7 +242,7 @@ class Recording:
         )
 
     def base_from_imu(self, name: str) -> NDArray[np.float64]:
-        """Pose (4, 4) of an IMU.
+        """Pose (4, 4) of an IMU on the base.
 
         Raises:
             RunError: its parameters cannot be read.
@@ -255,7 +255,7 @@ class Recording:
             raise RunError(f"{path}: T_BS: expected the 16 numbers of a pose") from None
 
     def imu_parameters(self, name: str) -> str:
-        """Text of an IMU's parameters, in EuRoC's keys.
+        """Text of an IMU's parameters, with EuRoC's keys.
 
         Raises:
             CalibrationError: the file cannot be read.
@@ -264,7 +264,7 @@ class Recording:
 
 
 def _nearest(times_s: NDArray[np.float64], wanted_s: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Numbers (n,) of the times (m,) that are nearest to wanted ones (n,)."""
+    """Indices (n,) of the times (m,) nearest to wanted ones (n,)."""
     after = np.clip(np.searchsorted(times_s, wanted_s), 1, max(len(times_s) - 1, 1))
     after = np.minimum(after, len(times_s) - 1)
     before = np.maximum(after - 1, 0)

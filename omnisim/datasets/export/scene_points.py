@@ -1,8 +1,8 @@
-"""Points of the scene from the ranges of a run's images, with the images that see each.
+"""Points of the scene from the ranges of a run's images, with the images that see each point.
 
-Every k-th pixel of every image gives a point. Another image sees it where its own range agrees
-to 1 %: at most that much the range of the nearest pixel differs on a surface that is not grazed,
-and past the edge of what hides the point it differs by more.
+Every k-th pixel of every image gives a point. Another image sees it if its own range agrees to 1 %:
+the range of the nearest pixel differs by at most that on surfaces that are not seen at grazing
+angles, and by more beyond the edge of an occluder.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 
 MAX_POINTS = 20_000
-AGREEMENT = 0.01  # of the range
+AGREEMENT = 0.01  # share of the range
 
 
 class Observations(NamedTuple):
-    """Points that an image sees.
+    """Points visible in an image.
 
     Attributes:
-        points: (n,) their numbers, rising.
+        points: (n,) indices, ascending.
         pixels: (n, 2) in the exported image, from the center of the first.
     """
 
@@ -54,12 +54,12 @@ class ScenePoints:
 def sample_points(
     recording: Recording, cameras: list[LensCamera], most: int = MAX_POINTS
 ) -> ScenePoints:
-    """Points of images' pixels at even distances; none without ranges.
+    """Points of evenly spaced pixels; none without ranges.
 
     Args:
-        recording: the run.
-        cameras: that see the points.
-        most: number of points, about.
+        recording: run to export.
+        cameras: cameras that see the points.
+        most: approximate number of points.
 
     Raises:
         OmnisimError: a file is missing or damaged.
@@ -87,13 +87,13 @@ def sample_points(
 def observations(
     recording: Recording, cameras: list[LensCamera], points: ScenePoints, front_only: bool
 ) -> Iterator[Observations]:
-    """Points that each image sees, step by step and camera by camera.
+    """Points visible in each image, step by step and camera by camera.
 
     Args:
-        recording: the run.
-        cameras: that see them.
-        points: of the scene.
-        front_only: leave out those at and past 90° from a lens's axis; a panorama has none.
+        recording: run to export.
+        cameras: cameras of the images.
+        points: points of the scene.
+        front_only: leave out points at and past 90° from a lens's axis; a panorama has none.
 
     Raises:
         OmnisimError: a file is missing or damaged.
@@ -112,19 +112,19 @@ def _observations(
     optical_from_world = inverse(pose)
     local_m = points.positions_m @ optical_from_world[:3, :3].T + optical_from_world[:3, 3]
     distances_m = np.linalg.norm(local_m, axis=-1)
-    found = camera.model.pixel_from_ray(local_m)
+    projected = camera.model.pixel_from_ray(local_m)
     width, height = camera.recorded.size_px
-    nearest = np.rint(np.where(found.valid[:, None], found.positions_px, -1.0))
-    inside = found.valid & np.all((nearest >= 0) & (nearest < (width, height)), axis=-1)
+    nearest = np.rint(np.where(projected.valid[:, None], projected.positions_px, -1.0))
+    inside = projected.valid & np.all((nearest >= 0) & (nearest < (width, height)), axis=-1)
     if front_only and not camera.is_panorama:
         inside &= local_m @ camera.axis > 0.0
     seen = np.flatnonzero(inside)
     u, v = nearest[seen].astype(np.intp).T
     ranges_m = camera.recorded.channel(step, "range")[v, u]
-    with np.errstate(invalid="ignore"):  # nothing is hit there
+    with np.errstate(invalid="ignore"):  # of missing hits
         agrees = np.abs(ranges_m - distances_m[seen]) <= AGREEMENT * distances_m[seen]
     seen = seen[agrees]
-    pixels = found.positions_px[seen]
+    pixels = projected.positions_px[seen]
     if camera.is_flipped:
         pixels = np.stack((width - 1 - pixels[:, 0], pixels[:, 1]), axis=-1)
     return Observations(seen, pixels)

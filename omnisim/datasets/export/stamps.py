@@ -1,4 +1,4 @@
-"""Stamps in the texts of data sets: exact, from whole nanoseconds."""
+"""Stamps in the text files of data sets: exact, from integer nanoseconds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def date_text(stamp_ns: int) -> str:
 
 
 def restamped(lines: Iterable[str], stamps: Iterable[str], separator: str) -> Iterator[str]:
-    """Lines of a trajectory file, header first, with other stamps: a float has not all digits."""
+    """Lines of a trajectory file, header first, with exact stamps, which a float cannot hold."""
     rows = iter(lines)
     yield next(rows)
     for line, stamp in zip(rows, stamps, strict=True):

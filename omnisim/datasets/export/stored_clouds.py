@@ -1,4 +1,4 @@
-"""Point clouds of a run's lidars read back from PLY and PCD files."""
+"""Point clouds of a run's lidars, read from PLY and PCD files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class StoredCloud:
 
     Attributes:
         header: parameters and poses of the lidar.
-        points: (n,) of `omnisim.sensors.lidar.point_files.POINT`.
+        points: (n,) of type `omnisim.sensors.lidar.point_files.POINT`.
     """
 
     header: FileHeader
@@ -31,15 +31,15 @@ class StoredCloud:
 
     @property
     def points_m(self) -> NDArray[np.float64]:
-        """Points (n, 3) in the lidar's frame at each one's own time."""
+        """Points (n, 3) in the lidar's frame at each point's own time."""
         return np.stack([self.points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
 
 
 def read_cloud(path: Path) -> StoredCloud:
-    """Read a cloud as `PointCloud.save` writes it.
+    """Read a point cloud written by `PointCloud.save`.
 
     Raises:
-        RunError: the file cannot be read, or is another's or damaged.
+        RunError: the file cannot be read, was written by another program, or is damaged.
     """
     try:
         content = path.read_bytes()

@@ -1,4 +1,4 @@
-"""Tables of a run's sensors read back: laser scans, ranges, readings of IMUs."""
+"""Tables of a run's sensors, read back: laser scans, ranges, IMU readings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import RunError
 from omnisim.datasets.export.file_headers import FileHeader
 
-MAX_NUMBER = 1e30  # of what the formats' floats hold
+MAX_NUMBER = 1e30  # within the range of the formats' floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class StoredTable:
 
     Attributes:
         header: parameters and pose of the sensor.
-        columns: by name, (n,) each.
+        columns: by name, (n,) values each.
     """
 
     header: FileHeader

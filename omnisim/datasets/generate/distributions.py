@@ -1,15 +1,15 @@
-"""Distributions of a plan's numbers, drawn from streams that depend on seed and image alone.
+"""Distributions of a plan's numbers, drawn from streams that depend only on seed and image.
 
 | in the file | drawn |
 | --- | --- |
 | `1.5` | always this number |
-| `[0.2, 1.0]` | evenly between the two |
+| `[0.2, 1.0]` | uniformly between the two |
 | `{ normal = [0.0, 2.0] }` | normally: mean, standard deviation |
-| `{ log_uniform = [0.1, 10.0] }` | evenly in the logarithm |
+| `{ log_uniform = [0.1, 10.0] }` | uniformly in the logarithm |
 | `{ choice = [0.0, 90.0, 180.0] }` | one of them |
 
-Only uniform numbers are taken from the generator, and all else is computed from them: a stream
-stays the same whatever NumPy does to its own distributions.
+Only uniform numbers are taken from NumPy's generator, and all others are computed from them, so
+that streams do not change with NumPy's own distributions.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Distribution:
     """Distribution of a number.
 
     Attributes:
-        kind: of the distribution.
-        numbers: its parameters, as the file lists them.
+        kind: kind of the distribution.
+        numbers: parameters, as in the file.
     """
 
     kind: Kind
@@ -54,7 +54,7 @@ class Distribution:
         return numbers if self.kind == "uniform" else f"{{ {self.kind} = {numbers} }}"
 
     def draw(self, stream: Shares) -> float:
-        """Draw a number; takes one step of the stream, whatever the distribution."""
+        """Draw a number; every distribution takes one step of the stream."""
         share = stream.share()
         first, *rest = self.numbers
         if self.kind == "constant":
@@ -70,12 +70,12 @@ class Distribution:
 
     @property
     def low(self) -> float:
-        """Lowest number that is drawn; −inf: there is none."""
+        """Lowest possible number; −inf: unbounded."""
         return -math.inf if self.kind == "normal" and self.numbers[1] else min(self._ends)
 
     @property
     def high(self) -> float:
-        """Highest number that is drawn; inf: there is none."""
+        """Highest possible number; inf: unbounded."""
         return math.inf if self.kind == "normal" and self.numbers[1] else max(self._ends)
 
     @property
@@ -92,7 +92,7 @@ class Shares(Protocol):
 
 @dataclass(frozen=True)
 class Even:
-    """One share for all numbers: near 0 and 1 they are at the ends of their distributions."""
+    """Constant share: near 0 and 1, numbers are at the ends of their distributions."""
 
     value: float
 
@@ -102,15 +102,15 @@ class Even:
 
 
 class Stream:
-    """Random numbers that are a function of some whole numbers: seed, image, attempt, purpose.
+    """Random numbers as a function of integers: seed, image, attempt, purpose.
 
     Args:
-        seed: of the plan.
-        keys: up to three more, each at least 0.
+        seed: seed of the plan.
+        keys: up to three further integers, each at least 0.
     """
 
     def __init__(self, seed: int, *keys: int):
-        # the lowest word counts the blocks of numbers
+        # the lowest word counts blocks of numbers
         counter = np.array([0, *keys, *[0] * (3 - len(keys))], dtype=np.uint64)
         key = np.array([seed, _KEY], dtype=np.uint64)
         self._generator = np.random.Generator(np.random.Philox(key=key, counter=counter))
@@ -120,11 +120,11 @@ class Stream:
         return float(self._generator.random())
 
     def whole(self, count: int) -> int:
-        """Draw a whole number in [0, count)."""
+        """Draw an integer in [0, count)."""
         return min(int(self.share() * count), count - 1)
 
     def choose(self, items: Sequence[T], weights: Sequence[float] | None = None) -> T:
-        """Draw one of some items, by weights."""
+        """Draw one of several items, by weights."""
         if weights is None:
             return items[self.whole(len(items))]
         ends = np.cumsum(weights)
@@ -132,8 +132,8 @@ class Stream:
         return items[min(row, len(items) - 1)]
 
 
-_KEY = 0x6F6D6E6973696D  # parts these streams from others of the same seed
-_STEP = 2.0**-53  # of shares: keeps normal numbers finite
+_KEY = 0x6F6D6E6973696D  # separates these streams from others with the same seed
+_STEP = 2.0**-53  # of the shares: keeps normal numbers finite
 
 
 def _parse(value: Any) -> Distribution:
@@ -170,14 +170,14 @@ def _checked(kind: Kind, numbers: Any, count: int | None) -> Distribution:
 
 def _is_number(value: Any) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and abs(value) <= MAX_NUMBER  # false for NaN, too
+    return is_number and abs(value) <= MAX_NUMBER  # also refuses NaN
 
 
 Distributed = Annotated[Distribution, PlainValidator(_parse)]
 
 
 def within(low: float, high: float) -> AfterValidator:
-    """Limits of what is drawn; of normal numbers those of the mean: others are drawn again."""
+    """Limits of drawn numbers; for normal numbers of the mean: others are drawn again."""
 
     def check(value: Distribution) -> Distribution:
         numbers = value.numbers[:1] if value.kind == "normal" else value.numbers

@@ -1,4 +1,4 @@
-"""Draws of samples: scene, rig, place, colors and objects as functions of seed and number."""
+"""Draws of samples: scene, rig, place, colors and objects, as functions of seed and number."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from omnisim.datasets.generate.distributions import Distribution, Stream
 from omnisim.datasets.generate.plan import Plan
 from omnisim.datasets.generate.prepared_plan import PlanObject, PreparedPlan
 
-# Purposes of streams: one more number drawn for one moves no other.
+# Purposes of streams: drawing one more number for one purpose changes no other.
 _WHICH, _PLACE, _VARY, _COLORS, _OBJECTS = range(5)
-MAX_TRIES = 200  # for a place that keeps its distances
+MAX_TRIES = 200  # for an object's place at the required distances
 
 
 @dataclass(frozen=True)
 class Which:
-    """Numbers of scene, rig and setup of a sample, which no later attempt changes.
+    """Numbers of a sample's scene, rig and setup, the same for all attempts.
 
     Attributes:
-        scene: of the plan.
-        rig: of the plan.
-        light: setup of its light; 0: light does not vary.
-        camera: setup of its cameras; 0: they do not vary.
+        scene: index of the scene in the plan.
+        rig: index of the rig in the plan.
+        light: setup of the light; 0: light does not vary.
+        camera: setup of the cameras; 0: they do not vary.
     """
 
     scene: int
@@ -43,11 +43,11 @@ class Which:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Object that is placed.
+    """Placed object.
 
     Attributes:
-        name: of its instance.
-        object: number in the plan.
+        name: name of its instance.
+        object: index in the plan.
         world_from_object: (4, 4).
     """
 
@@ -58,19 +58,19 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """All that one attempt at a sample depends on.
+    """All inputs of one attempt at a sample.
 
     Attributes:
-        number: of the sample.
-        attempt: from 0.
+        number: number of the sample.
+        attempt: number of the attempt, from 0.
         which: scene and rig.
-        position_m: (3,) of the viewpoint.
+        position_m: (3,) viewpoint.
         yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
-        shift_m: (3,) of the camera on it.
-        time_s: of the world.
-        exposure_ev: on top of the camera's.
+        shift_m: (3,) shift of the camera on the vehicle.
+        time_s: time of the world.
+        exposure_ev: exposure in addition to the camera's.
         colors: linear RGB by instance.
-        objects: that are placed.
+        objects: placed objects.
     """
 
     number: int
@@ -101,7 +101,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
     """Draw a sample.
 
     Raises:
-        OmnisimError: a file of the plan with a fault, or no place.
+        OmnisimError: a faulty file of the plan, or no place was found.
     """
     plan = prepared.plan
     which = draw_which(plan, number)
@@ -137,7 +137,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Position of the viewpoint (3,), and the attitude that the place itself has."""
+    """Position of the viewpoint (3,), and the attitude of the place itself."""
 
     position_m: NDArray[np.float64]
     yaw_deg: float = 0.0
@@ -167,7 +167,7 @@ def _on_floor(free: FreeSpace, stream: Stream) -> NDArray[np.float64]:
 
 
 def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
-    """Point of a path, evenly by length, and the heading there."""
+    """Point on a path, uniformly by length, and the path's heading there."""
     table, paths = prepared.plan.viewpoints, prepared.paths(scene)
     legs = np.concatenate([np.stack((path[:-1], path[1:]), axis=1) for path in paths])
     lengths = np.linalg.norm(legs[:, 1] - legs[:, 0], axis=1)
@@ -180,7 +180,7 @@ def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
 
 
 def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
-    """Point at a distance from an object, and the heading towards it."""
+    """Point at a distance from an object, and the heading toward the object."""
     middle = stream.choose(prepared.middles(scene))
     distance_m = prepared.plan.viewpoints.distance_m.draw(stream)
     angle = 2.0 * math.pi * stream.share()
@@ -202,7 +202,7 @@ def _above(
 
 
 def _of_file(world_from_base: NDArray[np.float64]) -> _Place:
-    """Pose of a file, as yaw, pitch and roll."""
+    """Pose from a file, as yaw, pitch and roll."""
     roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(world_from_base[:3, :3]))
     return _Place(world_from_base[:3, 3], yaw, pitch, roll, turns_along=True)
 
@@ -210,7 +210,7 @@ def _of_file(world_from_base: NDArray[np.float64]) -> _Place:
 def _colors(
     prepared: PreparedPlan, scene: int, stream: Stream
 ) -> dict[str, tuple[float, float, float]]:
-    found = {}
+    colors = {}
     for table in prepared.plan.vary.recolor:
         for name in prepared.instances(scene, table.nodes, "vary.recolor.nodes"):
             is_drawn = stream.share() < table.share
@@ -219,8 +219,8 @@ def _colors(
                 hue, saturation, value = parts
                 rgb = colorsys.hsv_to_rgb(hue / 360.0 % 1.0, _unit(saturation), _unit(value))
                 red, green, blue = linear_from_srgb(np.array(rgb)).tolist()
-                found[name] = (red, green, blue)
-    return found
+                colors[name] = (red, green, blue)
+    return colors
 
 
 def _unit(value: float) -> float:
@@ -228,7 +228,7 @@ def _unit(value: float) -> float:
 
 
 def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Placed, ...]:
-    """Objects on the free floor, apart from one another and from the viewpoint."""
+    """Objects on the free floor, apart from each other and from the viewpoint."""
     free = prepared.free_space(drawn.which.scene)
     own_m = prepared.plan.viewpoints.radius_m
     taken = [(drawn.position_m[:2], own_m)]
@@ -256,7 +256,7 @@ def _apart(
     """Point (3,) on the floor for an object.
 
     Raises:
-        PlanError: there is none.
+        PlanError: no such point was found.
     """
     for _ in range(MAX_TRIES):
         angle, distance = 2.0 * math.pi * stream.share(), distance_m.draw(stream)
@@ -275,7 +275,7 @@ def _apart(
 def _standing(
     shape: PlanObject, point_m: NDArray[np.float64], yaw_deg: float
 ) -> NDArray[np.float64]:
-    """Pose (4, 4) that turns an object about its middle and puts it on the floor."""
+    """Pose (4, 4) that rotates an object about its middle and puts it on the floor."""
     turned = pose((0.0, 0.0, 0.0), 0.0, 0.0, yaw_deg)
     centered = np.eye(4)
     centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]

@@ -1,4 +1,4 @@
-"""Generation of a data set: the shards that are missing, then manifest and card."""
+"""Generation of a data set: the missing shards, then manifest and card."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from omnisim.datasets.generate.shard import ShardMaker, ShardSummary, find_shard
 from omnisim.datasets.generate.workers import Job, Made, make_shards, scratch_folder, threads_shared
 
 PLAN, SHARDS = "plan.json", "shard-*.tar"
-PROBED_SAMPLES = 12  # by each worker, for an estimate
+PROBED_SAMPLES = 12  # per worker, for an estimate
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Size of a data set, and the time that it takes.
+    """Size of a data set, and the time to generate it.
 
     Attributes:
-        samples: of all shards.
+        samples: number of samples in all shards.
         sample_bytes: mean size of a sample in its shard.
         samples_per_s: rate of all workers together.
-        start_s: until a worker's first sample.
+        start_s: time until a worker's first sample.
     """
 
     samples: int
@@ -39,29 +39,29 @@ class Estimate:
 
     @property
     def seconds(self) -> float:
-        """Time of all shards."""
+        """Time for all shards in seconds."""
         return self.start_s + self.samples / self.samples_per_s
 
 
 class Generation:
-    """Data set that is being made in a folder.
+    """Generation of a data set in a folder.
 
     Args:
-        path: of the plan.
-        folder: of the data set, which may be there already.
-        shards: numbers to make; None: all of the plan.
-        workers: processes; 1: this one.
-        device: EGL's number of the GPU; None takes the first.
+        path: path of the plan.
+        folder: folder of the data set; may exist.
+        shards: numbers of the shards to generate; None: all.
+        workers: number of processes; 1: this one.
+        device: EGL index of the GPU; None: the first.
 
     Attributes:
         prepared: plan with its files read.
-        job: what its workers are told.
-        shards: numbers to make.
-        missing: numbers of the shards that are not there yet.
+        job: job description for the workers.
+        shards: numbers of the shards to generate.
+        missing: numbers of the missing shards.
 
     Raises:
-        OmnisimError: a fault of the plan or of one of its files, shards that the plan does not
-            have, or a folder of another plan.
+        OmnisimError: a faulty plan or file of it, shards that the plan does not have, or a folder
+            of another plan.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Generation:
         self.missing = [number for number in self.shards if self._found(number) is None]
 
     def run(self) -> Iterator[Made]:
-        """Make the shards that are missing; yield after each sample and each shard.
+        """Generate the missing shards; yield after each sample and each shard.
 
         Raises:
             OmnisimError: a sample that cannot be drawn, or a file that cannot be written.
@@ -113,20 +113,20 @@ class Generation:
             maker.close()
 
     def _keep_folder(self) -> None:
-        """Take the folder again, where another process has given it up."""
+        """Claim the folder again if another process has released it."""
         if not (self.job.folder / PLAN).is_file():
             self.job.folder.mkdir(exist_ok=True)
             write_text(self.job.folder / PLAN, self._claim)
 
     def finish(self) -> Manifest | None:
-        """Write manifest and card, once all shards of the plan are there; None: some are not.
+        """Write manifest and card once all shards of the plan exist; None: some are missing.
 
         Raises:
             OutputError: a file cannot be written.
         """
-        found = [self._found(number) for number in range(self.prepared.plan.shards)]
-        summaries = tuple(one for one in found if one is not None)
-        if len(summaries) < len(found):
+        finished = [self._found(number) for number in range(self.prepared.plan.shards)]
+        summaries = tuple(one for one in finished if one is not None)
+        if len(summaries) < len(finished):
             return None
         manifest = Manifest(
             self.prepared.plan.title or self.job.plan.stem,
@@ -145,9 +145,9 @@ class Generation:
         return manifest
 
     def give_up(self) -> None:
-        """Give a folder up that this process has taken, after a fault before any shard is in it.
+        """Release the folder that this process has claimed, after a fault before its first shard.
 
-        Another process of the same plan that is at work in it takes it again.
+        Another process of the same plan that works in it claims it again.
         """
         folder = self.job.folder
         if not self._has_taken_folder or any(folder.glob(SHARDS)):
@@ -158,11 +158,13 @@ class Generation:
             folder.rmdir()
 
     def _found(self, number: int) -> ShardSummary | None:
-        found = find_shard(self.job.folder, number)
-        return found if found is not None and found.plan == self.prepared.fingerprint else None
+        summary = find_shard(self.job.folder, number)
+        return (
+            summary if summary is not None and summary.plan == self.prepared.fingerprint else None
+        )
 
     def _own_folder(self) -> None:
-        """Make the folder this plan's, or refuse it."""
+        """Claim the folder for this plan, or refuse it."""
         folder = self.job.folder
         content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
         text = self._claim = json.dumps(content, indent=1) + "\n"
@@ -178,7 +180,7 @@ class Generation:
         if before == text:
             return
         is_abandoned = there == [PLAN] and before is not None and before.startswith(text[:10])
-        if there and not is_abandoned:  # a plan that made no shard has no claim
+        if there and not is_abandoned:  # a plan without a shard has no claim
             what = "another plan, or of other scenes" if before else "no data set"
             raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
         write_text(folder / PLAN, text)
@@ -186,10 +188,10 @@ class Generation:
 
 
 def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimate:
-    """Measure some samples of a plan, and throw them away.
+    """Render some samples of a plan to measure size and time; they are discarded.
 
     Raises:
-        OmnisimError: a fault of the plan or of one of its files, or a sample that cannot be drawn.
+        OmnisimError: a faulty plan or file of it, or a sample that cannot be drawn.
     """
     begin_s = time.perf_counter()
     with scratch_folder() as folder:

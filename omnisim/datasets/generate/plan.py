@@ -18,7 +18,7 @@ from omnisim.ground_truth.coco import BoxLimits
 
 Weight = Annotated[float, Field(strict=True, gt=0.0, le=1e9)]
 Where = Literal["free", "path", "around", "poses"]
-MAX_SHARDS = 1_000_000  # of a data set
+MAX_SHARDS = 1_000_000  # per data set
 
 
 def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -32,22 +32,22 @@ def _channels(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class PlanSceneTable(Table):
-    """Scene that images are taken in."""
+    """Scene of the images."""
 
     file: Name
     """Scene file, relative to the plan; or the name of a built-in scene."""
     name: Name | None = None
-    """Name in the data set; left out: that of its file."""
+    """Name in the data set; left out: the file's name."""
     weight: Weight = 1.0
-    """Share of the images, relative to the other scenes'."""
+    """Share of the images, relative to the other scenes' weights."""
     up_axis: Literal["x", "y", "z"] | None = None
-    """Axis of the file that points up; left out: as its format has it."""
+    """Up axis of the file; left out: its format's."""
     meters_per_unit: Positive | None = None
-    """Meters in a unit of the file; left out: as its format has it."""
+    """Meters per unit of the file; left out: its format's."""
     labels: Name | None = None
     """Label file, relative to the plan, instead of the scene's own labels."""
     floor_m: Annotated[float, Field(strict=True, ge=-1e6, le=1e6)] | None = None
-    """Height of the floor; left out: the one below the scene's start."""
+    """Height of the floor in meters; left out: of the floor below the scene's start."""
 
     @property
     def title(self) -> str:
@@ -56,38 +56,38 @@ class PlanSceneTable(Table):
 
 
 class PlanCameraTable(Table):
-    """Camera, or rig, that takes images; without sensor, calibration and optics the paper's."""
+    """Camera or rig; without sensor, calibration and optics, the paper's camera."""
 
     name: Name | None = None
-    """Name in the data set, distinct; left out: that of its file."""
+    """Unique name in the data set; left out: the file's name."""
     sensor: Name | None = None
     """Sensor file, relative to the plan."""
     calibration: Name | None = None
     """Calibration file, relative to the plan."""
     camera_name: Name | None = None
-    """Camera of the calibration file, or "all": the whole rig, each pose seen by each camera; left
-    out: the first."""
+    """Camera of the calibration file, or "all": the whole rig, with each pose seen by each camera;
+    left out: the first."""
     mirrored: Flag | None = None
-    """It looks into a mirror; left out: as in the file's metadata."""
+    """The camera looks into a mirror; left out: from the file's metadata."""
     optics: Name | None = None
     """Optics file, relative to the plan."""
     size_px: Annotated[int, Field(strict=True, ge=1, le=16384)] | None = None
-    """Shorter side of the image; left out: as in the file."""
+    """Shorter side of the image in pixels; left out: the file's."""
     quality: Literal["fast", "default", "fine"] | None = None
-    """Quality of the capture."""
+    """Quality of the rendering."""
     preset: Name | None = None
-    """Degradations by the name of a preset, or the path of its file; the world is at rest."""
+    """Name of a degradation preset, or the path of its file; the world is at rest."""
     parameters: dict[Name, Distributed] = Field(default_factory=dict)
-    """What is added to parameters of the camera's model, by their names in its file, in pixels of
-    the file; to each number of a list another."""
+    """Offsets of the camera model's parameters, by their names in its file, in pixels of the file;
+    each number of a list gets its own."""
     degradation: dict[Name, dict[Name, Distributed]] = Field(default_factory=dict)
-    """Parameters of degradations that are drawn, as in the sensor file's [degradation]."""
+    """Drawn parameters of degradations, as in the sensor file's [degradation]."""
     mount_shift_m: Distributed = fixed(0.0)
-    """Shift of each camera on its rig along each axis, meters: extrinsics that are not exact."""
+    """Shift of each camera on its rig along each axis in meters: errors of the extrinsics."""
     mount_turn_deg: Distributed = fixed(0.0)
-    """Turn of each camera on its rig about each axis, degrees."""
+    """Rotation of each camera on its rig about each axis in degrees."""
     weight: Weight = 1.0
-    """Share of the images, relative to the other cameras'."""
+    """Share of the images, relative to the other cameras' weights."""
 
     @model_validator(mode="after")
     def _one_file(self) -> PlanCameraTable:
@@ -107,7 +107,7 @@ class PlanCameraTable(Table):
 
     @property
     def varies(self) -> bool:
-        """True where each setup has a camera of its own."""
+        """True if each setup has its own camera parameters."""
         return not {"parameters", "degradation", "mount_shift_m", "mount_turn_deg"}.isdisjoint(
             _without_defaults(self)
         )
@@ -122,22 +122,22 @@ class ViewpointTable(Table):
     height_m: Distributed = fixed(1.0)
     """Height of the viewpoint above the floor, meters."""
     radius_m: Positive = 0.25
-    """Radius around the viewpoint, down to the floor, that is clear of surfaces."""
+    """Radius around the viewpoint, down to the floor, without surfaces, in meters."""
     step_m: NotNegative = 0.1
-    """Height of what is driven over: lower surfaces do not count."""
+    """Height in meters that is driven over: lower surfaces do not count."""
     region: Literal["start", "all"] = "start"
-    """`start`: the free floor that hangs together with the scene's start; `all`: all of it."""
+    """`start`: the free floor connected to the scene's start; `all`: all free floor."""
     paths: tuple[Name, ...] = ()
-    """Names of the scene's paths; none: all of them."""
+    """Names of the scene's paths; left out: all paths."""
     beside_m: Distributed = fixed(0.0)
     """Distance to the left of a path, meters."""
     nodes: tuple[Name, ...] = ()
-    """Names of the objects around which viewpoints are; `*` and `?` match any letters."""
+    """Names of the objects for viewpoints around objects; `*` and `?` match any letters."""
     distance_m: Distributed = Distribution("uniform", (1.0, 3.0))
-    """Distance from the object's middle on the floor plan, meters."""
+    """Distance from the object's middle on the floor plan in meters."""
     file: Name | None = None
-    """File of poses, relative to the plan: TUM, KITTI, EuRoC or CSV; of the viewpoint on a level
-    vehicle, x forward."""
+    """File of poses, relative to the plan: TUM, KITTI, EuRoC or CSV; poses of the viewpoint on a
+    level vehicle, x forward."""
 
     @model_validator(mode="after")
     def _complete(self) -> ViewpointTable:
@@ -151,25 +151,25 @@ class ViewpointTable(Table):
 
 
 class PlanObjectTable(Table):
-    """Objects that are placed on the free floor, without touching."""
+    """Objects to place on the free floor, without contact."""
 
     file: Name
     """Scene file of the object, relative to the plan; or the name of a built-in scene."""
     name: Name | None = None
-    """Name of its instances, before their number; left out: that of its file."""
+    """Name of its instances, before their number; left out: the file's name."""
     up_axis: Literal["x", "y", "z"] | None = None
-    """Axis of the file that points up; left out: as its format has it."""
+    """Up axis of the file; left out: its format's."""
     meters_per_unit: Positive | None = None
-    """Meters in a unit of the file; left out: as its format has it."""
+    """Meters per unit of the file; left out: its format's."""
     count: tuple[
         Annotated[int, Field(strict=True, ge=0, le=100)],
         Annotated[int, Field(strict=True, ge=0, le=100)],
     ] = (1, 1)
-    """Least and most of them in an image."""
+    """Minimum and maximum number of them in an image."""
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Heading, degrees."""
+    """Heading in degrees."""
     distance_m: Distributed = Distribution("uniform", (0.5, 5.0))
-    """Distance from the viewpoint on the floor plan, meters."""
+    """Distance from the viewpoint on the floor plan in meters."""
 
     @model_validator(mode="after")
     def _ordered(self) -> PlanObjectTable:
@@ -184,7 +184,7 @@ class PlanObjectTable(Table):
 
 
 class RejectTable(Table):
-    """Images that are drawn again."""
+    """Conditions for drawing an image again."""
 
     synonyms: ClassVar[Mapping[str, str]] = {
         "least_hits": "min_hit_share",
@@ -194,20 +194,20 @@ class RejectTable(Table):
     min_hit_share: Fraction = 0.1
     """Minimum share of the rays that hit a surface."""
     near_m: NotNegative = 0.1
-    """Range below which a surface counts as too near, meters."""
+    """Range below which a surface is too near, in meters."""
     max_near_share: Fraction = 0.25
     """Maximum share of the rays that hit a surface nearer than `near_m`."""
     attempts: Annotated[int, Field(strict=True, ge=1, le=1000)] = 50
-    """Draws until the plan is given up."""
+    """Maximum number of draws per image; then generation fails."""
 
     @property
     def is_needed(self) -> bool:
-        """True where an image can be rejected."""
+        """True if images can be rejected."""
         return self.min_hit_share > 0.0 or (self.near_m > 0.0 and self.max_near_share < 1.0)
 
 
 class Plan(Table):
-    """Data set: what is in its images, and how they are stored."""
+    """Data set: contents of its images, and their storage."""
 
     synonyms: ClassVar[Mapping[str, str]] = {
         "scene": "scenes",
@@ -223,27 +223,27 @@ class Plan(Table):
     objects: tuple[PlanObjectTable, ...] = ()
     reject: RejectTable = RejectTable()
     channels: Annotated[tuple[Name, ...], AfterValidator(_channels)] = ()
-    """Channels of ground truth beside the images."""
+    """Channels of ground truth besides the images."""
     min_area_px: Annotated[int, Field(strict=True, ge=1)] = 1
-    """Visible pixels of an object from which on it is annotated; with the channel instance."""
+    """Minimum number of visible pixels of an annotated object; requires the channel instance."""
     min_visible: Fraction | None = None
-    """Share of the pixels that an object would cover alone, from which on it is annotated; with the
-    channel instance and the extra `rays`. Annotations then have their `visible_share`, also with 0;
-    left out: shares are not found."""
+    """Minimum visible share of an annotated object, relative to the pixels that it would cover
+    alone; requires the channel instance and the extra `rays`. Annotations then have a
+    `visible_share`, also if 0; left out: shares are not computed."""
     images_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGES)] = 100
-    """Samples of a shard."""
+    """Samples per shard."""
     shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1
     """Number of shards."""
     seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = 0
-    """Seed of all that is drawn: another seed, other images."""
+    """Seed of all random numbers: another seed gives other images."""
     image_format: Literal["png", "jpg"] = "png"
     """File format of the images."""
     channel_format: Literal["auto", "npy"] = "auto"
-    """`npy`: arrays as they are, quick to load; `auto`: a common file format for each."""
+    """`npy`: plain arrays, fast to load; `auto`: a common file format for each channel."""
     title: Name | None = None
-    """Name of the data set; left out: the plan's."""
+    """Name of the data set; left out: the plan's file name."""
     license: Name | None = None
-    """License of the data set, for its card."""
+    """License of the data set, stated on its card."""
 
     @model_validator(mode="after")
     def _distinct(self) -> Plan:
@@ -270,12 +270,12 @@ class Plan(Table):
 
     @property
     def box_limits(self) -> BoxLimits:
-        """Limits of the objects that are annotated."""
+        """Limits of annotated objects."""
         return BoxLimits(self.min_area_px, self.min_visible)
 
     @property
     def images(self) -> int:
-        """Samples of all shards."""
+        """Number of samples in all shards."""
         return self.shards * self.images_per_shard
 
     @property
@@ -284,17 +284,17 @@ class Plan(Table):
         return () if self.vary.sky is None else self.vary.sky.files
 
     def content(self) -> dict[str, Any]:
-        """Keys and values that images depend on, as JSON can hold them, without defaults."""
+        """Keys and values that the images depend on, of JSON types, without defaults."""
         left_out = ("shards", "title", "license")
-        found: dict[str, Any] = _plain(self)
-        return {key: value for key, value in found.items() if key not in left_out}
+        content: dict[str, Any] = _plain(self)
+        return {key: value for key, value in content.items() if key not in left_out}
 
 
 def read_plan(path: Path) -> Plan:
     """Read a plan.
 
     Raises:
-        PlanError: one line for each fault, naming file, key, value and what was expected.
+        PlanError: one line per fault, naming file, key, value and expected value.
     """
     return read_toml(path, Plan, PlanError)
 
@@ -310,7 +310,7 @@ def _plain(value: Any) -> Any:
 
 
 def _without_defaults(table: Table) -> dict[str, Any]:
-    """Keys of a table whose values are not their defaults."""
+    """Keys of a table with values other than their defaults."""
     fields = type(table).model_fields
     return {
         key: value

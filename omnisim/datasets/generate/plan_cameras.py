@@ -1,4 +1,4 @@
-"""Cameras of a plan: as their files have them, and as each setup draws them."""
+"""Cameras of a plan: from their files, and as drawn for each setup."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ ROUNDING = 1e-9  # of a parameter that is computed from others
 
 @dataclass(frozen=True, eq=False)
 class PlanRig:
-    """Cameras that take each sample of theirs together.
+    """Cameras of a plan that take samples together.
 
     Attributes:
         title: name in the data set.
-        cameras: by name; a single camera's name is empty.
+        cameras: cameras by name; a single camera's name is empty.
     """
 
     title: str
@@ -39,23 +39,23 @@ class PlanRig:
 
     @property
     def first(self) -> OmniCamera:
-        """Camera whose viewpoint is placed."""
+        """Camera at the drawn viewpoint."""
         return next(iter(self.cameras.values()))
 
 
 class RigFile:
-    """Cameras of a plan's table, whose file is read once.
+    """Cameras of a table of the plan, with their file, read once.
 
     Args:
-        table: of the plan.
-        plan: path of its file.
-        is_exposed: the exposure varies from image to image.
+        table: table of the plan.
+        plan: path of the plan's file.
+        is_exposed: the exposure varies between images.
 
     Attributes:
-        sources: files that it was read from.
+        sources: the files that were read.
 
     Raises:
-        OmnisimError: a file with a fault.
+        OmnisimError: a faulty file.
     """
 
     def __init__(self, table: PlanCameraTable, plan: Path, is_exposed: bool):
@@ -69,12 +69,12 @@ class RigFile:
         """Rig with its size, quality and degradations.
 
         Args:
-            stream: that what varies is drawn from; None: nothing does.
+            stream: stream for varying values; None: nothing varies.
 
         Raises:
-            OmnisimError: parameters that the camera cannot have.
+            OmnisimError: invalid parameters of the camera.
         """
-        table, found = self.table, {}
+        table, cameras = self.table, {}
         for name, camera in self._read.items():
             if stream is not None:
                 camera = self._drawn(camera, stream)
@@ -86,14 +86,14 @@ class RigFile:
                 camera = camera.with_degradation(preset(table.preset, self._plan.parent))
             if stream is not None and table.degradation:
                 camera = camera.with_degradation(self._degradation(camera.degradation, stream))
-            found[name] = self._exposed(camera) if self._is_exposed else camera
-        return PlanRig(table.title, found)
+            cameras[name] = self._exposed(camera) if self._is_exposed else camera
+        return PlanRig(table.title, cameras)
 
     def _place(self, key: str) -> str:
         return f"{self._plan}: cameras: {self.table.title}: {key}"
 
     def _drawn(self, camera: OmniCamera, stream: Shares) -> OmniCamera:
-        """Camera with parameters and a mount of its own."""
+        """Camera with drawn parameters and a drawn mount."""
         table = self.table
         model = self._varied(camera.model, table.parameters, stream)
         shift_m = [table.mount_shift_m.draw(stream) for _ in range(3)]
@@ -104,7 +104,7 @@ class RigFile:
     def _varied(
         self, model: CentralCamera, parameters: Mapping[str, Distribution], stream: Shares
     ) -> CentralCamera:
-        """Camera model with something added to its parameters."""
+        """Camera model with offsets of its parameters."""
         if not parameters:
             return model
         wanted: dict[str, Any] = dict(model.parameters())
@@ -119,19 +119,19 @@ class RigFile:
             known[key] = [one + distribution.draw(stream) for one in numbers]
             wanted[key] = known[key] if isinstance(wanted[key], list) else known[key][0]
         try:
-            found = camera_of_parameters(wanted)
+            camera = camera_of_parameters(wanted)
         except OmnisimError as reason:
             raise PlanError(f"{self._place('parameters')}: {reason}") from None
         for key in parameters:
-            if not np.allclose(_numbers(found.parameters()[key]), known[key], rtol=ROUNDING):
+            if not np.allclose(_numbers(camera.parameters()[key]), known[key], rtol=ROUNDING):
                 raise PlanError(
                     f"{self._place(f'parameters.{key}')}: follows from the other parameters: "
                     "expected one of these"
                 )
-        return found
+        return camera
 
     def _degradation(self, before: Degradation, stream: Shares) -> Degradation:
-        """Degradation with parameters that are drawn."""
+        """Degradation with drawn parameters."""
         tables: dict[str, dict[str, Any]] = dict(before.tables())
         for name, keys in self.table.degradation.items():
             drawn = {key: _number(name, key, one.draw(stream)) for key, one in keys.items()}
@@ -160,7 +160,7 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
         return {"": OmniCamera(read_optics_file(folder / table.optics))}
     if table.calibration is None:
         return {"": OmniCamera()}
-    # formats and fits are worth their time only to plans with a calibration
+    # only plans with a calibration need the formats and fits, which are slow to import
     from omnisim.cameras.calibration import load_calibration
     from omnisim.cameras.calibration.rig import Rig
     from omnisim.robots.rig_vehicle import rig_vehicle
@@ -174,12 +174,12 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
 
 
 def _numbers(value: Any) -> list[float]:
-    """Numbers of a camera's parameter, which is one or a list of them; none of other parameters."""
+    """Numbers of a camera's parameter, a number or a list; none for other parameters."""
     values = value if isinstance(value, list) else [value]
     return values if all(isinstance(one, float) for one in values) else []
 
 
 def _number(effect: str, key: str, value: float) -> float | int:
-    """Number of a degradation's key, whole where the key's are."""
+    """Number for a degradation's key, an integer if the key's values are."""
     field = getattr(EFFECTS.get(effect), "__dataclass_fields__", {}).get(key)
     return round(value) if field is not None and isinstance(field.default, int) else value

@@ -1,4 +1,4 @@
-"""Light of a setup: the scene's lamps and sky, as they are drawn."""
+"""Light of a setup: drawn lamps and sky of a scene."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _SRGB_FROM_XYZ = np.array(
 
 @dataclass(frozen=True, eq=False)
 class DrawnLight:
-    """Scene in a light that is drawn.
+    """Scene with drawn light.
 
     Attributes:
-        scene: with its lighting.
-        values: what was drawn, as JSON can hold it.
+        scene: scene with the lighting.
+        values: drawn values, of JSON types.
     """
 
     scene: Scene
@@ -44,13 +44,13 @@ def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> Dra
     """Draw the light of a scene.
 
     Args:
-        scene: in its own light.
+        scene: scene with its own light.
         vary: table of the plan.
-        stream: that is drawn from.
-        plan: path of its file, which maps are beside.
+        stream: stream of random numbers.
+        plan: path of the plan's file; maps are relative to it.
 
     Raises:
-        OmnisimError: it is night, or a map that cannot be read.
+        OmnisimError: the sun is below the horizon, or a map cannot be read.
     """
     values: dict[str, Any] = {}
     if vary.light is not None:
@@ -91,7 +91,7 @@ def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]
 
 
 def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
-    """Scene under another sky, whose sun takes the directional lamps' place."""
+    """Scene under another sky, whose sun replaces the directional lamps."""
     lamps = (one for one in scene.lighting.lights if one.kind is not LightKind.DIRECTIONAL)
     lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
     scene = dataclasses.replace(scene, lighting=lighting)
@@ -101,12 +101,12 @@ def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
 
 
 def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:
-    """Factors of a scene's lamps, and their temperatures."""
-    found: dict[str, Any] = {"ambient_factor": table.ambient_factor.draw(stream)}
-    found["lamp_factors"] = [table.lamp_factor.draw(stream) for _ in range(count)]
+    """Factors and temperatures of a scene's lamps."""
+    values: dict[str, Any] = {"ambient_factor": table.ambient_factor.draw(stream)}
+    values["lamp_factors"] = [table.lamp_factor.draw(stream) for _ in range(count)]
     if (kelvin := table.lamp_temperature_k) is not None:
-        found["lamp_temperatures_k"] = [kelvin.draw(stream) for _ in range(count)]
-    return found
+        values["lamp_temperatures_k"] = [kelvin.draw(stream) for _ in range(count)]
+    return values
 
 
 def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
@@ -125,14 +125,14 @@ def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
 
 
 def _of_temperature(lamp: Light, kelvin: float) -> Light:
-    """Lamp of a black body's color, as bright as it was."""
+    """Lamp with a black body's color, and its previous brightness."""
     level = float(_LUMINANCE @ lamp.color)
     red, green, blue = (level * one for one in black_body_rgb(kelvin))
     return dataclasses.replace(lamp, color=(red, green, blue))
 
 
 def black_body_rgb(kelvin: float) -> tuple[float, float, float]:
-    """Linear sRGB of a black body from 1667 K to 25 000 K, of luminance 1.
+    """Linear sRGB of a black body from 1667 K to 25 000 K, with luminance 1.
 
     Source: Kim et al., "Design of advanced color temperature control system for HDTV
     applications", 2002: a cubic fit of the Planckian locus in CIE xy.

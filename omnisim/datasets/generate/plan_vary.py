@@ -1,4 +1,4 @@
-"""Tables of a plan for what varies: attitude, time, light, sky and colors."""
+"""Tables of a plan for variation: attitude, time, light, sky and colors."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from omnisim.core.files.parameters import MAX_NUMBER, Fraction, Name, Table
 from omnisim.datasets.generate.distributions import Distributed, Distribution, within
 
-MAX_IMAGES = 100_000  # of a shard, or a setup
-COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # of black bodies whose colors are known
+MAX_IMAGES = 100_000  # per shard or setup
+COLDEST_K, HOTTEST_K = 1667.0, 25_000.0  # range of the fit of black bodies' colors
 
 
 def fixed(value: float) -> Distribution:
@@ -19,7 +19,7 @@ def fixed(value: float) -> Distribution:
 
 
 class RecolorTable(Table):
-    """Instances of a color of their own in each image."""
+    """Instances with an individual color in each image."""
 
     nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
     """Names of the instances; `*` and `?` stand for any letters."""
@@ -30,18 +30,18 @@ class RecolorTable(Table):
     value: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.2, 0.95))
     """Value, 0 to 1."""
     share: Fraction = 1.0
-    """Share of the images that have it."""
+    """Share of the images with such a color."""
 
 
 class VaryLightTable(Table):
-    """Lamps of the scenes, from setup to setup; but for the sun of [vary.sky]."""
+    """Lamps of the scenes, by setup; except for the sun of [vary.sky]."""
 
     lamp_factor: Distributed = fixed(1.0)
-    """Factor of each lamp's intensity, at least 0: another for each lamp."""
+    """Factor of each lamp's intensity, at least 0; drawn for each lamp."""
     lamp_temperature_k: Distributed | None = None
-    """Color temperature of each lamp, kelvin; left out: the lamps' own colors."""
+    """Color temperature of each lamp in kelvin; left out: the lamps' own colors."""
     ambient_factor: Distributed = fixed(1.0)
-    """Factor of the light from everywhere, at least 0."""
+    """Factor of the ambient light, at least 0."""
 
     @model_validator(mode="after")
     def _is_light(self) -> VaryLightTable:
@@ -57,15 +57,15 @@ class VaryLightTable(Table):
 
 
 class VarySkyTable(Table):
-    """Sky of the scenes, from setup to setup, instead of their own sky and directional lamps.
+    """Sky of the scenes, by setup, instead of their own sky and directional lamps.
 
-    Environment maps where there are files; else a clear sky with its sun.
+    Environment maps, if there are files; otherwise a clear sky with its sun.
     """
 
     files: tuple[Name, ...] = ()
-    """Environment maps, .hdr or .exr, relative to the plan: one for each setup."""
+    """Environment maps, .hdr or .exr, relative to the plan; one per setup."""
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Turn of the map, or of north, in degrees, counter-clockwise seen from above."""
+    """Rotation of the map, or of north, in degrees, counter-clockwise seen from above."""
     brightness: Annotated[Distributed, within(0.0, MAX_NUMBER)] = fixed(0.8)
     """Brightness of a level white surface under sky and sun; 1 is white."""
     turbidity: Annotated[Distributed, within(2.0, 10.0)] = Distribution("uniform", (2.0, 6.0))
@@ -74,15 +74,15 @@ class VarySkyTable(Table):
     """Solar time in hours, at which the sun is above the horizon; left out: the sun's height and
     direction are drawn."""
     day: Annotated[Distributed, within(1.0, 366.0)] = fixed(172.0)
-    """Day of the year, 1 to 365, of the hour."""
+    """Day of the year, 1 to 365, for hour."""
     latitude_deg: Annotated[Distributed, within(-90.0, 90.0)] = fixed(50.0)
-    """Latitude of the hour, degrees."""
+    """Latitude in degrees, for hour."""
     sun_elevation_deg: Annotated[Distributed, within(0.0, 90.0)] = Distribution(
         "uniform", (15.0, 75.0)
     )
-    """Height of the sun above the horizon, degrees; without hour."""
+    """Height of the sun above the horizon in degrees; without hour."""
     sun_azimuth_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Direction of the sun, degrees counter-clockwise from the world's x; without hour."""
+    """Direction of the sun in degrees, counter-clockwise from the world's x; without hour."""
 
     @model_validator(mode="after")
     def _one_sky(self) -> VarySkyTable:
@@ -102,21 +102,21 @@ class VaryTable(Table):
     """Attitude, time, light and colors of the images."""
 
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Heading, degrees from the world's x; along paths and poses it counts from theirs, and is 0
-    unless it is given."""
+    """Heading in degrees from the world's x; along paths and poses, relative to theirs, and 0 by
+    default."""
     pitch_deg: Distributed = fixed(0.0)
-    """Pitch of the vehicle, degrees: the front down."""
+    """Pitch of the vehicle in degrees: positive: front down."""
     roll_deg: Distributed = fixed(0.0)
-    """Roll of the vehicle, degrees: the left side up."""
+    """Roll of the vehicle in degrees: positive: left side up."""
     shift_m: Distributed = fixed(0.0)
-    """Shift of the camera on its vehicle along each axis, meters: a mount that is not exact."""
+    """Shift of the camera on its vehicle along each axis in meters: errors of the mount."""
     time_s: Distributed = fixed(0.0)
-    """Time of the world, for scenes with objects that move."""
+    """Time of the world in seconds, for scenes with moving objects."""
     exposure_ev: Distributed = fixed(0.0)
-    """Exposure of each image in stops, on top of the camera's: 1 is twice the light."""
+    """Exposure of each image in stops, in addition to the camera's: 1 doubles the light."""
     images_per_setup: Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGES)] = 25
-    """Successive samples that share a setup: light, sky, and cameras whose parameters vary; to
-    open another takes as long as some images."""
+    """Number of successive samples with the same setup: light, sky, and varying cameras; opening a
+    new setup takes as long as several images."""
     light: VaryLightTable | None = None
     sky: VarySkyTable | None = None
     recolor: tuple[RecolorTable, ...] = ()
@@ -124,5 +124,5 @@ class VaryTable(Table):
 
     @property
     def lights(self) -> bool:
-        """True where each setup has a light of its own."""
+        """True if each setup has its own light."""
         return self.light is not None or self.sky is not None

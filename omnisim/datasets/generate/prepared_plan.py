@@ -1,4 +1,4 @@
-"""Plans with their files read: scenes with their free floor, rigs, objects, poses."""
+"""Plans with their files: scenes with their free floor, rigs, objects, poses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from omnisim.datasets.generate.plan_light import draw_light
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
-# Shares of the distributions at which a plan's setups are tried before any is made.
+# Shares of the distributions at which a plan's setups are checked in advance.
 TRIED = 0.001, 0.5, 0.999
 
 
@@ -39,11 +39,11 @@ class PlanObject:
 
     Attributes:
         title: name of its instances.
-        scene: its shape.
+        scene: shape of the object.
         low_m: (3,) lowest coordinates of its bounds.
-        radius_m: of its footprint about the middle of its bounds.
+        radius_m: radius of its footprint about the middle of its bounds.
         middle_m: (2,) middle of its bounds on the floor plan.
-        height_m: of its bounds.
+        height_m: height of its bounds.
     """
 
     title: str
@@ -55,12 +55,12 @@ class PlanObject:
 
 
 class PreparedPlan:
-    """Plan with all that its files say, each read once and only when it is needed.
+    """Plan with its files, each read once, when it is needed.
 
     Args:
-        plan: as read.
-        path: of its file, which other files are relative to.
-        folder: of its data set, where free floors are kept; None: they are not.
+        plan: plan.
+        path: path of the plan's file, base of relative paths.
+        folder: folder of the data set, which keeps free floors; None: none are kept.
     """
 
     def __init__(self, plan: Plan, path: Path, folder: Path | None = None):
@@ -73,8 +73,8 @@ class PreparedPlan:
         """Read a plan.
 
         Raises:
-            PlanError: one line for each fault.
-            OmnisimError: the packages of a key are not installed.
+            PlanError: one line per fault.
+            OmnisimError: packages that a key needs are not installed.
         """
         plan = read_plan(path)
         if plan.min_visible is not None:
@@ -82,7 +82,7 @@ class PreparedPlan:
         return cls(plan, path, folder)
 
     def check(self) -> None:
-        """Read all files, and look for all places.
+        """Read all files, and find all places.
 
         Raises:
             OmnisimError: the first fault.
@@ -100,30 +100,30 @@ class PreparedPlan:
                 self.instances(number, table.nodes, "vary.recolor.nodes")
 
     def notices(self) -> list[str]:
-        """One line for what the plan's scenes do not show, and for classes without one number."""
-        found = []
+        """Notices of content that the scenes do not show, and of classes with several numbers."""
+        notices = []
         numbers: dict[str, int] = {}
         for index in range(len(self.plan.scenes)):
             scene = self.scene(index)
-            found += [f"{scene.name}: {notice}" for notice in scene.notices]
+            notices += [f"{scene.name}: {notice}" for notice in scene.notices]
             if "semantic" in self.plan.channels:
                 for label in find_labels(scene).classes:
                     if numbers.setdefault(label.name, label.id) != label.id:
-                        found.append(
+                        notices.append(
                             f"{scene.name}: class {label.name!r} is {label.id} here and "
                             f"{numbers[label.name]} in another scene: give all scenes the same "
                             "labels = FILE for one number"
                         )
                         break
-        return found
+        return notices
 
     def scene(self, number: int) -> Scene:
-        """A scene of the plan, with its labels."""
+        """Scene of the plan, with its labels."""
         if number not in self._scenes:
             table = self.plan.scenes[number]
             source = self._scene_file(table)
             scene = read_scene(source, table.up_axis, table.meters_per_unit)
-            # its own name would be the path by which the plan was found
+            # its own name would be the plan's path
             scene = scene.altered("", name=table.title)
             if table.labels is not None:
                 rules = read_label_file(self.path.parent / table.labels)
@@ -132,15 +132,15 @@ class PreparedPlan:
         return self._scenes[number]
 
     def _scene_file(self, table: PlanSceneTable | PlanObjectTable) -> str | Path:
-        """Path beside the plan, or else what it says: a built-in name, or an absolute path."""
+        """Path relative to the plan; or, if there is none, a built-in name or absolute path."""
         beside = self.path.parent / table.file
         return beside if beside.exists() else table.file
 
     def find_free_space(self, number: int) -> None:
-        """Find the free floor of a scene, where it is needed.
+        """Find the free floor of a scene, if it is needed.
 
         Raises:
-            OmnisimError: there is none.
+            OmnisimError: there is no free floor.
         """
         if self.plan.viewpoints.where != "poses" or self.objects:
             self.free_space(number)
@@ -149,18 +149,18 @@ class PreparedPlan:
         """Free floor of a scene.
 
         Raises:
-            OmnisimError: there is none.
+            OmnisimError: there is no free floor.
         """
         if number not in self._free:
             file = None
             if self._folder is not None:
                 file = free_space_path(self._folder, self.fingerprint, number)
-            found = None if file is None else read_free_space(file)
-            if found is None:
-                found = self._find_free_space(number)
+            free = None if file is None else read_free_space(file)
+            if free is None:
+                free = self._find_free_space(number)
                 if file is not None:
-                    write_free_space(file, found)
-            self._free[number] = found
+                    write_free_space(file, free)
+            self._free[number] = free
         return self._free[number]
 
     def _find_free_space(self, number: int) -> FreeSpace:
@@ -172,7 +172,7 @@ class PreparedPlan:
             max(_top(places.height_m.high), min(tallest, 2.0)),
             places.step_m,
             self.plan.scenes[number].floor_m,
-            # along paths and around objects the floor is asked for everywhere
+            # along paths and around objects, the floor is needed everywhere
             places.where == "free" and places.region == "start",
         )
 
@@ -186,10 +186,10 @@ class PreparedPlan:
                     f"{self.path}: viewpoints.paths: {name!r} in {scene.name}: "
                     f"{did_you_mean(name, known, 'its paths are')}"
                 )
-        found = tuple(known[name] for name in wanted or known)
-        if not found:
+        paths = tuple(known[name] for name in wanted or known)
+        if not paths:
             raise PlanError(f"{self.path}: viewpoints.where: {scene.name} has no paths")
-        return found
+        return paths
 
     def middles(self, number: int) -> tuple[NDArray[np.float64], ...]:
         """Middles (3,) of the objects with viewpoints around them in a scene."""
@@ -202,20 +202,20 @@ class PreparedPlan:
         """Names of a scene's instances that match patterns.
 
         Raises:
-            PlanError: none does.
+            PlanError: no instance matches.
         """
         scene = self.scene(number)
-        found = tuple(
+        names = tuple(
             name
             for name in scene.instance_names
             if any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
         )
-        if not found:
+        if not names:
             raise PlanError(
                 f"{self.path}: {key} = {list(patterns)}: no such object in {scene.name}; "
                 "`omnisim scene` lists them"
             )
-        return found
+        return names
 
     @cached_property
     def rig_files(self) -> tuple[RigFile, ...]:
@@ -229,7 +229,7 @@ class PreparedPlan:
         return tuple(file.rig() for file in self.rig_files)
 
     def check_setups(self) -> None:
-        """Try what setups draw at the ends of its distributions.
+        """Check setups at the ends of their distributions.
 
         Raises:
             OmnisimError: the first fault.
@@ -264,18 +264,18 @@ class PreparedPlan:
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
-        """Poses (n, 4, 4) of the plan's file of poses; none without one."""
+        """Poses (n, 4, 4) of the plan's pose file; empty without one."""
         if self.plan.viewpoints.file is None:
             return np.zeros((0, 4, 4))
         return parse_trajectory(self.path.parent / self.plan.viewpoints.file).world_from_base
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hexadecimal digits of all that images depend on: the plan and its files' contents."""
+        """Hexadecimal digits of all inputs of the images: the plan and its files' contents."""
         digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
         scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
         objects = [fingerprint(one.scene) for one in self.objects]
-        _ = self.rigs  # a fault of theirs comes first
+        _ = self.rigs  # reports their faults first
         with recorded_sources() as sources:
             for file in self.rig_files:
                 note_sources(file.sources)

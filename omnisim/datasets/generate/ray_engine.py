@@ -1,4 +1,4 @@
-"""Shards on a Ray cluster: a task a shard, made by actors that own a renderer."""
+"""Shards on a Ray cluster: a task per shard, in actors with their own renderer."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.shard import ShardMaker
 from omnisim.datasets.generate.workers import Job, Made
 
-RESTARTS = 3  # of an actor whose process died
+RESTARTS = 3  # of an actor after its process ends
 
 
 class _Maker:
-    """Actor: reads the plan once and makes shards."""
+    """Actor that reads the plan once and generates shards."""
 
     def __init__(self, job: Job):
         self._maker = ShardMaker(PreparedPlan.read(job.plan, job.folder), job.folder, job.device)
 
     def make(self, number: int) -> int | str:
-        """Make a shard; return its number, or the fault."""
+        """Generate a shard; return its number, or the error message."""
         try:
             self._maker.make(number)
         except OmnisimError as error:
@@ -35,15 +35,15 @@ class _Maker:
 def make_shards_on_ray(
     job: Job, shards: Sequence[int], address: str | None = None
 ) -> Iterator[Made]:
-    """Make shards on a cluster whose machines all see the plan and the folder; yield each.
+    """Generate shards on a cluster whose machines share the plan and the folder; yield each.
 
     Args:
-        job: as for `omnisim.datasets.generate.workers.make_shards`.
-        shards: numbers.
-        address: of the cluster; None: one on this machine.
+        job: see `omnisim.datasets.generate.workers.make_shards`.
+        shards: numbers of the shards.
+        address: address of the cluster; None: a cluster on this machine.
 
     Raises:
-        OmnisimError: the first fault of a shard, or a cluster that does not answer.
+        OmnisimError: the first fault of a shard, or an unreachable cluster.
     """
     if not shards:
         return
@@ -65,10 +65,10 @@ def make_shards_on_ray(
         makers = [actor.options(runtime_env=environment).remote(job) for _ in range(count)]
         pool = ray.util.ActorPool(makers)
         steps: Iterator[int | str] = pool.map_unordered(_begin, list(shards))
-        for found in steps:
-            if isinstance(found, str):
-                raise PlanError(found)
-            yield Made(found, True)
+        for result in steps:
+            if isinstance(result, str):
+                raise PlanError(result)
+            yield Made(result, True)
     except ray.exceptions.RayError as reason:
         raise PlanError(f"ray: {str(reason).partition(chr(10))[0]}") from None
     finally:

@@ -1,4 +1,4 @@
-"""Renderers of a plan's samples: a stage for each scene and light, a renderer for each camera."""
+"""Renderers of a plan's samples: a stage per scene and light, a renderer per camera."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 
-PROBE_PX = 48  # shorter side of the ranges that judge a sample whose plan has no ranges
+PROBE_PX = 48  # shorter side of the range images that judge samples of plans without ranges
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedSample:
-    """Sample that is rendered.
+    """Rendered sample.
 
     Attributes:
-        drawn: its draw.
-        frames: by camera; a single camera's name is empty.
-        light: what was drawn for its light; empty: the scene's own.
-        shares: visible shares of the objects by camera and ID; empty: the plan asks for none.
+        drawn: draw of the sample.
+        frames: frames by camera; a single camera's name is empty.
+        light: drawn values of the light; empty: the scene's own light.
+        shares: visible shares of the objects by camera and ID; empty: not requested.
     """
 
     drawn: Draw
@@ -42,23 +42,23 @@ class RenderedSample:
 
 
 class SampleRenderer:
-    """Renders samples; those of one scene and rig one after the other are quick.
+    """Renderer of samples; fast for consecutive samples of one scene and rig.
 
     Args:
-        prepared: plan.
-        device: EGL's number of the GPU; None takes the first.
+        prepared: prepared plan.
+        device: EGL index of the GPU; None: the first.
     """
 
     def __init__(self, prepared: PreparedPlan, device: int | None = None):
         self._prepared, self._device = prepared, device
         self._stage: Stage | None = None
-        self._opened = (-1, -1)  # scene and setup of its light
+        self._opened = (-1, -1)  # scene and setup of the light
         self._light: DrawnLight | None = None
         self._rays = StageRays()
         self._rigs: dict[int, _OpenRig] = {}
 
     def order(self, numbers: range) -> list[int]:
-        """Numbers of samples in the order in which to render them."""
+        """Numbers of samples in rendering order."""
 
         def key(number: int) -> tuple[int, ...]:
             which = draw_which(self._prepared.plan, number)
@@ -67,7 +67,7 @@ class SampleRenderer:
         return sorted(numbers, key=key)
 
     def render(self, number: int) -> RenderedSample:
-        """Render a sample, drawn again until it is not rejected.
+        """Render a sample; rejected ones are drawn again.
 
         Raises:
             PlanError: all attempts were rejected.
@@ -94,7 +94,7 @@ class SampleRenderer:
         self._rays = StageRays()
 
     def _attempt(self, drawn: Draw) -> RenderedSample | str:
-        """Render a draw; return the reason where it is rejected."""
+        """Render a draw; return the reason if it is rejected."""
         plan = self._prepared.plan
         stage, rig = self._open(drawn.which)
         assert self._light is not None
@@ -154,14 +154,14 @@ class _OpenRig:
     """Renderers of a rig on a stage.
 
     Args:
-        stage: that they are on.
-        cameras: of the rig.
-        setup: that they belong to.
-        seed: of their noise.
+        stage: stage of the renderers.
+        cameras: cameras of the rig.
+        setup: setup of the cameras.
+        seed: seed of their noise.
 
     Attributes:
         cameras, setup: see the arguments.
-        renderers: by the cameras' names.
+        renderers: renderers by camera name.
     """
 
     def __init__(self, stage: Stage, cameras: PlanRig, setup: int, seed: int):
@@ -173,14 +173,14 @@ class _OpenRig:
         self._shares: dict[str, VisibleShares] = {}
 
     def visible_shares(self, name: str) -> VisibleShares:
-        """Visible shares in the images of a camera, whose rays are found on first use."""
+        """Visible shares in a camera's images; its rays are computed on first use."""
         if name not in self._shares:
             self._shares[name] = VisibleShares(self.renderers[name].camera)
         return self._shares[name]
 
     @cached_property
     def probe(self) -> Renderer:
-        """Renderer of small ranges, which judge samples whose plan has none."""
+        """Renderer of small range images for judging samples of plans without ranges."""
         camera = self.cameras.first
         size_px = min(PROBE_PX, camera.model.width_px, camera.model.height_px)
         return self._stage.open(camera.resized(size_px))
@@ -194,13 +194,13 @@ class _OpenRig:
 
 
 def _exposure_ev(renderer: Renderer, drawn: Draw) -> float | None:
-    """Exposure of an image; None: its camera has no other than its own."""
+    """Exposure of an image; None: the camera's own."""
     exposure = renderer.camera.degradation.exposure
     return None if exposure is None or exposure.auto else exposure.ev + drawn.exposure_ev
 
 
 def rejected(frame: Frame, rules: RejectTable) -> str:
-    """Reason for which a frame with ranges is rejected; empty: it is not."""
+    """Reason to reject a frame with ranges; empty: accepted."""
     has_ray = frame.valid if frame.has_ray is None else frame.has_ray
     ranges = np.asarray(frame.channels["range"])[has_ray]
     if not len(ranges):

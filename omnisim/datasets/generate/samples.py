@@ -1,4 +1,4 @@
-"""Samples of a data set by number, as a `torch` data set or as NumPy arrays."""
+"""Samples of a data set by number, as a `torch` data set or NumPy arrays."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _PREFIX = "omnisim-"  # of temporary folders
 class Shards:
     """Samples of a data set, in order: `len(shards)`, `shards[0]["rgb"]`.
 
-    A map-style data set of `torch.utils.data.DataLoader`, without torch; it may be pickled.
+    A map-style data set for `torch.utils.data.DataLoader`, without torch; it can be pickled.
 
     Args:
-        folder: of the data set.
-        manifest: of it; None: as it is there.
+        folder: folder of the data set.
+        manifest: its manifest; None: read from the folder.
 
     Raises:
-        PlanError: no data set, or an unfinished or damaged one.
+        PlanError: the data set is missing, unfinished or damaged.
     """
 
     def __init__(self, folder: str | Path, manifest: Manifest | None = None):
@@ -51,11 +51,11 @@ class Shards:
     def __getitem__(self, row: int) -> dict[str, Any]:
         """Sample: `rgb` (height, width, 3) uint8, channels by name, and `metadata`.
 
-        Of a rig these are tables by camera: `sample["left"]["rgb"]`.
+        For a rig, these are tables by camera: `sample["left"]["rgb"]`.
 
         Raises:
-            IndexError: beyond the last.
-            PlanError: a shard with a fault.
+            IndexError: beyond the last sample.
+            PlanError: a faulty shard.
         """
         with self.damage_named(row), self.files(row) as folder:
             content = _metadata(folder)
@@ -79,22 +79,22 @@ class Shards:
         """Camera, pose and draw of a sample.
 
         Raises:
-            IndexError: beyond the last.
-            PlanError: a shard with a fault.
+            IndexError: beyond the last sample.
+            PlanError: a faulty shard.
         """
         with self.damage_named(row), tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
             return _metadata(self.extract(row, Path(name), only=".json"))
 
     @contextmanager
     def damage_named(self, row: int) -> Iterator[None]:
-        """Name the shard of a sample whose files are not as they were written.
+        """Name the shard of a sample in errors about its files.
 
         Raises:
-            PlanError: within the block, something else was expected of the files.
+            PlanError: unexpected content of a file, within the block.
         """
         try:
             yield
-        except OutputError as reason:  # of a file in a temporary folder
+        except OutputError as reason:  # about a file in a temporary folder
             raise PlanError(f"{self._shard_of(row)[1]}: {in_shard(str(reason))}") from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise self._damaged(row, "a sample's files as they were written, got others") from None
@@ -109,7 +109,7 @@ class Shards:
         """Number and path of the shard of a sample.
 
         Raises:
-            IndexError: beyond the last.
+            IndexError: beyond the last sample.
         """
         if not -len(self) <= row < len(self):
             raise IndexError(f"sample {row}: expected one of {len(self)}")
@@ -121,32 +121,32 @@ class Shards:
         """Folder of a sample's files, for a `with` block.
 
         Raises:
-            IndexError: beyond the last.
-            PlanError: a shard with a fault.
+            IndexError: beyond the last sample.
+            PlanError: a faulty shard.
         """
         with tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
             yield self.extract(row, Path(name))
 
     def images(self, folder: Path) -> list[Path]:
-        """Images of the cameras among a sample's files; others of these formats are channels."""
+        """Images of the cameras among a sample's files, without channels in the same formats."""
         metadata = _metadata(folder)
         key = f"{metadata['number']:09d}"
         cameras = list(metadata["images"])
         stems = [key if name == "camera" else f"{key}.{name}" for name in cameras]
-        found = [folder / f"{stem}{suffix}" for stem in stems for suffix in IMAGES]
-        return [path for path in found if path.is_file()]
+        paths = [folder / f"{stem}{suffix}" for stem in stems for suffix in IMAGES]
+        return [path for path in paths if path.is_file()]
 
     def extract(self, row: int, folder: Path, only: str = "") -> Path:
         """Write a sample's files into a folder; return it.
 
         Args:
-            row: of the sample.
-            folder: that is there.
-            only: what follows the number in the name of the only file; empty: all files.
+            row: index of the sample.
+            folder: existing folder.
+            only: part of the name after the number of the only wanted file; empty: all files.
 
         Raises:
-            IndexError: beyond the last.
-            PlanError: a shard with a fault.
+            IndexError: beyond the last sample.
+            PlanError: a faulty shard.
         """
         shard, path = self._shard_of(row)
         row %= len(self)
@@ -158,7 +158,7 @@ class Shards:
                 count = self.manifest.shards[shard].statistics.samples
                 if len(keys) != count:
                     raise self._damaged(row, f"{count} samples, got {len(keys)}")
-                key = keys[row - self._ends[shard]]  # counted from the last
+                key = keys[row - self._ends[shard]]  # negative index
                 for member in self._members[shard][key]:
                     if only and member.name != key + only:
                         continue
@@ -172,21 +172,21 @@ class Shards:
 
 
 def in_shard(message: str) -> str:
-    """Message about a sample's file without the temporary folder that it was extracted to."""
+    """Message about a sample's file without its temporary folder."""
     return re.sub(rf"{re.escape(tempfile.gettempdir())}/{_PREFIX}\w+/(sample/)?", "", message)
 
 
 def _metadata(folder: Path) -> dict[str, Any]:
-    """Camera, pose and draw of the sample whose files are in a folder."""
+    """Camera, pose and draw of the sample with files in a folder."""
     (path,) = folder.glob("?????????.json")
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return content
 
 
 def _by_key(tar: tarfile.TarFile) -> dict[str, list[tarfile.TarInfo]]:
-    """Members of a tar by the number that their names begin with."""
-    found: dict[str, list[tarfile.TarInfo]] = {}
+    """Members of a tar, by the number at the start of their names."""
+    members: dict[str, list[tarfile.TarInfo]] = {}
     for member in tar.getmembers():
         if member.isfile():
-            found.setdefault(member.name.partition(".")[0], []).append(member)
-    return found
+            members.setdefault(member.name.partition(".")[0], []).append(member)
+    return members

@@ -1,7 +1,8 @@
-"""Setups: light and cameras that successive samples share, each a function of seed and number.
+"""Setups: light and cameras shared by successive samples, as functions of seed and number.
 
-To open a scene in another light, or another camera, takes as long as several images: a setup
-lasts for `vary.images_per_setup` of them. What a camera cannot have is drawn again.
+Opening a scene in another light, or another camera, takes as long as several images: a setup lasts
+for
+`vary.images_per_setup` images. Invalid cameras are drawn again.
 """
 
 from __future__ import annotations
@@ -15,16 +16,16 @@ from omnisim.datasets.generate.plan_cameras import PlanRig
 from omnisim.datasets.generate.plan_light import DrawnLight, draw_light
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 
-_LIGHT, _CAMERA = 16, 32  # purposes of streams, above those of samples: one for each rig
+_LIGHT, _CAMERA = 16, 32  # purposes of streams, above those of samples: one per rig
 ATTEMPTS = 20
 T = TypeVar("T")
 
 
 def setup_light(prepared: PreparedPlan, scene: int, setup: int) -> DrawnLight:
-    """Scene of the plan in the light of a setup.
+    """Scene of the plan with the light of a setup.
 
     Raises:
-        OmnisimError: a fault of the scene, or no light that can be.
+        OmnisimError: a faulty scene, or no valid light was drawn.
     """
     vary, own = prepared.plan.vary, prepared.scene(scene)
     if not vary.lights:
@@ -38,7 +39,7 @@ def setup_rig(prepared: PreparedPlan, rig: int, setup: int) -> PlanRig:
     """Rig of the plan with the parameters of a setup.
 
     Raises:
-        OmnisimError: a fault of its file, or no parameters that can be.
+        OmnisimError: a faulty file of the rig, or no valid parameters were drawn.
     """
     file = prepared.rig_files[rig]
     if not file.table.varies:
@@ -47,10 +48,10 @@ def setup_rig(prepared: PreparedPlan, rig: int, setup: int) -> PlanRig:
 
 
 def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stream], T]) -> T:
-    """Draw until it can be made.
+    """Draw until a valid result is made.
 
     Raises:
-        PlanError: it never can.
+        PlanError: no draw was valid.
     """
     fault = ""
     for attempt in range(ATTEMPTS):

@@ -1,8 +1,8 @@
 """Shards: tar files of samples in WebDataset's layout, each a function of the plan and a number.
 
-A sample's files begin with its number: `000000012.png`, `000000012.range.png` and so on, as
-`Frame.save` names them, and `000000012.json`, its pose, camera and draw. A rig's begin with number
-and camera, `000000012.left.png`. Beside a shard, `shard-000003.json` has its hash and statistics.
+The names of a sample's files begin with its number: `000000012.png`, `000000012.range.png` and so
+on, as from `Frame.save`, and `000000012.json` with its pose, camera and draw. Those of a rig begin
+with number and camera, `000000012.left.png`. `shard-000003.json` has a shard's hash and statistics.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from omnisim.datasets.tar_file import write_tar
 from omnisim.ground_truth.channel_files import limit_boxes
 from omnisim.ground_truth.coco import BoxLimits
 
-MAX_WAITING = 4  # samples that are rendered and not yet written
+MAX_WAITING = 4  # samples rendered but not yet written
 KEY_DIGITS = 9
 # what a summary that was not written by `ShardSummary.to_json` may raise
 _DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
@@ -33,14 +33,14 @@ _DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, 
 
 @dataclass(frozen=True, eq=False)
 class ShardSummary:
-    """Shard that is whole.
+    """Finished shard.
 
     Attributes:
-        number: of the shard.
+        number: number of the shard.
         plan: fingerprint of its plan.
-        sha256: of its tar.
-        size_bytes: of its tar.
-        statistics: of its samples.
+        sha256: hash of its tar.
+        size_bytes: size of its tar.
+        statistics: statistics of its samples.
     """
 
     number: int
@@ -55,7 +55,7 @@ class ShardSummary:
         return f"{shard_stem(self.number)}.tar"
 
     def to_json(self) -> dict[str, Any]:
-        """Summary, as JSON can hold it."""
+        """Content of the summary, of JSON types."""
         return {
             "shard": self.number,
             "plan": self.plan,
@@ -71,33 +71,33 @@ def shard_stem(number: int) -> str:
 
 
 def find_shard(folder: Path, number: int) -> ShardSummary | None:
-    """Summary of a shard that is there with its tar; None: it is not, or damaged.
+    """Summary of a finished shard; None: the shard is missing or damaged.
 
-    The size of the tar is compared, and not its hash: `omnisim dataset check` does that.
+    Compares the size of the tar, but not its hash: `omnisim dataset check` does.
     """
     stem = shard_stem(number)
     try:
         content = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
-        found = ShardSummary(
+        summary = ShardSummary(
             int(content["shard"]),
             str(content["plan"]),
             str(content["sha256"]),
             int(content["bytes"]),
             Statistics.from_json(content["statistics"]),
         )
-        is_whole = (folder / f"{stem}.tar").stat().st_size == found.size_bytes
+        is_whole = (folder / f"{stem}.tar").stat().st_size == summary.size_bytes
     except (OSError, *_DAMAGE):
         return None
-    return found if is_whole and found.number == number else None
+    return summary if is_whole and summary.number == number else None
 
 
 class ShardMaker:
-    """Makes shards of a plan.
+    """Generator of a plan's shards.
 
     Args:
-        prepared: plan.
-        folder: of the data set.
-        device: EGL's number of the GPU; None takes the first.
+        prepared: prepared plan.
+        folder: folder of the data set.
+        device: EGL index of the GPU; None: the first.
     """
 
     def __init__(self, prepared: PreparedPlan, folder: Path, device: int | None = None):
@@ -111,16 +111,16 @@ class ShardMaker:
     def make(
         self, number: int, count: Callable[[], None] = lambda: None, samples: int | None = None
     ) -> None:
-        """Make a shard as `steps` does; call `count` after each sample."""
+        """Generate a shard, see `steps`; call `count` after each sample."""
         for _ in self.steps(number, samples):
             count()
 
     def steps(self, number: int, samples: int | None = None) -> Iterator[int]:
-        """Make a shard, whole or not at all; yield after each sample.
+        """Generate a shard, atomically; yield after each sample.
 
         Args:
-            number: of the shard.
-            samples: fewer than the plan has, for an estimate.
+            number: number of the shard.
+            samples: reduced number of samples, for an estimate; None: the plan's.
 
         Raises:
             OmnisimError: a sample that cannot be drawn, or a file that cannot be written.
@@ -131,11 +131,11 @@ class ShardMaker:
         statistics = Statistics()
         with tempfile.TemporaryDirectory(prefix="omnisim-shard-") as name:
             scratch = Path(name)
-            with ThreadPoolExecutor(1) as writer:  # writes while the next sample is drawn
+            with ThreadPoolExecutor(1) as writer:  # writes while the next sample is rendered
                 waiting: deque[Future[None]] = deque()
                 for sample in self._renderer.order(numbers):
-                    found = self._renderer.render(sample)
-                    waiting.append(writer.submit(self._write, scratch, found, statistics))
+                    rendered = self._renderer.render(sample)
+                    waiting.append(writer.submit(self._write, scratch, rendered, statistics))
                     while len(waiting) > MAX_WAITING or (waiting and waiting[0].done()):
                         waiting.popleft().result()
                     yield sample

@@ -1,4 +1,4 @@
-"""Parts of triangles that are small beside the cells of a floor plan."""
+"""Parts of triangles that are small compared with the cells of a floor plan."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from omnisim.core.bounds import triangle_bounds
 
-MIN_UP = 0.5  # cosine of the steepest floor's slope: 60°
-EDGE = 1e-9  # share of a triangle: a point on the edge of two is on one of them at least
+MIN_UP = 0.5  # cosine of the maximum slope of floor: 60°
+EDGE = 1e-9  # share of a triangle: a point on a common edge is in at least one triangle
 
 
 def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (n,) of triangles (n, 3, 3) whose slope can be walked on."""
+    """Mask (n,) of triangles (n, 3, 3) with a walkable slope."""
     normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
     flat: NDArray[np.bool_] = np.abs(normals[:, 2]) > MIN_UP * np.linalg.norm(normals, axis=1)
     return flat
@@ -23,7 +23,7 @@ def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
 def heights_in(
     corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Heights (...,) of a triangle (3, 3) above points (..., 2); NaN beside it."""
+    """Heights (...,) of a triangle (3, 3) above points (..., 2); NaN outside of it."""
     a, b, c = corners_m
     matrix = np.column_stack((a[:2] - c[:2], b[:2] - c[:2]))
     first, second = np.moveaxis((points_m - c[:2]) @ np.linalg.inv(matrix).T, -1, 0)
@@ -37,10 +37,10 @@ def surface_points(
     spacing_m: float,
     band_m: tuple[float, float] = (-np.inf, np.inf),
 ) -> Iterator[NDArray[np.float64]]:
-    """Points (n, 3) on triangles (m, 3, 3) between two heights, in parts.
+    """Points (n, 3) on triangles (m, 3, 3) between two heights, in batches.
 
-    Triangles are halved across their longest edge until that is short: each point of them is within
-    the spacing of a point that is found.
+    Triangles are halved across their longest edge until it is short: each point of a triangle is
+    within the spacing of a returned point.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m[..., 2])
@@ -55,12 +55,12 @@ def columns_of(
     low_m: NDArray[np.float64],
     high_m: NDArray[np.float64],
 ) -> Iterator[NDArray[np.float64]]:
-    """Parts of triangles (m, 3, 3) that are short on the floor plan, however high they are.
+    """Parts of triangles (m, 3, 3) that are small on the floor plan, at any height.
 
     Args:
-        corners_m: of the triangles.
-        spacing_m: longest edge of a part on the floor plan.
-        low_m, high_m: (3,) corners of the box in which parts are wanted.
+        corners_m: corners of the triangles.
+        spacing_m: maximum edge length of a part on the floor plan.
+        low_m, high_m: (3,) corners of the wanted box.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m)
@@ -72,7 +72,7 @@ def columns_of(
 def _halved(
     corners_m: NDArray[np.float64], spacing_m: float, axes: int = 3
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Triangles whose edges are short in some axes, and the halves of all others."""
+    """Triangles with short edges in the first axes, and the halves of all others."""
     planned = corners_m[..., :axes]
     edges = planned[:, (1, 2, 0)] - planned
     squares = np.einsum("nij,nij->ni", edges, edges)

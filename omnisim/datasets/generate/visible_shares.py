@@ -1,4 +1,4 @@
-"""Visible shares of the objects in a sample: of the pixels that they would cover alone."""
+"""Visible shares of the objects in a sample, relative to their pixels without occluders."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from omnisim.scene import Scene
 
 
 class VisibleShares:
-    """Finds visible shares by casting rays through all that stands in a camera's image.
+    """Visible shares by ray casting through all surfaces in a camera's image.
 
     Args:
-        camera: as its renderer has it.
+        camera: camera, as in its renderer.
     """
 
     def __init__(self, camera: OmniCamera):
@@ -31,14 +31,14 @@ class VisibleShares:
     def find(
         self, stage: Stage, rays: RayScene, frame: Frame, state: WorldState, vehicle: str
     ) -> dict[int, float]:
-        """Shares of the visible instances, more than 0 and at most 1, by ID.
+        """Shares of the visible instances, above 0 and at most 1, by ID.
 
         Args:
-            stage: that the frame was rendered on.
-            rays: of the stage's scene and objects.
-            frame: with the channel `instance`.
-            state: of the world in the frame.
-            vehicle: that carries the camera.
+            stage: stage of the frame.
+            rays: ray scene with the stage's scene and objects.
+            frame: frame with the channel `instance`.
+            state: world state of the frame.
+            vehicle: vehicle of the camera.
         """
         assert frame.labels is not None
         instances = np.asarray(frame.channels["instance"])
@@ -54,19 +54,19 @@ class VisibleShares:
             instances,
         )
         numbers, visible_px = np.unique(instances[instances > 0], return_counts=True)
-        # at the rim a pixel may have a ray for the image alone
+        # at the rim a pixel may have a ray in the image only
         shares = np.minimum(visible_px / whole_px[numbers], 1.0)
         return dict(zip(numbers.tolist(), shares.tolist(), strict=True))
 
 
 class StageRays:
-    """Rays' side of a stage's scene, built anew where the scene becomes another one."""
+    """Ray scene of a stage, rebuilt when its scene changes."""
 
     def __init__(self) -> None:
         self._built: tuple[Scene, RayScene] | None = None
 
     def of(self, stage: Stage) -> RayScene:
-        """Scene to cast rays at.
+        """Ray scene of a stage's current scene.
 
         Raises:
             OmnisimError: embreex is not installed.

@@ -1,4 +1,4 @@
-"""Processes that make shards, and what happens when one of them dies."""
+"""Processes that generate shards, with recovery from dead workers."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from omnisim.core.files.atomic_file import remove_partials
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.shard import ShardMaker
 
-MAX_DEATHS = 3  # of workers on one shard, until it is given up
-END_S = 5.0  # that a worker has for removing its files
-_THREADS = "LP_NUM_THREADS"  # of Mesa's rasterizer in a process
+MAX_DEATHS = 3  # of workers per shard, until generation fails
+END_S = 5.0  # time for a worker to remove its files
+_THREADS = "LP_NUM_THREADS"  # environment variable of Mesa's rasterizer
 
 
 class Job(NamedTuple):
-    """Arguments of all workers, as they travel to them.
+    """Arguments of all workers.
 
     Attributes:
         plan: path of the plan.
-        folder: of the data set.
-        device: EGL's number of the GPU.
-        samples: of each shard; None: as many as the plan has.
+        folder: folder of the data set.
+        device: EGL index of the GPU.
+        samples: samples per shard; None: the plan's.
     """
 
     plan: Path
@@ -41,19 +41,19 @@ class Job(NamedTuple):
 
 
 class Made(NamedTuple):
-    """Progress: a sample of a shard, or the whole shard."""
+    """Progress: a sample of a shard, or a whole shard."""
 
     shard: int
     is_whole: bool
 
 
 def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Made]:
-    """Make shards in several processes; yield after each sample and each shard.
+    """Generate shards in several processes; yield after each sample and each shard.
 
-    A worker that is killed loses nothing but the shard under way, which another begins anew.
+    A killed worker loses only its unfinished shard, which another worker generates again.
 
     Raises:
-        OmnisimError: the first fault of a worker; PlanError: a shard whose workers die.
+        OmnisimError: the first fault of a worker; PlanError: the workers of a shard die.
     """
     todo, deaths = deque(shards), Counter[int]()
     running: dict[Connection, _Worker] = {}
@@ -87,10 +87,10 @@ def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Made]
 
 
 class _Worker:
-    """Process with a connection; `shard`: the one that it makes, or None."""
+    """Process with a connection, and its current shard, or None."""
 
     def __init__(self, job: Job):
-        context = multiprocessing.get_context("spawn")  # a forked OpenGL is none
+        context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
         self.connection, theirs = context.Pipe()
         self.shard: int | None = None
         self._process: BaseProcess = context.Process(target=_work, args=(theirs, job), daemon=True)
@@ -98,21 +98,21 @@ class _Worker:
         theirs.close()
 
     def take(self, todo: deque[int]) -> None:
-        """Give it the next shard, or its end."""
+        """Assign the next shard to the worker, or end it."""
         if not todo:
             return
         self.shard = todo.popleft()
         try:
             self.connection.send(self.shard)
         except OSError:
-            return  # it is dead: the end of its messages says so
+            return  # it is dead: the end of its messages shows that
 
     def receive(self) -> Iterator[Made]:
-        """Take a message.
+        """Receive a message.
 
         Raises:
             OmnisimError: a fault in the worker.
-            EOFError: it has ended.
+            EOFError: the worker has ended.
         """
         message = self.connection.recv()
         if isinstance(message, OmnisimError):
@@ -123,7 +123,7 @@ class _Worker:
         yield message
 
     def end(self) -> None:
-        """End the process, at once if it does not hear."""
+        """End the process, by force if it does not respond."""
         self.connection.close()
         self._process.terminate()
         self._process.join(END_S)
@@ -133,8 +133,8 @@ class _Worker:
 
 
 def _work(connection: Connection, job: Job) -> None:
-    """Make shards until there are no more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+    """Generate shards until there are no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     signal.signal(signal.SIGTERM, _end)
     maker: ShardMaker | None = None
     try:
@@ -153,7 +153,7 @@ def _work(connection: Connection, job: Job) -> None:
 
 
 def _end(*_: object) -> None:
-    """End at once: an exception would be lost where an object is just being deleted."""
+    """End at once: an exception would be lost during the deletion of an object."""
     remove_partials()
     os._exit(0)
 
@@ -162,7 +162,7 @@ def _end(*_: object) -> None:
 def threads_shared(workers: int) -> Iterator[None]:
     """Share the processor's cores among processes, for Mesa's rasterizer.
 
-    Two processes of one thread each draw more than one of two threads.
+    Two processes with one thread each draw more than one process with two threads.
     """
     if workers < 2 or _THREADS in os.environ:
         yield
@@ -176,6 +176,6 @@ def threads_shared(workers: int) -> Iterator[None]:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Folder for what is measured and thrown away."""
+    """Temporary folder for discarded samples."""
     with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
         yield Path(name)

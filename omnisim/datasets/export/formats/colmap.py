@@ -117,14 +117,14 @@ def _images(
     recording: Recording, cameras: list[LensCamera], points: ScenePoints
 ) -> Iterator[Image]:
     """Images with their visible points, step by step."""
-    found = observations(recording, cameras, points, front_only=True)
+    seen = observations(recording, cameras, points, front_only=True)
     number = 0
     for step in range(recording.steps):
         for camera_id, camera in enumerate(cameras, start=1):
             number += 1
             lens_from_world = inverse(recording.truth.world_from_base[step] @ camera.base_from_lens)
             name = image_name(camera, step)
-            yield Image(number, camera_id, name, lens_from_world, next(found))
+            yield Image(number, camera_id, name, lens_from_world, next(seen))
 
 
 def _write_text(

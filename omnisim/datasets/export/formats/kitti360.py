@@ -100,9 +100,9 @@ def name_cameras(recording: Recording, print_note: PrintNote) -> dict[str, LensC
     lenses = [LensCamera.of(camera, print_note) for camera in recording.cameras]
     pinholes = [lens for lens in lenses if isinstance(lens.lens, PerspectiveCamera)]
     fisheyes = [lens for lens in lenses if lens not in pinholes]
-    for kind, found in (("pinholes", pinholes), ("fisheyes", fisheyes)):
-        if len(found) > len(PINHOLES):
-            names = ", ".join(lens.name for lens in found)
+    for kind, cameras in (("pinholes", pinholes), ("fisheyes", fisheyes)):
+        if len(cameras) > len(PINHOLES):
+            names = ", ".join(lens.name for lens in cameras)
             raise OutputError(
                 f"{recording.run.path}: expected at most two {kind}, as KITTI-360 has, got "
                 f"{names}: --camera-name takes one"

@@ -1,4 +1,4 @@
-"""Bags of ROS 2: topics and messages in MCAP or SQLite files, by rosbags."""
+"""ROS 2 bags: topics and messages in MCAP or SQLite files, by rosbags."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-# Version 9 writes the quality of service in another form, which older releases do not know.
+# Version 9 writes the quality of service in a form that older releases cannot read.
 VERSION: Literal[8] = 8
 STORAGE = {"mcap": StoragePlugin.MCAP, "sqlite": StoragePlugin.SQLITE3}
 _UNLIMITED = QosTime(0, 0)
@@ -40,10 +40,10 @@ def _qos(durability: QosDurability) -> Qos:
 
 
 class Bag:
-    """Bag that is being written; a context manager.
+    """Bag open for writing; a context manager.
 
     Args:
-        folder: of the bag; it does not exist.
+        folder: new folder of the bag.
         storage: key of `STORAGE`.
     """
 
@@ -68,13 +68,13 @@ class Bag:
             self._writer.abort()
 
     def write(self, topic: str, stamp_ns: int, message: object, is_latched: bool = False) -> None:
-        """Write a message of the types of `omnisim.datasets.export.ros2.ros_messages`.
+        """Write a message of a type in `omnisim.datasets.export.ros2.ros_messages`.
 
         Args:
-            topic: of one type always.
-            stamp_ns: of the message.
-            message: its contents.
-            is_latched: who subscribes late receives it, too.
+            topic: topic; always with the same type.
+            stamp_ns: stamp of the message.
+            message: contents of the message.
+            is_latched: late subscribers receive it, too.
         """
         kind = type(message).__name__.replace("__", "/")
         if topic not in self._connections:

@@ -3,7 +3,7 @@
 | topic | type | |
 | --- | --- | --- |
 | `/<camera>/image_raw` | Image, rgb8 | `--compressed`: `/<camera>/image_raw/compressed`, PNG |
-| `/<camera>/camera_info` | CameraInfo | only where it is the camera to the last bit |
+| `/<camera>/camera_info` | CameraInfo | only if it represents the camera exactly |
 | `/<camera>/calibration` | String, latched | omnisim's calibration, JSON: any model |
 | `/<camera>/range` | Image, 32FC1 | meters along the ray, inf: nothing |
 | `/<camera>/semantic`, `/<camera>/instance` | Image, 16UC1, 32SC1 | numbers of `/labels` |
@@ -14,7 +14,7 @@
 | `/<lidar>/points` | PointCloud2 | with ring, time since the revolution's start, range, instance |
 | `/<imu>/data_raw` | Imu | at its own rate, without orientation |
 | `/<sonar>/range` | Range | |
-| `/odom` | Odometry | by dead reckoning; a rig has none |
+| `/odom` | Odometry | dead reckoning; absent for a rig |
 | `/ground_truth/pose` | PoseStamped | true pose of the base in `map`, at the fastest rate |
 | `/ground_truth/odom` | Odometry | the same, with true velocities in `base_link` |
 | `/tf`, `/tf_static` | TFMessage | `map → odom → base_link → sensors`, `map → objects` |
@@ -72,7 +72,7 @@ STREAMS: tuple[tuple[type[MountedSensor], OpenStream], ...] = (
 
 
 class Ros2Bag(ExportFormat):
-    """Base of the bags, which differ in their storage."""
+    """Base of the bags, which differ by storage."""
 
     has_messages = True
     holds_motion = True
@@ -94,16 +94,16 @@ class Ros2Bag(ExportFormat):
                     f"{stream.name}: CameraInfo has no model of it: its calibration is on "
                     f"/{stream.topic}/calibration"
                 )
-        folder.rmdir()  # rosbags makes it
+        folder.rmdir()  # rosbags creates it
         with Bag(folder, self.storage) as bag:
             _write_latched(bag, streams, stamps_ns[0])
             if recording.run.has(LABELS):
                 text = (recording.run.path / LABELS).read_text(encoding="utf-8")
                 bag.write("/labels", stamps_ns[0], messages.text(text), is_latched=True)
             for step, stamp_ns in enumerate(stamps_ns):
-                found = [one for stream in streams for one in stream.messages_of(step)]
-                found += motion.between(step)
-                for one in sorted(found, key=lambda one: one.stamp_ns):
+                stamped = [one for stream in streams for one in stream.messages_of(step)]
+                stamped += motion.between(step)
+                for one in sorted(stamped, key=lambda one: one.stamp_ns):
                     bag.write(one.topic, one.stamp_ns, one.message)
                 motion.write(bag, step, stamp_ns)
                 yield step + 1
@@ -127,7 +127,7 @@ def open_streams(recording: Recording, settings: ExportSettings) -> list[Stream]
     """Streams of all sensors.
 
     Raises:
-        OutputError: two whose topics or frames would have the same name.
+        OutputError: two streams with equal names of topics or frames.
     """
     streams: list[Stream] = [
         CameraStream(recording, camera, settings) for camera in recording.cameras
@@ -158,7 +158,7 @@ def _write_latched(bag: Bag, streams: list[Stream], stamp_ns: int) -> None:
 
 
 class _Motion:
-    """Messages of the motion of a run."""
+    """Messages of a run's motion."""
 
     def __init__(self, recording: Recording, settings: ExportSettings):
         times_s = recording.state_times_s
@@ -170,7 +170,7 @@ class _Motion:
         self._objects = recording.objects()
 
     def between(self, step: int) -> Iterator[StampedMessage]:
-        """True states after the step before, up to a step's time."""
+        """True states after the previous step, up to a step's time."""
         steps_s, states = self._truth.times_s, self._states
         begin_s = steps_s[step - 1] if step > 0 else -np.inf
         end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
@@ -204,7 +204,7 @@ class _Motion:
 
     @staticmethod
     def _rates(odometry: Odometry, step: int) -> tuple[float, float]:
-        """Speed and turn rate since the step before, as the wheels report them."""
+        """Speed and turn rate since the previous step, as reported by the wheels."""
         if step == 0:
             return 0.0, 0.0
         duration_s = float(odometry.times_s[step] - odometry.times_s[step - 1])

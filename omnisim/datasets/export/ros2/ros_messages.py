@@ -1,7 +1,7 @@
-"""ROS 2 messages of what a run holds.
+"""ROS 2 messages of a run's contents.
 
-Frames are those of REP 103: x forward, y left, z up, and in names that end in `_optical_frame` x
-right, y down, z forward. Ranges that are none are ±inf (REP 117), depths 0 (REP 118).
+Frames follow REP 103: x forward, y left, z up; in names that end in `_optical_frame`, x right, y
+down, z forward. Missing ranges are ±inf (REP 117), missing depths 0 (REP 118).
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ from omnisim.cameras.calibration.formats.camera_info import IDENTITY, CameraInfo
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import NANOSECONDS
 
-# sensor_msgs/PointField's numbers of the types.
+# Type numbers of sensor_msgs/PointField.
 _POINT_TYPES = {"u1": 2, "u2": 4, "u4": 6, "f4": 7, "f8": 8}
 _ENCODINGS = {
     ("uint8", 3): "rgb8",
     ("uint16", 1): "16UC1",
-    ("uint32", 1): "32SC1",  # there is no unsigned one
+    ("uint32", 1): "32SC1",  # ROS has no unsigned type
     ("float32", 1): "32FC1",
 }
-UNKNOWN = np.zeros(36)  # of covariances
+UNKNOWN = np.zeros(36)  # covariance
 
 
 def header(stamp_ns: int, frame: str) -> Header:
@@ -66,7 +66,7 @@ def header(stamp_ns: int, frame: str) -> Header:
 
 
 def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
-    """Image of an image (height, width, 3) uint8, or of depths or labels (height, width)."""
+    """Image message of pixels (height, width, 3) uint8, or depths or labels (height, width)."""
     height, width = pixels.shape[:2]
     kind = pixels.dtype.name, 1 if pixels.ndim == 2 else pixels.shape[2]
     data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
@@ -76,7 +76,7 @@ def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
 
 
 def compressed_image(stamp_ns: int, frame: str, png: bytes) -> CompressedImage:
-    """Image of the bytes of a PNG file."""
+    """Image message with the bytes of a PNG file."""
     return CompressedImage(header(stamp_ns, frame), "png", np.frombuffer(png, dtype=np.uint8))
 
 
@@ -99,7 +99,7 @@ def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> Came
 
 
 def point_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> PointCloud2:
-    """Cloud of points, whose fields are those of the array."""
+    """Point cloud message; its fields are those of the array."""
     fields = []
     for name in points.dtype.names or ():
         values = points[name]
@@ -129,7 +129,7 @@ def laser_scan(
 def range_message(
     stamp_ns: int, frame: str, cone_rad: float, limits_m: tuple[float, float], range_m: float
 ) -> Range:
-    """Range of a sonar, or of an infrared sensor, which has one ray."""
+    """Range of a sonar or infrared sensor, which has one ray."""
     kind = Range.ULTRASOUND if cone_rad else Range.INFRARED
     return Range(header(stamp_ns, frame), kind, cone_rad, *limits_m, range_m)
 
@@ -137,7 +137,7 @@ def range_message(
 def imu(
     stamp_ns: int, frame: str, rates_radps: Sequence[float], forces_mps2: Sequence[float]
 ) -> Imu:
-    """Reading of an IMU, which knows no orientation."""
+    """Reading of an IMU without orientation."""
     no_orientation = np.array([-1.0, *[0.0] * 8])
     return Imu(
         header(stamp_ns, frame),
@@ -157,7 +157,7 @@ def odometry(
     velocity_mps: Sequence[float],
     angular_rate_radps: Sequence[float],
 ) -> Odometry:
-    """Pose of a child frame in its parent, with velocity (3,) and turn rate (3,) in the child."""
+    """Pose of a child frame in its parent; velocity and angular rate (3,) in the child."""
     parent, child = frames
     twist = Twist(Vector3(*velocity_mps), Vector3(*angular_rate_radps))
     return Odometry(
@@ -174,19 +174,19 @@ def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> PoseSt
 
 
 def transforms(stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.float64]]) -> TFMessage:
-    """Poses (4, 4) by the names of parent and child."""
+    """Poses (4, 4) by the names of parent and child frames."""
     return TFMessage(
         [_transform(stamp_ns, parent, child, pose) for (parent, child), pose in poses.items()]
     )
 
 
 def text(content: str) -> String:
-    """Message of a text."""
+    """Text message."""
     return String(content)
 
 
 def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void]:
-    """Records (n,) of columns (n,) by name, packed."""
+    """Packed records (n,) of columns (n,), by name."""
     named = list(columns)
     records = np.empty(len(named[0][1]), dtype=[(name, values.dtype.str) for name, values in named])
     for name, values in named:

@@ -1,4 +1,4 @@
-"""Streams of a run as ROS 2 messages: topics of each sensor at a step."""
+"""Streams of a run as ROS 2 messages: the topics of each sensor at a step."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from omnisim.sensors.calibration_file import CALIBRATION
 
 BASE = "base_link"
 CLOUD_COLORS = "rgb"
-LABELED = ("semantic", "instance")  # channels whose numbers are those of the run's labels
+LABELED = ("semantic", "instance")  # channels with numbers of the run's labels
 
 
 class StampedMessage(NamedTuple):
-    """Message on its way into a bag."""
+    """Message to write to a bag."""
 
     topic: str
     stamp_ns: int
@@ -42,12 +42,12 @@ class Stream(ABC):
     """Stream of one sensor.
 
     Args:
-        recording: the run.
-        name: of the sensor.
-        settings: of the export.
+        recording: run to export.
+        name: name of the sensor.
+        settings: settings of the export.
 
     Attributes:
-        frame: of the sensor.
+        frame: name of the sensor's frame.
     """
 
     def __init__(self, recording: Recording, name: str, settings: ExportSettings):
@@ -61,10 +61,10 @@ class Stream(ABC):
 
     @abstractmethod
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Messages of a measurement by its number."""
+        """Messages of a measurement, by its number."""
 
     def messages_of(self, step: int) -> Iterator[StampedMessage]:
-        """Messages of all measurements after the step before, up to a step's time."""
+        """Messages of all measurements after the previous step, up to a step's time."""
         for index in self.recording.indices_at(self.name, step):
             yield from self.messages_at(index, self._stamps_ns[index])
 
@@ -74,7 +74,7 @@ class Stream(ABC):
         return self.settings.stamps_ns(times_s, self.recording.run.path)
 
     def _mount(self, world_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose (4, 4) on the base by the pose at the first measurement."""
+        """Pose (4, 4) on the base, from the pose at the first measurement."""
         first_s = float(self.recording.times_s(self.name)[0])
         return self.recording.mount(world_from_sensor, first_s)
 
@@ -101,7 +101,7 @@ class CameraStream(Stream):
         return self.camera.mount.base_from_optical
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Image, calibration where ROS has one, ranges, and points if they are asked for."""
+        """Image, calibration if ROS has the model, ranges, and points if requested."""
         needs_image = not self.settings.compressed or self.settings.with_points
         image = self.camera.image(step) if needs_image else None
         if self.settings.compressed:
@@ -145,7 +145,7 @@ class DepthStream(Stream):
         return self.camera.mount.base_from_optical
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Depths in millimeters, the calibration, and points if they are asked for."""
+        """Depths in millimeters, the calibration, and points if requested."""
         depths = read_image(self.camera.image_file(step))[0][..., 0].astype(np.uint16)
         image = messages.image(stamp_ns, self.frame, depths)
         yield StampedMessage(f"/{self.topic}/depth/image_rect", stamp_ns, image)
@@ -210,7 +210,7 @@ class LidarStream(Stream):
         return self.recording.base_from_lidar(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Cloud with all fields, stamped with its end."""
+        """Point cloud with all fields, stamped with its end."""
         cloud = self.recording.cloud(self.name, step)
         message = messages.point_cloud(stamp_ns, self.frame, cloud.points)
         yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
@@ -230,7 +230,7 @@ class ImuStream(Stream):
         yield StampedMessage(f"/{self.topic}/data_raw", stamp_ns, message)
 
     def messages_of(self, step: int) -> Iterator[StampedMessage]:
-        """Readings after the step before, up to a step's time."""
+        """Readings after the previous step, up to a step's time."""
         steps_s, times_s = self.recording.truth.times_s, self._readings.times_s
         begin_s = steps_s[step - 1] if step > 0 else -np.inf
         end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
@@ -248,13 +248,13 @@ class ImuStream(Stream):
 
 
 def ros_name(name: str) -> str:
-    """Nearest name that ROS allows: ASCII letters, digits and _, no digit first."""
+    """Nearest valid ROS name: ASCII letters, digits and _, no digit first."""
     safe = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return f"_{safe}" if safe[0].isdigit() else safe
 
 
 def true_lens(camera: RecordedCamera) -> CameraInfoLens | None:
-    """Lens of CameraInfo that is the camera, to the last bit; None: ROS has no such model."""
+    """CameraInfo lens that represents the camera exactly; None: ROS has no such model."""
     if not camera.has_one_viewpoint:
         return None
     calibrated = CalibratedCamera(camera.name, camera.mount.camera)
@@ -265,7 +265,7 @@ def true_lens(camera: RecordedCamera) -> CameraInfoLens | None:
 def colored_points(
     points_m: NDArray[np.float64], colors: NDArray[np.uint8] | None
 ) -> NDArray[np.void]:
-    """Records (n,) of points with x, y, z, and rgb as viewers of ROS expect it."""
+    """Records (n,) of points with x, y, z, and rgb as in ROS viewers."""
     xyz = points_m.astype(np.float32)
     columns: list[tuple[str, NDArray[Any]]] = [
         (axis, xyz[:, index]) for index, axis in enumerate("xyz")
