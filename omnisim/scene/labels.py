@@ -85,13 +85,13 @@ def find_labels(
             classes[ids[name]] = ClassLabel(ids[name], name, distinct_color(ids[name]))
     instances, unlabeled = [], []
     for number, (owner, name) in enumerate(names, start=1):
-        found = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
+        class_id = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
         if owner in vehicles:
-            found = ids[VEHICLE]
-        elif found is None:
-            found = ids[UNLABELED]
+            class_id = ids[VEHICLE]
+        elif class_id is None:
+            class_id = ids[UNLABELED]
             unlabeled.append(name)
-        instances.append(InstanceLabel(number, name, found, owner))
+        instances.append(InstanceLabel(number, name, class_id, owner))
     return Labels(
         tuple(classes[number] for number in sorted(classes)),
         tuple(instances),
