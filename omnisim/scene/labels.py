@@ -9,7 +9,7 @@ Classes come from the `[[labels]]` tables of a scene's TOML file or of a label f
     id = 3                      # at least 1; default: the next free ID
 
 The first table that matches a name decides. The vehicle's body is "vehicle", and names without a
-match are "unlabeled". Their IDs follow the largest one, unless a table has that name.
+match are "unlabeled". Their IDs follow the largest one, unless a table defines that class.
 
 Without tables, the class is derived from the instance's name: the part before the first "/",
 without trailing numbers and their separator. So chair_01, chair.002, chair-3 and "chair 4" are all

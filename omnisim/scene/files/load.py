@@ -185,7 +185,7 @@ def _load_source(
 
 
 def _under_option(files: SceneSource, sky: SkyTable | None) -> SceneSource:
-    """Source with its sky, and those of all scenes it extends, replaced.
+    """Source with another sky, which also replaces the skies of its base scenes.
 
     A clear sky keeps the sun of the TOML files.
     """
@@ -204,7 +204,7 @@ def _with_baked_light(scene: Scene, folder: Path) -> Scene:
 
 
 def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
-    """Scene lit by its settings, identified by their keys and the content of the sky's map."""
+    """Scene lit by its settings; its identity includes their keys and the sky's map."""
     given = scene.given
     assert given is not None
     with recorded_sources() as sources:

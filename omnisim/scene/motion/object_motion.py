@@ -133,7 +133,7 @@ class Shuttle:
 class Rolling:
     """Motion of a ball that rolls on level ground without slipping.
 
-    The rotation axis is horizontal and perpendicular to the path; the ball does not spin in place.
+    The rotation axis is horizontal and perpendicular to the path, without spin about the vertical.
 
     Attributes:
         motion: motion of the ball's center.

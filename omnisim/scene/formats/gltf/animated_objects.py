@@ -81,7 +81,7 @@ def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) 
 def unplayed_parts(
     nodes: list[JsonObject], animation: Animation, moved: Moved
 ) -> dict[str, Sequence[JsonObject]]:
-    """Parts of an animation that are not played, by the field names of `DrawnObjects`."""
+    """Parts of an animation that are not played, by field name of `DrawnObjects`."""
     return {
         "animations": animation.others,
         "channels": animation.channels,

@@ -47,7 +47,7 @@ class Animation:
         nodes: keyframes of translation, rotation and scale, by node index.
         weights: keyframes of the morph target weights, by node index.
         period_s: period after which the animation repeats.
-        channels: channels in the file.
+        channels: JSON of the animation's channels.
         others: animations that are not played, if none was chosen by name.
     """
 

@@ -35,7 +35,7 @@ class Feature:
 
     Attributes:
         name: name in the file, or several names with one purpose.
-        support: support level.
+        support: level of support in omnisim.
         effect: notice for an omitted feature, also used in the documentation.
         group: field of `DrawnObjects` with the objects that can have the feature; empty: an omitted
             extension is reported by name, and other features are not reported.

@@ -20,7 +20,7 @@ def read_copies(node: JsonObject, accessors: Accessors) -> NDArray[np.float64] |
     """Transforms (n, 4, 4) node_from_copies of a node's copies; None: no instancing.
 
     Raises:
-        SceneError: attributes that are not vectors of equal count, or too many copies.
+        SceneError: attributes that are not vectors or differ in count, or too many copies.
     """
     extension = node.extension("EXT_mesh_gpu_instancing")
     if extension is None:
