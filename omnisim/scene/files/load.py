@@ -53,7 +53,7 @@ def load_scene(
     sky: str | Path | None = None,
     baked: str | Path | None = None,
 ) -> Scene:
-    """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
+    """Load a scene from a mesh file, a scene TOML file or a built-in name.
 
     The world is in meters with z up: a Y-up point (x, y, z) becomes (x, −z, y).
 
