@@ -113,15 +113,15 @@ def visible_boxes(
     order = np.argsort(ids, kind="stable")
     present, starts = np.unique(ids[order], return_index=True)
     points_m = positions_m.reshape(-1, 3)
-    found = []
+    boxes = []
     for number, rows in zip(present.tolist(), np.split(order, starts[1:]), strict=True):
         if number == 0:
             continue
         # a ray that narrowly misses an edge may count as a hit just outside the box
         visible = OrientedBox.of_points(points_m[rows], full[number].rotation)
         label = labels.instances[number - 1]
-        found.append(InstanceBox(label, len(rows), full[number], visible.within(full[number])))
-    return tuple(found)
+        boxes.append(InstanceBox(label, len(rows), full[number], visible.within(full[number])))
+    return tuple(boxes)
 
 
 def boxes_json(
@@ -164,11 +164,11 @@ def boxes_json(
 
 
 def _in_frames(box: OrientedBox, frames: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
-    found: dict[str, Any] = {"size_m": box.size_m.tolist()}
+    content: dict[str, Any] = {"size_m": box.size_m.tolist()}
     for name, pose in frames.items():
-        there = box.transformed(pose)
-        found[name] = {
-            "center_m": there.center_m.tolist(),
-            "quaternion_xyzw": quaternion_from_rotation(there.rotation[None])[0].tolist(),
+        transformed = box.transformed(pose)
+        content[name] = {
+            "center_m": transformed.center_m.tolist(),
+            "quaternion_xyzw": quaternion_from_rotation(transformed.rotation[None])[0].tolist(),
         }
-    return found
+    return content

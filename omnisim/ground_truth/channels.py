@@ -1,7 +1,7 @@
 """Ground-truth channels by name: contents, units, and layers in files.
 
-Each value belongs to the ray of the pixel's center, from the effective viewpoint. It is exact,
-never averaged over the pixel and never blended with its neighbors, unlike the image's colors.
+Each value belongs to the ray of the pixel's center, from the effective viewpoint. It is exact:
+unlike the image's colors, it is never averaged over the pixel or blended with its neighbors.
 
 A masked surface counts except at its holes, and a blended one where its alpha is at least 0.5:
 behind clear glass the channels show the surface behind it.

@@ -92,15 +92,15 @@ def _runs(instances: NDArray[np.integer[Any]]) -> dict[int, list[int]]:
     ends = np.append(np.flatnonzero(np.diff(flat.astype(np.int64))) + 1, flat.size)
     starts = np.concatenate(([0], ends[:-1]))
     numbers = flat[starts]
-    found = {}
+    counts_of = {}
     for number in np.unique(numbers[numbers > 0]).tolist():
         runs = numbers == number
         edges = np.stack((starts[runs], ends[runs]), axis=-1).ravel()
         counts = np.diff(np.concatenate(([0], edges))).tolist()
         if edges[-1] < flat.size:
             counts.append(int(flat.size - edges[-1]))
-        found[number] = counts
-    return found
+        counts_of[number] = counts
+    return counts_of
 
 
 def _box(instances: NDArray[np.integer[Any]], number: int, counts: list[int]) -> NDArray[np.bool_]:
@@ -114,7 +114,9 @@ def _box(instances: NDArray[np.integer[Any]], number: int, counts: list[int]) ->
 def _whole(
     labels: Labels, images: list[dict[str, Any]], annotations: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    numbered = [found | {"id": number} for number, found in enumerate(annotations, start=1)]
+    numbered = [
+        annotation | {"id": number} for number, annotation in enumerate(annotations, start=1)
+    ]
     return {
         "info": {"description": _ABOUT, "contributor": f"omnisim {__version__}"},
         "images": images,

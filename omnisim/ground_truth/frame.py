@@ -78,7 +78,7 @@ class Frame:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the pixels with at least half of their samples in the scene."""
+        """Mask (height, width), true if at least half of a pixel's samples show the scene."""
         return self.rgba[..., 3] > 0
 
     def save(self, path: str | Path, previews: bool = False, channel_format: str = "auto") -> None:

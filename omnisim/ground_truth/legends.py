@@ -63,9 +63,9 @@ def _ramp(low: float, high: float, unit: str, colors: list[str], scale: str) -> 
 def _items(ids: NDArray[Any], names: dict[int, str], colors: dict[int, str]) -> Legend:
     present, counts = np.unique(ids, return_counts=True)
     order = np.argsort(-counts, kind="stable")
-    found = [int(present[at]) for at in order if int(present[at]) in names]
-    items = [{"name": names[one], "color": colors[one]} for one in found[:MAX_ITEMS]]
-    return {"kind": "list", "items": items, "more": max(0, len(found) - MAX_ITEMS)}
+    listed = [int(present[at]) for at in order if int(present[at]) in names]
+    items = [{"name": names[one], "color": colors[one]} for one in listed[:MAX_ITEMS]]
+    return {"kind": "list", "items": items, "more": max(0, len(listed) - MAX_ITEMS)}
 
 
 def _hex(color: Any) -> str:

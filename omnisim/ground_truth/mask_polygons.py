@@ -75,13 +75,13 @@ def _edges(region: NDArray[np.bool_]) -> dict[tuple[int, int], list[tuple[int, i
         (padded[2:, 1:-1], (1, 1), (-1, 0)),
         (padded[1:-1, :-2], (0, 1), (0, -1)),
     )
-    found = []
+    directed = []
     for neighbor, (right, down), way in sides:
         rows, columns = np.nonzero(inside & ~neighbor)
-        found += [
+        directed += [
             (y + down, x + right, way) for y, x in zip(rows.tolist(), columns.tolist(), strict=True)
         ]
     edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for y, x, way in sorted(found):
+    for y, x, way in sorted(directed):
         edges.setdefault((x, y), []).append(way)
     return edges

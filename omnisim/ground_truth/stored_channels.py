@@ -49,10 +49,10 @@ class StoredChannels:
         step = sidecar_path(image, "channels.exr")  # file name in a drive
         for path in (image if is_float_format(image) else step,):
             if path.is_file() and path.suffix.lower() == ".exr":
-                found = read_channels(path)
-                _check_identity(path, found.metadata or {}, metadata)
-                self._layers = found.values
-                self._tables.append((found.metadata or {}).get("labels"))
+                stored = read_channels(path)
+                _check_identity(path, stored.metadata or {}, metadata)
+                self._layers = stored.values
+                self._tables.append((stored.metadata or {}).get("labels"))
         description = sidecar_path(image, "channels.json")
         if description.is_file():
             content = _read_json(description)
@@ -97,8 +97,8 @@ class StoredChannels:
         """
         for name in names:
             if name not in self.names:
-                there = ", ".join(self.names) or "none"
-                raise OutputError(f"{self._image}: channel {name!r}: not there; it has {there}")
+                available = ", ".join(self.names) or "none"
+                raise OutputError(f"{self._image}: channel {name!r}: not there; it has {available}")
         return {name: self._read(name) for name in names}
 
     def _read(self, name: str) -> NDArray[Any]:
@@ -159,9 +159,9 @@ def _decode(path: Path, name: str, described: Mapping[str, Any]) -> NDArray[Any]
     return values
 
 
-def _check_identity(path: Path, found: Mapping[str, Any], metadata: Mapping[str, Any]) -> None:
+def _check_identity(path: Path, stored: Mapping[str, Any], metadata: Mapping[str, Any]) -> None:
     for key in _IDENTITY:
-        if key in metadata and found.get(key) != metadata[key]:
+        if key in metadata and stored.get(key) != metadata[key]:
             raise OutputError(
                 f"{path}: {key}: differs from the image's: these are channels of another image"
             )

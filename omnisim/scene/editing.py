@@ -33,12 +33,12 @@ def find(content: Content, name: str) -> tuple[Instance, ...]:
     Raises:
         SceneError: unknown instance.
     """
-    found = tuple(one for one in content.instances if one.name == name)
-    if not found:
+    parts = tuple(one for one in content.instances if one.name == name)
+    if not parts:
         names = dict.fromkeys(one.name for one in content.instances)
         hint = did_you_mean(str(name), names, "the scene has")
         raise SceneError(f"instance {name!r}: unknown; {hint}")
-    return found
+    return parts
 
 
 def pose_of(content: Content, name: str) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ Classes come from the `[[labels]]` tables of a scene's TOML file or of a label f
     id = 3                      # at least 1; default: the next free ID
 
 The first table that matches a name decides. The vehicle's body is "vehicle", and names without a
-match are "unlabeled". Their IDs follow the largest one, unless a table has that name.
+match are "unlabeled". Their IDs follow the largest one, unless a table defines that class.
 
 Without tables, the class is derived from the instance's name: the part before the first "/",
 without trailing numbers and their separator. So chair_01, chair.002, chair-3 and "chair 4" are all
@@ -85,13 +85,13 @@ def find_labels(
             classes[ids[name]] = ClassLabel(ids[name], name, distinct_color(ids[name]))
     instances, unlabeled = [], []
     for number, (owner, name) in enumerate(names, start=1):
-        found = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
+        class_id = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
         if owner in vehicles:
-            found = ids[VEHICLE]
-        elif found is None:
-            found = ids[UNLABELED]
+            class_id = ids[VEHICLE]
+        elif class_id is None:
+            class_id = ids[UNLABELED]
             unlabeled.append(name)
-        instances.append(InstanceLabel(number, name, found, owner))
+        instances.append(InstanceLabel(number, name, class_id, owner))
     return Labels(
         tuple(classes[number] for number in sorted(classes)),
         tuple(instances),

@@ -43,14 +43,14 @@ def _looked_up(
     of_color: NDArray[Any], of_alpha: NDArray[Any], values: NDArray[np.unsignedinteger]
 ) -> NDArray[Any]:
     """Table lookup of RGBA values (height, width, 4), with a separate table for alpha."""
-    found = np.empty(values.shape, of_color.dtype)
-    given, taken = values.reshape(-1), found.reshape(-1)
+    entries = np.empty(values.shape, of_color.dtype)
+    given, taken = values.reshape(-1), entries.reshape(-1)
     for start in range(0, given.size, _BLOCK):
         # indices are always valid, but with mode="clip" NumPy writes to `out` directly
         part = slice(start, start + _BLOCK)
         np.take(of_color, given[part], out=taken[part], mode="clip")
-    found[..., 3] = np.take(of_alpha, values[..., 3], mode="clip")
-    return found
+    entries[..., 3] = np.take(of_alpha, values[..., 3], mode="clip")
+    return entries
 
 
 def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:

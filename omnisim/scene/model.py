@@ -94,13 +94,13 @@ class Scene:
     """Meshes, materials, instances, lights, and the start poses and paths of vehicles.
 
     A scene is immutable: `added`, `removed`, `moved` and `recolored` return a new scene that shares
-    all unchanged data. An open renderer draws it once it is assigned to `scene`.
+    all unchanged data. An open renderer draws it as soon as it is assigned to `scene`.
 
     Attributes:
         name: file name or built-in name.
         meshes, materials, instances: geometry and its appearance.
         lighting: ambient light and lights.
-        background: linear RGB where nothing is hit.
+        background: linear RGB of rays without a hit.
         start: default camera pose.
         notices: one line for each feature of the file that is not rendered.
         cameras: camera poses of the file, with unique names.
@@ -206,8 +206,8 @@ class Scene:
 
         Args:
             name: name of the new instance, not yet in the scene.
-            part: added scene; only its instances and its dynamic objects, as they are at 0 s, are
-                used, not its lights, background, starts, paths and landmarks.
+            part: added scene: its instances, and its dynamic objects posed as at 0 s. Its lights,
+                background, starts, paths and landmarks are ignored.
             world_from_part: (4, 4) pose; None: identity, as in its own scene.
 
         Raises:

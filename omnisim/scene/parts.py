@@ -170,12 +170,12 @@ class Mesh:
         triangles: (m, 3) uint32, counter-clockwise seen from the front.
         material: index into `Scene.materials`.
         normals: (n, 3) float32; None: flat shading.
-        texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left; None: none.
-        colors: (n, 4) float32 linear RGBA; None: none.
-        second_texture_coordinates: (n, 2) float32; None: none.
+        texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left; None: untextured.
+        colors: (n, 4) float32 linear RGBA; None: no vertex colors.
+        second_texture_coordinates: (n, 2) float32; None: only one set.
         deformation: deformation over time, with positions and normals at 0 s; None: rigid.
         light_coordinates: (n, 2) float32 lightmap coordinates in [0, 1], relative to
-            `Instance.light_rectangle`; None: none.
+            `Instance.light_rectangle`; None: no lightmap.
     """
 
     name: str
@@ -265,7 +265,7 @@ class Light:
 
 # A lamp sits inside its bulb, which must not block the light.
 LAMP_NEAR_M = 0.05
-MAX_LIGHTS = 32  # limit of lights per surface: each costs time at every texel
+MAX_LIGHTS = 32  # maximum per surface: each light costs time at every texel
 
 
 @dataclass(frozen=True)

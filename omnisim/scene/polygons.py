@@ -34,8 +34,8 @@ def triangulate(loops: Sequence[ArrayLike]) -> tuple[NDArray[np.float64], NDArra
             if depth == depths[outline] + 1 and surrounds(ring, rings[k][0])
         ]
         members = [outline, *holes]
-        found = clip_ears([rings[k] for k in members])
-        triangles.append(np.concatenate([indices[k] for k in members])[found])
+        ears = clip_ears([rings[k] for k in members])
+        triangles.append(np.concatenate([indices[k] for k in members])[ears])
     return points, np.concatenate(triangles)
 
 

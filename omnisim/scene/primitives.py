@@ -25,7 +25,7 @@ class Surface(NamedTuple):
     Attributes:
         positions: (n, 3) float64.
         triangles: (m, 3), counter-clockwise seen from outside.
-        normals: (n, 3) unit; None: flat triangles.
+        normals: (n, 3) unit; None: flat shading.
     """
 
     positions: NDArray[np.float64]

@@ -115,15 +115,15 @@ def floors(scene: Scene) -> tuple[Floor, ...]:
     heights, areas = corners[flat, :, 2].mean(axis=1), up[flat]
     order = np.argsort(heights)
     heights, areas = heights[order], areas[order]
-    found, first = [], 0
+    large_floors, first = [], 0
     while first < len(heights):
         end = int(np.searchsorted(heights, heights[first] + FLOOR_STEP_M, side="right"))
         area = float(areas[first:end].sum())
         if area > MIN_FLOOR_SHARE * areas.sum():
             height = float(heights[first:end] @ areas[first:end]) / area
-            found.append(Floor(round(height, 3) + 0.0, area))  # no -0.0
+            large_floors.append(Floor(round(height, 3) + 0.0, area))  # no -0.0
         first = end
-    return tuple(sorted(found, key=lambda one: -one.area_m2))
+    return tuple(sorted(large_floors, key=lambda one: -one.area_m2))
 
 
 def start_places(scene: Scene) -> tuple[Place, ...]:
@@ -164,8 +164,8 @@ def _arrays(mesh: Mesh) -> list[NDArray[np.generic]]:
         mesh.normals, mesh.texture_coordinates, mesh.second_texture_coordinates, mesh.colors
     )  # fmt: skip
     deformed = [] if mesh.deformation is None else mesh.deformation.arrays
-    there = (one for one in optional if one is not None)
-    return [mesh.positions, mesh.triangles, *there, *deformed]
+    present = (one for one in optional if one is not None)
+    return [mesh.positions, mesh.triangles, *present, *deformed]
 
 
 def _distinct(items: Sequence[Item]) -> list[Item]:

@@ -63,11 +63,11 @@ class AssetResolver(Mapping[str, bytes]):
     def _read(self, name: str) -> bytes:
         """Content of a file; raises a FileNotFoundError with the reason if it cannot be read."""
         try:
-            found = self._find(name)
-            data = b"" if found is None else read_source(found)
+            path = self._find(name)
+            data = b"" if path is None else read_source(path)
         except OSError as reason:  # no permission, a disk error or a name too long
             raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None
-        if found is None:
+        if path is None:
             raise FileNotFoundError("is not there")
         if not data:
             raise FileNotFoundError("is an empty file")

@@ -91,8 +91,8 @@ _BY_SUFFIX = {suffix: found for found in CONVERSIONS for suffix in found.suffixe
 
 def conversion_hint(path: Path) -> str:
     """One-line hint on how to convert a file; empty for an unknown suffix."""
-    found = _BY_SUFFIX.get(path.suffix.lower())
-    if found is None:
+    conversion = _BY_SUFFIX.get(path.suffix.lower())
+    if conversion is None:
         return ""
-    hint = f"is not read ({found.format}): {found.advice}"
-    return f"{hint}: {found.command_for(path)}" if found.command else hint
+    hint = f"is not read ({conversion.format}): {conversion.advice}"
+    return f"{hint}: {conversion.command_for(path)}" if conversion.command else hint

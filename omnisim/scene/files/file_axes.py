@@ -30,7 +30,7 @@ class FileAxes(NamedTuple):
 
 
 def overruled(settings: SceneFile, axes: FileAxes) -> FileAxes:
-    """Overrides for a file: those of `axes`, then those of `settings`."""
+    """Overrides for a file, from `axes` or else from `settings`."""
     unit = settings.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
     return FileAxes(axes.up_axis or settings.up_axis, unit)
 
@@ -66,8 +66,8 @@ def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]
 
 def _collada(data: bytes) -> tuple[str, float]:
     """Up axis and unit in COLLADA's <asset>, which trimesh does not apply."""
-    found = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data)
-    axis = found[1].decode().lower() if found else "y"
+    axis_match = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data)
+    axis = axis_match[1].decode().lower() if axis_match else "y"
     stated = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']", data)
     if stated is None:
         return axis, 1.0

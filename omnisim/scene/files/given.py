@@ -24,8 +24,8 @@ class Given:
 
     def edited(self, *change: Any) -> Given:
         """Digests after an edit, given by its name and its arguments."""
-        words = [_plain(one) for one in change]
-        return Given(source_digest(self.content, *words), source_digest(self.light, *words))
+        plain = [_plain(one) for one in change]
+        return Given(source_digest(self.content, *plain), source_digest(self.light, *plain))
 
 
 def _plain(value: Any) -> Any:

@@ -102,7 +102,7 @@ def make_mesh(
     colors: ArrayLike | None = None,
     second_texture_coordinates: ArrayLike | None = None,
 ) -> tuple[Mesh, NDArray[np.float64]]:
-    """Mesh centered on its bounding box, and that center (3,).
+    """Mesh centered on its bounding box, and the center (3,) of that box.
 
     Centering in float64 keeps micrometer precision in float32, even for a town in map coordinates.
     Normals or texture coordinates that are not finite, or whose count differs from that of the

@@ -53,7 +53,7 @@ def load_scene(
     sky: str | Path | None = None,
     baked: str | Path | None = None,
 ) -> Scene:
-    """Load a scene: a mesh file, a scene's TOML, or the name of a built-in scene.
+    """Load a scene from a mesh file, a scene TOML file or a built-in name.
 
     The world is in meters with z up: a Y-up point (x, y, z) becomes (x, −z, y).
 
@@ -149,24 +149,24 @@ def _load_source(
 ) -> Scene:
     """Load a scene that the outer TOML files extend, or use as the shape of an object."""
     try:
-        found = resolve_source(source)
+        files = resolve_source(source)
     except OSError as reason:  # a name too long, or a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     if not options.keeps_sky:
-        found = _under_option(found, None if outer else options.sky)
-    folder = Path() if options.sky is not None or found.toml is None else found.toml.parent
-    if found.toml is None:
-        return _lit(_load_mesh_file(source, found, options), found, folder)
-    path = found.toml.resolve()
+        files = _under_option(files, None if outer else options.sky)
+    folder = Path() if options.sky is not None or files.toml is None else files.toml.parent
+    if files.toml is None:
+        return _lit(_load_mesh_file(source, files, options), files, folder)
+    path = files.toml.resolve()
     if path in outer:
-        raise SceneError(f"{found.toml}: extends itself, or has itself as an object")
+        raise SceneError(f"{files.toml}: extends itself, or has itself as an object")
     outer = (*outer, path)
-    if found.settings.extends is None:
-        scene = _load_mesh_file(source, found, options)
+    if files.settings.extends is None:
+        scene = _load_mesh_file(source, files, options)
     else:
-        scene = _load_extended(str(source), found, options, outer)
+        scene = _load_extended(str(source), files, options, outer)
 
-    scene = _lit(scene, found, folder)
+    scene = _lit(scene, files, folder)
 
     def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
         played = animation or NO_ANIMATION
@@ -174,23 +174,23 @@ def _load_source(
         return _load_source(path, shape, outer)
 
     try:
-        objects = load_objects(found.settings.objects, found.toml.parent, load_shape)
+        objects = load_objects(files.settings.objects, files.toml.parent, load_shape)
     except SceneError as reason:
-        raise SceneError(f"{found.toml}: {reason}") from None
-    given, scene = scene.given, with_objects(scene, objects, str(found.toml))
+        raise SceneError(f"{files.toml}: {reason}") from None
+    given, scene = scene.given, with_objects(scene, objects, str(files.toml))
     scene = scene if given is None else scene.identified(given)
-    if found.settings.light.baked is None or not options.takes_baked:
+    if files.settings.light.baked is None or not options.takes_baked:
         return scene
-    return _with_baked_light(scene, found.toml.parent / found.settings.light.baked)
+    return _with_baked_light(scene, files.toml.parent / files.settings.light.baked)
 
 
-def _under_option(found: SceneSource, sky: SkyTable | None) -> SceneSource:
-    """Source with its sky, and those of all scenes it extends, replaced.
+def _under_option(files: SceneSource, sky: SkyTable | None) -> SceneSource:
+    """Source with another sky, which also replaces the skies of its base scenes.
 
     A clear sky keeps the sun of the TOML files.
     """
     is_clear = sky is not None and sky.file is None
-    return found.under(sky, shining_sun(found) if is_clear else None)
+    return files.under(sky, shining_sun(files) if is_clear else None)
 
 
 def _with_baked_light(scene: Scene, folder: Path) -> Scene:
@@ -203,13 +203,13 @@ def _with_baked_light(scene: Scene, folder: Path) -> Scene:
     return lit.identified(Given(source_digest(given.content, sources.digest(folder)), given.light))
 
 
-def _lit(scene: Scene, found: SceneSource, folder: Path) -> Scene:
-    """Scene lit by its settings, identified by their keys and the content of the sky's map."""
+def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
+    """Scene lit by its settings; its identity includes their keys and the sky's map."""
     given = scene.given
     assert given is not None
     with recorded_sources() as sources:
-        lit = _under_sky(lit_scene(scene, found.settings), found, folder)
-    keys = _light_keys(found.settings)
+        lit = _under_sky(lit_scene(scene, files.settings), files, folder)
+    keys = _light_keys(files.settings)
     if not keys:
         return lit.identified(given)
     light = source_digest(given.light, keys, sources.digest(folder))
@@ -229,31 +229,31 @@ def _light_keys(settings: SceneFile) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value or key == "sky"}
 
 
-def _under_sky(scene: Scene, found: SceneSource, folder: Path) -> Scene:
+def _under_sky(scene: Scene, files: SceneSource, folder: Path) -> Scene:
     """Scene under the sky of its settings, if there is one; `folder` resolves the map's path."""
-    if found.settings.sky is None:
+    if files.settings.sky is None:
         return scene
     from omnisim.scene.light.sky import under_sky  # reads images, slow to import
 
-    return under_sky(scene, found.settings, str(found.toml or found.mesh_file), folder)
+    return under_sky(scene, files.settings, str(files.toml or files.mesh_file), folder)
 
 
 def _load_extended(
     name: str,
-    found: SceneSource,
+    files: SceneSource,
     options: _Options,
     outer: tuple[Path, ...],
 ) -> Scene:
     """Load the base scene that a TOML file extends, and add the TOML file's content."""
-    settings, toml = found.settings, found.toml
-    assert found.base is not None
+    settings, toml = files.settings, files.toml
+    assert files.base is not None
     assert toml is not None
     if settings.has_own_light:
         options = options._replace(takes_baked=False)
     if settings.has_own_sky:
         options = options._replace(keeps_sky=False)
     try:
-        base = _load_source(found.base, options, outer)
+        base = _load_source(files.base, options, outer)
     except SceneError as reason:
         raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
     assert base.given is not None
@@ -277,10 +277,10 @@ def _load_extended(
 
 def _load_mesh_file(
     source: str | Path,
-    found: SceneSource,
+    files: SceneSource,
     options: _Options,
 ) -> Scene:
-    path, settings = found.mesh_file, found.settings
+    path, settings = files.mesh_file, files.settings
     assert path is not None
     try:
         check_format(path)

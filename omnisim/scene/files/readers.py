@@ -128,12 +128,12 @@ _FORMATS = (
 def _format_of(path: Path) -> SceneFormat | None:
     """Format of a file; None: possibly one that trimesh reads."""
     suffix = path.suffix.lower()
-    found = next((one for one in _FORMATS if suffix in one.suffixes), None)
-    if found is _MJCF:
+    scene_format = next((one for one in _FORMATS if suffix in one.suffixes), None)
+    if scene_format is _MJCF:
         from omnisim.scene.formats.urdf.document import is_urdf  # imports an XML parser
 
         return _URDF if is_urdf(path) else _MJCF
-    return found
+    return scene_format
 
 
 def check_format(path: Path) -> None:
@@ -142,13 +142,13 @@ def check_format(path: Path) -> None:
     Raises:
         SceneError: no reader exists, or its extra is not installed.
     """
-    found = _format_of(path)
-    if found is None:
+    scene_format = _format_of(path)
+    if scene_format is None:
         from omnisim.scene.formats.mesh import other_formats  # imports trimesh, slow
 
         other_formats.check_format(path)
-    elif found.extra is not None:
-        require_extra(found.extra, str(path), SceneError)
+    elif scene_format.extra is not None:
+        require_extra(scene_format.extra, str(path), SceneError)
 
 
 def is_mjcf(path: Path) -> bool:
@@ -175,13 +175,13 @@ def read_file(
         OSError: the file cannot be read.
     """
     file = SourceFile(path, axes, folders, animation, TextureStore(), AssetResolver(path))
-    found = _format_of(path)
-    if found is not _GLTF and animation.name not in (None, NO_ANIMATION):
+    scene_format = _format_of(path)
+    if scene_format is not _GLTF and animation.name not in (None, NO_ANIMATION):
         raise SceneError(
             f"animation = {animation.name!r}: expected a glTF file, got {path.suffix.lower()}"
         )
     with large_textures():
-        read, matrix = _read_other(file) if found is None else found.read(file)
+        read, matrix = _read_other(file) if scene_format is None else scene_format.read(file)
     if not read.instances:
         raise SceneError("has no triangles to draw")
     own = texture_notices(read)

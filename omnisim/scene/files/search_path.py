@@ -56,18 +56,18 @@ class ResourcePath:
                 return folder / name
         for folder, name in () if is_model else places:
             with suppress(OSError, ValueError):  # no permission, or a name too long
-                found = find_ignoring_case(folder, name) if name else None
-                if found is not None:
-                    return found
+                path = find_ignoring_case(folder, name) if name else None
+                if path is not None:
+                    return path
         return None
 
     def used(self, uris: Iterable[str]) -> tuple[Path, ...]:
         """Folders in which URIs are found: given ones, the environment's and the home's."""
-        found = [path.absolute() for uri in uris if (path := self.find(uri)) is not None]
+        paths = [path.absolute() for uri in uris if (path := self.find(uri)) is not None]
         return tuple(
             folder
             for folder in self._stated
-            if any(path.is_relative_to(folder.absolute()) for path in found)
+            if any(path.is_relative_to(folder.absolute()) for path in paths)
         )
 
     def _places(self, uri: str, *beside: Path) -> Iterator[tuple[Path, str]]:

@@ -111,9 +111,9 @@ def _gazebo_model(folder: Path) -> Path:
     from omnisim.scene.formats.sdf.model_folder import MANIFESTS, model_file  # XML parser
 
     manifests = (*MANIFESTS, "model.sdf")
-    found = model_file(folder) if any((folder / name).is_file() for name in manifests) else None
-    if found is None:
+    file = model_file(folder) if any((folder / name).is_file() for name in manifests) else None
+    if file is None:
         raise SceneError(
             f"{folder}: expected a scene file, got a folder without a scene.toml or model.config"
         )
-    return found
+    return file

@@ -117,7 +117,7 @@ def _rectangles(
     rects: dict[str, LightRectangle], key: str, scene: Scene, path: Path
 ) -> dict[int, LightRectangle]:
     """Lightmap regions by instance index, for rigid instances with a non-empty region."""
-    found, instances = {}, len(scene.instances)
+    rectangles, instances = {}, len(scene.instances)
     for name, rectangle in rects.items():
         left, top, width, height = rectangle
         if not (name.isascii() and name.isdigit() and len(name) < 10 and int(name) < instances):
@@ -128,8 +128,8 @@ def _rectangles(
             raise SceneError(f"{path}: {key}.{name} = {list(rectangle)}: expected it within 0 to 1")
         is_rigid = scene.meshes[scene.instances[int(name)].mesh].deformation is None
         if width > 0.0 and height > 0.0 and is_rigid:
-            found[int(name)] = rectangle
-    return found
+            rectangles[int(name)] = rectangle
+    return rectangles
 
 
 def _read_irradiance(path: Path) -> NDArray[np.float16]:
@@ -176,7 +176,7 @@ def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
     names = {"meshes", "vertex_of", "triangles", "uv"}
     stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
     meshes = _array(stored, "meshes", "iu", (None, 3), path).astype(np.int64)
-    found = {}
+    arrays = {}
     for key, kinds, width, column in (
         ("vertex_of", "iu", (), 1), ("triangles", "iu", (3,), 2), ("uv", "f", (2,), 1)
     ):  # fmt: skip
@@ -187,8 +187,8 @@ def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
                 f"{path}: meshes: expected numbers of {len(joined)} in all, as {key} has"
             )
         for mesh, part in zip(meshes[:, 0], np.split(joined, ends[:-1]), strict=True):
-            found[f"{key} of mesh {mesh}"] = part
-    return found
+            arrays[f"{key} of mesh {mesh}"] = part
+    return arrays
 
 
 def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: Path) -> Mesh:

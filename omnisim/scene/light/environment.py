@@ -133,8 +133,8 @@ def lookup(pixels: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[
         pixels[one, columns[0]] * (1 - right_share) + pixels[one, columns[1]] * right_share
         for one in rows
     )
-    found: NDArray[np.float32] = upper * (1 - down_share) + lower * down_share
-    return found
+    values: NDArray[np.float32] = upper * (1 - down_share) + lower * down_share
+    return values
 
 
 def _between_levels(

@@ -61,12 +61,12 @@ def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Sce
 def _with_map(
     lighting: Lighting, radiance: NDArray[np.float32], brightness: float, sun: float = 0.0
 ) -> Lighting:
-    """Lighting with a map, scaled so that a horizontal white surface gets a given brightness.
+    """Lighting with a map, scaled to a given brightness of a level white surface.
 
     Args:
         lighting: lighting without the map.
         radiance: radiance of the map.
-        brightness: brightness of the surface.
+        brightness: brightness of the surface under the map and the sun.
         sun: luminance of the surface under the sun alone, in the map's unit.
     """
     level = sun + _level_luminance(radiance)
@@ -101,7 +101,7 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) 
 def _around_sun(
     lighting: Lighting, table: SkyTable, sun: SunTable, light: LightTable, toml: str
 ) -> Lighting:
-    """Lighting with a clear sky around a sun given in lux; both and all lamps share one exposure.
+    """Lighting with a clear sky around a sun in lux; sky, sun and lamps share one exposure.
 
     Raises:
         SceneError: the sun is below the horizon.

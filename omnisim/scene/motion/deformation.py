@@ -38,22 +38,22 @@ class Skeleton:
 
     def matrices_at(self, time_s: float) -> Matrix:
         """Transforms (joints, 4, 4) from the mesh's bind pose to the world."""
-        found = self._latest.get(time_s)
-        if found is None:
-            found = self._poses.at(time_s) @ self.node_from_bind
+        matrices = self._latest.get(time_s)
+        if matrices is None:
+            matrices = self._poses.at(time_s) @ self.node_from_bind
             # shared by all meshes of the skin in the same frame
             self._latest.clear()
-            self._latest[time_s] = found
-        return found
+            self._latest[time_s] = matrices
+        return matrices
 
     def scales_at(self, time_s: float) -> Matrix:
         """Largest scale factors (joints,) of the transforms."""
-        found = self._latest_scales.get(time_s)
-        if found is None:
-            found = np.linalg.norm(self.matrices_at(time_s)[:, :3, :3], 2, axis=(1, 2))
+        scales = self._latest_scales.get(time_s)
+        if scales is None:
+            scales = np.linalg.norm(self.matrices_at(time_s)[:, :3, :3], 2, axis=(1, 2))
             self._latest_scales.clear()
-            self._latest_scales[time_s] = found
-        return found
+            self._latest_scales[time_s] = scales
+        return scales
 
     @cached_property
     def _latest_scales(self) -> dict[float, Matrix]:
@@ -133,12 +133,12 @@ class Deformation:
     @property
     def arrays(self) -> list[NDArray[np.generic]]:
         """All per-vertex arrays."""
-        found: list[NDArray[np.generic] | None] = [
+        arrays: list[NDArray[np.generic] | None] = [
             self.positions, self.normals, self.joints, self.shares
         ]  # fmt: skip
         if self.targets is not None:
-            found += [self.targets.positions, self.targets.normals]
-        return [one for one in found if one is not None]
+            arrays += [self.targets.positions, self.targets.normals]
+        return [one for one in arrays if one is not None]
 
     def matrices_at(self, time_s: float) -> Matrix:
         """Transforms (joints, 4, 4) from the bind pose to the mesh's frame."""

@@ -76,13 +76,13 @@ class Keyframes:
         assert self.in_tangents is not None
         assert self.out_tangents is not None
         t2, t3 = t * t, t * t * t
-        found: Values = (
+        value: Values = (
             (2.0 * t3 - 3.0 * t2 + 1.0) * self.values[last]
             + step_s * (t3 - 2.0 * t2 + t) * self.out_tangents[last]
             + (3.0 * t2 - 2.0 * t3) * self.values[last + 1]
             + step_s * (t3 - t2) * self.in_tangents[last + 1]
         )
-        return found
+        return value
 
 
 def _slerp(first: Values, second: Values, share: float) -> Values:

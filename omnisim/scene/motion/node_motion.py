@@ -38,16 +38,16 @@ class AnimatedNode:
 
     def transform_at(self, time_s: float) -> Matrix:
         """Transform (4, 4) from the node to the world at a world time."""
-        found = self._latest.get(time_s)
-        if found is None:
+        transform = self._latest.get(time_s)
+        if transform is None:
             before = self.parent_from_node
             if self.parent is not None:
                 before = self.parent.transform_at(time_s) @ before
-            found = before @ self._local_at(time_s % self.period_s if self.period_s else 0.0)
+            transform = before @ self._local_at(time_s % self.period_s if self.period_s else 0.0)
             # shared by all nodes of one parent in the same frame
             self._latest.clear()
-            self._latest[time_s] = found
-        return found
+            self._latest[time_s] = transform
+        return transform
 
     @cached_property
     def _latest(self) -> dict[float, Matrix]:

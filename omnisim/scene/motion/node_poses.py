@@ -58,8 +58,8 @@ class NodePoses:
         local[:-1] = self._before @ local[:-1]
         for level, parents in self._levels:
             local[level] = local[parents] @ local[level]
-        found: Matrix = local[self._index]
-        return found
+        transforms: Matrix = local[self._index]
+        return transforms
 
 
 class _Tracks:

@@ -133,7 +133,7 @@ class Shuttle:
 class Rolling:
     """Motion of a ball that rolls on level ground without slipping.
 
-    The rotation axis is horizontal and perpendicular to the path; the ball does not spin in place.
+    The rotation axis is horizontal and perpendicular to the path, without spin about the vertical.
 
     Attributes:
         motion: motion of the ball's center.
@@ -160,10 +160,10 @@ class Rolling:
             rolled_rad = -turned * motion.radius_m / self.radius_m
             start = rotation_from_yaw(motion.angle_at(0.0))
             in_turning = _rotation(np.array([rolled_rad, 0.0, -turned]))
-            found: NDArray[np.float64] = (
+            rotation: NDArray[np.float64] = (
                 rotation_from_yaw(motion.angle_at(time_s)) @ in_turning @ start.T
             )
-            return found
+            return rotation
         return self._along_at(motion, time_s)
 
     def _along_at(self, motion: Along, time_s: float) -> NDArray[np.float64]:
@@ -197,5 +197,5 @@ def _axis(way_m: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
 
 def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (3, 3) of a rotation vector (3,)."""
-    found: NDArray[np.float64] = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
-    return found
+    rotation: NDArray[np.float64] = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
+    return rotation

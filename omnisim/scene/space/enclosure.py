@@ -41,10 +41,10 @@ def enclosing_nodes(
         drawn = (np.linalg.norm(offsets, axis=1) >= near_m)[mesh.triangles].any(axis=1)
         both = np.array((numbers.sum(), numbers[drawn].sum()))
         windings[instance.name] = windings.get(instance.name, 0.0) + both
-    found = tuple(name for name, both in windings.items() if _encloses(both))
-    if not found and windings and _encloses(np.sum(list(windings.values()), axis=0)):
+    enclosing = tuple(name for name, both in windings.items() if _encloses(both))
+    if not enclosing and windings and _encloses(np.sum(list(windings.values()), axis=0)):
         return tuple(windings)
-    return found
+    return enclosing
 
 
 def _encloses(windings: NDArray[np.float64]) -> bool:

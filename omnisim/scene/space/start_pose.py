@@ -75,7 +75,7 @@ def find_start(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Sta
     clearance, height = CLEARANCE_PER_SCALE * scale, middle[2] - bounds[0, 2]
     if height > 0.0:
         clearance = min(clearance, CLEARANCE_PER_HEIGHT * height)
-    found = middle
+    position = middle
     if scale > 0.0:
         near = _Surroundings(meshes, instances, middle, NEAR_SCALES * scale)
         if near.is_clear(middle[None], clearance)[0] and not near.sight(middle).is_inside:
@@ -85,8 +85,8 @@ def find_start(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Sta
         if not is_whole and (best is None or not best[0]):
             far = _Surroundings(meshes, instances, middle, np.inf)
             best = _search(far, bounds, middle, scale, clearance) or best
-        found = middle if best is None else best[1]
-    return StartPose(_plain(found))
+        position = middle if best is None else best[1]
+    return StartPose(_plain(position))
 
 
 def _search(

@@ -111,9 +111,9 @@ class TriangleBvh:
             meets = np.all(low[nodes] <= high_m[boxes], axis=1)
             meets &= np.all(high[nodes] >= low_m[boxes], axis=1)
             boxes, nodes = boxes[meets], nodes[meets]
-        found = self._order[nodes] if len(self._order) else nodes
-        order = np.lexsort((found, boxes))
-        return boxes[order], found[order]
+        triangles = self._order[nodes] if len(self._order) else nodes
+        order = np.lexsort((triangles, boxes))
+        return boxes[order], triangles[order]
 
 
 def bounds_of(

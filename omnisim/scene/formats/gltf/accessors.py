@@ -41,7 +41,7 @@ class Accessors:
     """Arrays of a file, read on demand. All methods raise SceneErrors."""
 
     def __init__(self, root: JsonObject, chunk: memoryview, assets: AssetResolver):
-        """Read all buffers; the first one without a URI is the GLB file's `chunk`."""
+        """Read all buffers; the first buffer, if it has no URI, is the GLB file's `chunk`."""
         self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
         self._decoded: dict[int, NDArray[Any]] = {}
         self._decompressed: dict[int, memoryview] = {}
@@ -70,7 +70,7 @@ class Accessors:
         return self._decompressed[index]
 
     def _has_plain(self, view: JsonObject) -> bool:
-        """True if a compressed view's file also contains the uncompressed data."""
+        """True if the file also contains the uncompressed data of a compressed view."""
         end = view.integer("byteOffset", 0) + view.integer("byteLength")
         return end <= len(self._buffers[view.index("buffer", self._buffers)])
 

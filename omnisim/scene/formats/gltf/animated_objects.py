@@ -66,7 +66,7 @@ def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) 
     """Indices of mesh nodes with non-rigid motion: their scale or shear changes."""
     times_s = np.linspace(0.0, animation.period_s, _CHECKS, endpoint=False).tolist()
     is_rigid: dict[int, bool] = {}
-    found = set()
+    reshaped = set()
     for index, (owner, node, _) in moved.items():
         if not nodes[index].has("mesh"):
             continue
@@ -74,14 +74,14 @@ def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) 
             motion = NodeMotion(node, np.eye(3))
             is_rigid[owner] = all(map(motion.is_rigid_at, times_s))
         if not is_rigid[owner]:
-            found.add(index)
-    return found
+            reshaped.add(index)
+    return reshaped
 
 
 def unplayed_parts(
     nodes: list[JsonObject], animation: Animation, moved: Moved
 ) -> dict[str, Sequence[JsonObject]]:
-    """Parts of an animation that are not played, by the field names of `DrawnObjects`."""
+    """Parts of an animation that are not played, by field name of `DrawnObjects`."""
     return {
         "animations": animation.others,
         "channels": animation.channels,

@@ -47,7 +47,7 @@ class Animation:
         nodes: keyframes of translation, rotation and scale, by node index.
         weights: keyframes of the morph target weights, by node index.
         period_s: period after which the animation repeats.
-        channels: channels in the file.
+        channels: JSON of the animation's channels.
         others: animations that are not played, if none was chosen by name.
     """
 
@@ -183,10 +183,10 @@ def animated_nodes(
         world_from_file: (4, 4) transform.
     """
     moving = set(animation.moving)
-    found: dict[int, MovedNode] = {}
+    moved: dict[int, MovedNode] = {}
     offsets: dict[int | None, NDArray[np.float64]] = {None: world_from_file}
     for index, parent in parents.items():
-        above = None if parent is None else found.get(parent)
+        above = None if parent is None else moved.get(parent)
         # relative to the nearest moving ancestor, or to the world
         offset = offsets[parent]
         if index in moving:
@@ -207,12 +207,12 @@ def animated_nodes(
                 animation.period_s,
             )
             offsets[index] = np.eye(4)
-            found[index] = MovedNode(index, made, offsets[index])
+            moved[index] = MovedNode(index, made, offsets[index])
         else:
             offsets[index] = offset @ local[index]
             if above is not None:
-                found[index] = MovedNode(above.owner, above.node, offsets[index])
-    return found
+                moved[index] = MovedNode(above.owner, above.node, offsets[index])
+    return moved
 
 
 def _before(node: JsonObject) -> NDArray[np.float64]:

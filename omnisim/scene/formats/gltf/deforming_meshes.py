@@ -83,14 +83,14 @@ class DeformingMeshes:
     @property
     def notices(self) -> list[str]:
         """One line for each kind of repaired fault."""
-        found = []
+        notices = []
         if self._mended:
             vertices = counted(self._mended, "vertex", "vertices")
-            found.append(f"weights of joints do not add up to 1: they are divided ({vertices})")
+            notices.append(f"weights of joints do not add up to 1: they are divided ({vertices})")
         if self._singular:
             joints = counted(self._singular, "joint")
-            found.append(f"inverse bind matrices are singular: meshes are flattened ({joints})")
-        return found
+            notices.append(f"inverse bind matrices are singular: meshes are flattened ({joints})")
+        return notices
 
     def make(self, index: int, primitive: Primitive, plain: Mesh) -> DeformedMesh | None:
         """Deforming mesh of a node's primitive; None: use the plain mesh."""

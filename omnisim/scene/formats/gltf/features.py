@@ -35,7 +35,7 @@ class Feature:
 
     Attributes:
         name: name in the file, or several names with one purpose.
-        support: support level.
+        support: level of support in omnisim.
         effect: notice for an omitted feature, also used in the documentation.
         group: field of `DrawnObjects` with the objects that can have the feature; empty: an omitted
             extension is reported by name, and other features are not reported.
@@ -118,8 +118,8 @@ def _color(entry: JsonObject, key: str, default: float) -> tuple[float, ...]:
 
 def _has_map(extension: str, *names: str) -> Callable[[JsonObject], bool]:
     def is_used(material: JsonObject) -> bool:
-        found = material.extension(extension)
-        return found is not None and any(found.has(name) for name in names)
+        entry = material.extension(extension)
+        return entry is not None and any(entry.has(name) for name in names)
 
     return is_used
 

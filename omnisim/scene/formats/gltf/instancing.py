@@ -20,13 +20,13 @@ def read_copies(node: JsonObject, accessors: Accessors) -> NDArray[np.float64] |
     """Transforms (n, 4, 4) node_from_copies of a node's copies; None: no instancing.
 
     Raises:
-        SceneError: attributes that are not vectors of equal count, or too many copies.
+        SceneError: attributes that are not vectors or differ in count, or too many copies.
     """
     extension = node.extension("EXT_mesh_gpu_instancing")
     if extension is None:
         return None
     entry = extension.object("attributes")
-    found: dict[str, NDArray[np.float64]] = {}
+    values_of: dict[str, NDArray[np.float64]] = {}
     count: int | None = None
     for name, components in _COMPONENTS.items():
         if not entry.has(name):
@@ -37,16 +37,16 @@ def read_copies(node: JsonObject, accessors: Accessors) -> NDArray[np.float64] |
             raise entry.error(name, f"an accessor of {count} finite VEC{components}")
         if count > MAX_COPIES:
             raise entry.error(name, f"an accessor of at most {MAX_COPIES} copies")
-        found[name] = values
+        values_of[name] = values
     if count is None:
         return None
     matrices = np.tile(np.eye(4), (count, 1, 1))
-    if "ROTATION" in found and count:
-        turns = found["ROTATION"]
+    if "ROTATION" in values_of and count:
+        turns = values_of["ROTATION"]
         turns[np.linalg.norm(turns, axis=1) < 1e-7] = (0.0, 0.0, 0.0, 1.0)
         matrices[:, :3, :3] = rotation_from_quaternion(turns)
-    if "SCALE" in found:
-        matrices[:, :3, :3] *= found["SCALE"][:, None, :]
-    if "TRANSLATION" in found:
-        matrices[:, :3, 3] = found["TRANSLATION"]
+    if "SCALE" in values_of:
+        matrices[:, :3, :3] *= values_of["SCALE"][:, None, :]
+    if "TRANSLATION" in values_of:
+        matrices[:, :3, 3] = values_of["TRANSLATION"]
     return matrices

@@ -118,16 +118,16 @@ class Materials:
             ((color, (0, 1, 2)), (strength, (3,))),
             ((coat, (0,)), (coat_roughness, (1,))),
         )
-        found = list(plain)
+        packed = list(plain)
         for what, parts in (("specular", gloss), ("clearcoat", clear)):
             try:
-                found.append(self._packs.pack(parts))
+                packed.append(self._packs.pack(parts))
             except ValueError:
-                found.append(None)
+                packed.append(None)
                 self.notices.append(
                     f"{what} maps of {material!r} are placed differently: not drawn"
                 )
-        return [*found, coat_normal]
+        return [*packed, coat_normal]
 
     def _map(
         self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str

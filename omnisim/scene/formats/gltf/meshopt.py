@@ -55,8 +55,10 @@ def decode(entry: JsonObject, data: memoryview) -> memoryview:
         raise entry.error("filter", f"one of {', '.join(STRIDES)}, of attributes")
     strides = STRIDES[filtered] if mode == "ATTRIBUTES" else _INDEX_STRIDES
     if stride not in strides:
-        words = " or ".join(map(str, strides))
-        raise entry.error("byteStride", words if len(strides) < 3 else "a multiple of 4 up to 256")
+        allowed = " or ".join(map(str, strides))
+        raise entry.error(
+            "byteStride", allowed if len(strides) < 3 else "a multiple of 4 up to 256"
+        )
     if count * stride > MAX_RATIO * len(data) or (mode == "TRIANGLES" and count % 3):
         raise entry.error("count", f"that of {len(data)} compressed bytes")
     if not count:

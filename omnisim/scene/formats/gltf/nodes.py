@@ -24,25 +24,27 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
     else:
         children = {child for node in nodes for child in node.indices("children", nodes)}
         roots = [index for index in range(len(nodes)) if index not in children]
-    found: dict[int, int | None] = {}
+    parents: dict[int, int | None] = {}
     stack: list[tuple[int, int | None]] = [(index, None) for index in roots]
     while stack:  # depth first, last child first: instance labels follow this order
         index, parent = stack.pop()
-        if index in found:
+        if index in parents:
             raise SceneError(f"nodes[{index}]: expected one parent, got two, or itself as ancestor")
-        found[index] = parent
+        parents[index] = parent
         stack += [(child, index) for child in nodes[index].indices("children", nodes)]
-    return found
+    return parents
 
 
 def file_from_nodes(
     parents: Mapping[int, int | None], local: Mapping[int, NDArray[np.float64]]
 ) -> dict[int, NDArray[np.float64]]:
     """Global transforms (4, 4) of nodes, in drawing order, from their local ones."""
-    found: dict[int, NDArray[np.float64]] = {}
+    global_transforms: dict[int, NDArray[np.float64]] = {}
     for index, parent in parents.items():
-        found[index] = (np.eye(4) if parent is None else found[parent]) @ local[index]
-    return found
+        global_transforms[index] = (
+            np.eye(4) if parent is None else global_transforms[parent]
+        ) @ local[index]
+    return global_transforms
 
 
 def parent_from_node(node: JsonObject) -> NDArray[np.float64]:

@@ -45,10 +45,10 @@ class Primitive:
         offsets = np.zeros((len(some), count, 3))
         for values, target in zip(offsets, some, strict=True):
             if target.has(name):
-                found = self._accessors.floats(target, name)
-                if found.shape != values.shape:
+                stored = self._accessors.floats(target, name)
+                if stored.shape != values.shape:
                     raise target.error(name, f"an accessor of {count} VEC3")
-                values[:] = found
+                values[:] = stored
         return offsets
 
     def has(self, attribute: str) -> bool:

@@ -46,7 +46,7 @@ def read_gltf(
     world_from_file: NDArray[np.float64],
     choice: AnimationChoice = FIRST_ANIMATION,
 ) -> ImportedScene:
-    """Read a glTF or GLB file with its animation.
+    """Read a glTF or GLB file with the chosen animation.
 
     Raises:
         SceneError: the file is damaged, requires an unsupported extension, or lacks the chosen

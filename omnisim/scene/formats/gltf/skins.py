@@ -63,7 +63,7 @@ def _lengths(primitive: Primitive, name: str, sets: list[str]) -> set[int]:
 def skin_vertices(
     positions: Matrix, normals: Matrix | None, weights: JointWeights, matrices: Matrix
 ) -> tuple[Matrix, Matrix | None]:
-    """Positions (n, 3) and normals (n, 3) of a static skin, by matrices (joints, 4, 4)."""
+    """Positions (n, 3) and normals (n, 3) of a static skin, from matrices (joints, 4, 4)."""
     blended = np.einsum("nj,njab->nab", weights.shares, matrices[weights.joints])
     skinned = np.einsum("nab,nb->na", blended[:, :3, :3], positions) + blended[:, :3, 3]
     if normals is None or normals.shape != positions.shape:

@@ -94,7 +94,7 @@ def _ply(data: bytes) -> str:
 
 
 def _ply_elements(head: bytes) -> tuple[list[tuple[int, int]], str]:
-    """Counts of the elements, each with its minimum size in bytes; and the header's fault."""
+    """Counts and minimum sizes in bytes of the elements, and the header's fault, or empty."""
     elements: list[tuple[int, int]] = []
     for _, (key, *values) in _numbered(head):
         if key == "element":

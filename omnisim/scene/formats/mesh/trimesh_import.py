@@ -202,7 +202,7 @@ def _untextured(mesh_name: str, visual: Any) -> Material:
 
 
 def _pbr_material(mesh_name: str, source: PBRMaterial, textures: TextureStore) -> Material:
-    """Material under the rules of glTF."""
+    """Material interpreted as in glTF."""
     name = str(source.name or mesh_name)
     image, factor = source.baseColorTexture, source.baseColorFactor
     texture = None if image is None else textures.texture(image, name)
@@ -274,7 +274,7 @@ def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> NDArray[np.
         return None
     try:
         pixels = rgba8(Image.open(io.BytesIO(assets[" ".join(extra["map_d"])])))
-    except Exception:  # a missing file is already reported; Pillow raises any type
+    except Exception:  # a missing file is reported already; Pillow raises exceptions of any type
         return None
     holes = pixels[..., 3]
     return holes if (holes < 255).any() else pixels[..., 0]

@@ -59,8 +59,8 @@ def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
     }
     for kind, name in given.items():
         number, count = types[kind]
-        there = [mujoco.mj_id2name(model, number, index) or "" for index in range(count)]
-        if name not in there:
-            raise SceneError(f"{kind} = {name!r}: {did_you_mean(name, there, 'the model has')}")
-        return Mount(kind, there.index(name))
+        known = [mujoco.mj_id2name(model, number, index) or "" for index in range(count)]
+        if name not in known:
+            raise SceneError(f"{kind} = {name!r}: {did_you_mean(name, known, 'the model has')}")
+        return Mount(kind, known.index(name))
     return None

@@ -17,7 +17,7 @@ from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.parts import MAX_LIGHTS, Light, Lighting, LightKind
 
 _Type = mujoco.mjtLightType
-# Mean cosine over the visible half of a distant ball: the share of a light next to the eye.
+# Mean cosine over the visible half of a distant ball: the effect of a light at the eye.
 _HEADLIGHT_SHARE = 2.0 / 3.0
 _NEAREST_M = 0.1
 _VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)  # mask of the visible geom groups
@@ -118,7 +118,7 @@ def _distance_m(
 
 
 def _cone_cosines(cutoff_deg: float, exponent: float) -> tuple[float, float]:
-    """Cosines of the inner and outer cone whose half-level angle matches OpenGL's spot light.
+    """Cosines of the inner and outer cones, matched to OpenGL's spot at half its level.
 
     OpenGL's spot falls with a power of the cosine up to the cutoff; glTF's falls with the square of
     the cosine's share between the cones.

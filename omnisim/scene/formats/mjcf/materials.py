@@ -49,8 +49,8 @@ class Materials:
         """Index of a material's base color texture; None: no texture."""
         if material == NO_MATERIAL:
             return None
-        found = [int(self._model.mat_texid[material, role]) for role in _COLORS]
-        return next((texture for texture in found if texture >= 0), None)
+        textures = [int(self._model.mat_texid[material, role]) for role in _COLORS]
+        return next((texture for texture in textures if texture >= 0), None)
 
     def index(self, material: int, rgba: Rgba, face: int | None, is_solid: bool) -> int:
         """Index of a material in `entries`.

@@ -50,7 +50,7 @@ def bent(
 ) -> Scene:
     """Static scene of a model with its skins and flexible bodies in their current state.
 
-    They are the last instances, in the order of `split_model`, before and after.
+    They remain the last instances, in the order of `split_model`.
     """
     soft = visible_deformables(model, data, groups)
     if not soft:

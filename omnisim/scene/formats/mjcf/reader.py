@@ -124,7 +124,7 @@ class ModelReader:
     def instances(
         self, geoms: Iterable[int], frame_from_world: NDArray[np.float64]
     ) -> list[Instance]:
-        """Instances of geoms in a frame, from its pose (4, 4) in the state of the data."""
+        """Instances of geoms in a frame, by frame_from_world (4, 4) in the state of the data."""
         instances = []
         for geom in geoms:
             rotation = self._data.geom_xmat[geom].reshape(3, 3)

@@ -147,20 +147,20 @@ class MaterialReader:
 
     def _albedo(self, element: XmlElement, script: ScriptMaterial) -> Texture | None:
         for workflow in ("metal", "specular"):
-            found = element.find(f"pbr/{workflow}/albedo_map")
-            if found is not None and found.own_text:
-                return self._texture(found, found.own_text)
+            albedo_map = element.find(f"pbr/{workflow}/albedo_map")
+            if albedo_map is not None and albedo_map.own_text:
+                return self._texture(albedo_map, albedo_map.own_text)
         return self._texture(element, script.texture) if script.texture else None
 
     def _map(self, values: XmlElement, key: str, is_linear: bool = True) -> Texture | None:
-        found = values.find(key)
-        if found is None or not found.own_text:
+        map_element = values.find(key)
+        if map_element is None or not map_element.own_text:
             return None
-        return self._texture(found, found.own_text, is_linear)
+        return self._texture(map_element, map_element.own_text, is_linear)
 
     def _normal_map(self, values: XmlElement) -> Texture | None:
-        found = values.find("normal_map")
-        if found is not None and found.attribute("type") == "object":
+        normal_map = values.find("normal_map")
+        if normal_map is not None and normal_map.attribute("type") == "object":
             self._omissions.add("normal maps in the object's frame are not drawn", "material")
             return None
         return self._map(values, "normal_map")
@@ -169,9 +169,11 @@ class MaterialReader:
         """Texture with roughness in green and metal in blue, from two gray images."""
         images = []
         for key in ("roughness_map", "metalness_map"):
-            found = metal.find(key)
-            name = "" if found is None else found.own_text
-            images.append(self._image(found, name) if found is not None and name else None)
+            map_element = metal.find(key)
+            name = "" if map_element is None else map_element.own_text
+            images.append(
+                self._image(map_element, name) if map_element is not None and name else None
+            )
         given = [image for image in images if image is not None]
         if not given:
             return None
@@ -207,8 +209,8 @@ class MaterialReader:
         """Path of an image file by its name in an element; None: not found."""
         folder = element.file.parent
         folders = [folder / inner for inner in _TEXTURE_FOLDERS]
-        found = self._resources.find(name, *folders, *self._folders(element))
-        return found if found is not None and found.is_file() else None
+        path = self._resources.find(name, *folders, *self._folders(element))
+        return path if path is not None and path.is_file() else None
 
     def image(self, path: Path) -> Image.Image | None:
         """Image of a file, opened once; None: unreadable."""
@@ -230,9 +232,9 @@ class MaterialReader:
         """Folders referenced by a script's URIs."""
         for uri in element.children("script"):
             for each in uri.children("uri"):
-                found = self._resources.find(each.own_text, element.file.parent)
-                if found is not None:
-                    folder = found if found.is_dir() else found.parent
+                path = self._resources.find(each.own_text, element.file.parent)
+                if path is not None:
+                    folder = path if path.is_dir() else path.parent
                     yield folder
                     yield folder.parent / "textures"
 
@@ -247,14 +249,14 @@ class MaterialReader:
         files = tuple(path for path in paths if path is not None)
         if files not in self._scripts:
             self._scripts[files] = read_scripts(list(files))
-        found = self._scripts[files].get(name) or GAZEBO_MATERIALS.get(name)
-        if found is None:
+        material = self._scripts[files].get(name) or GAZEBO_MATERIALS.get(name)
+        if material is None:
             has_color = element.find("diffuse") is not None
             other = "its <diffuse> is" if has_color else "gray is"
             self._omissions.add(f"material {name} not found: {other} drawn", "visual")
-        elif not found.is_known:
+        elif not material.is_known:
             self._omissions.add(f"material {name} is drawn in a plain color", "visual")
-        return found
+        return material
 
 
 def _of_visual(material: Material, visual: XmlElement) -> Material:

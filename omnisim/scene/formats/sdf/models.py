@@ -143,24 +143,24 @@ class ModelLibrary:
         return model
 
     def _include(self, model: Model, include: XmlElement, taken: set[str], depth: int) -> None:
-        found = self._included(include)
-        if found is None:
+        entity = self._included(include)
+        if entity is None:
             model.scope.add_missing(include.text("name") or _last_part(include.text("uri")))
             return
-        if found.element.tag != "model":
-            posed = include if include.find("pose") is not None else found
-            model.others.append(with_pose_of(found, posed))
+        if entity.element.tag != "model":
+            posed = include if include.find("pose") is not None else entity
+            model.others.append(with_pose_of(entity, posed))
             return
         is_merged = include.attribute("merge").lower() in ("true", "1")
-        name = unique_name(include.text("name") or found.name or "model", taken)
-        inner = self.tree(found, name, depth + 1)
+        name = unique_name(include.text("name") or entity.name or "model", taken)
+        inner = self.tree(entity, name, depth + 1)
         inner.is_merged = is_merged
         model.models.append(inner)
-        posed = include if include.find("pose") is not None else found
-        placement = include.text("placement_frame") or found.attribute("placement_frame")
+        posed = include if include.find("pose") is not None else entity
+        placement = include.text("placement_frame") or entity.attribute("placement_frame")
         model.scope.add_model(name, posed, inner.scope, placement)
         if is_merged:
-            for frame in found.children("link", "frame", "joint", "model"):
+            for frame in entity.children("link", "frame", "joint", "model"):
                 model.scope.add_alias(frame.name, f"{name}::{frame.name}")
 
     def _included(self, include: XmlElement) -> XmlElement | None:
@@ -212,14 +212,17 @@ def _names(uris: Counter[str]) -> str:
 def _round_shapes(link: XmlElement) -> int:
     visuals = (visual.find("geometry") for visual in link.children("visual"))
     return sum(
-        child.tag in ROUND for found in visuals if found is not None for child in found.element
+        child.tag in ROUND
+        for geometry in visuals
+        if geometry is not None
+        for child in geometry.element
     )
 
 
 def _short(uri: str) -> str:
     """Owner and name of a Gazebo Fuel model; other URIs unchanged."""
-    found = re.match(r"https?://[^/]+/[\d.]+/([^/]+)/models/([^/]+)", uri)
-    return uri if found is None else f"{found[1]}/{unquote(found[2])}"
+    match = re.match(r"https?://[^/]+/[\d.]+/([^/]+)/models/([^/]+)", uri)
+    return uri if match is None else f"{match[1]}/{unquote(match[2])}"
 
 
 def _last_part(uri: str) -> str:

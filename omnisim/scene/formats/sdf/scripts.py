@@ -58,14 +58,14 @@ _TEXTURED: dict[str, Rgb] = {
 
 
 def _gazebo_materials() -> dict[str, ScriptMaterial]:
-    found = {name: ScriptMaterial(color) for name, color in _COLORS.items()}
+    materials = {name: ScriptMaterial(color) for name, color in _COLORS.items()}
     for name in _GLOWS:
-        found[f"{name}Glow"] = ScriptMaterial(_COLORS[name], emissive=_COLORS[name])
+        materials[f"{name}Glow"] = ScriptMaterial(_COLORS[name], emissive=_COLORS[name])
     for name, color in _TRANSPARENT.items():
-        found[f"{name}Transparent"] = ScriptMaterial(color, alpha=0.5)
+        materials[f"{name}Transparent"] = ScriptMaterial(color, alpha=0.5)
     for name, color in _TEXTURED.items():
-        found[name] = ScriptMaterial(color, is_known=False)
-    return {f"Gazebo/{name}": one for name, one in found.items()}
+        materials[name] = ScriptMaterial(color, is_known=False)
+    return {f"Gazebo/{name}": one for name, one in materials.items()}
 
 
 GAZEBO_MATERIALS = _gazebo_materials()
@@ -83,9 +83,9 @@ def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, Sc
     """
     text = re.sub(r"//[^\n]*", "", text)
     heads = list(_HEAD.finditer(text))
-    found: dict[str, ScriptMaterial] = {}
+    materials: dict[str, ScriptMaterial] = {}
     for head, end in zip(heads, [*(h.start() for h in heads[1:]), len(text)], strict=True):
-        parent = found.get(head[2] or "") or parents.get(head[2] or "") or ScriptMaterial()
+        parent = materials.get(head[2] or "") or parents.get(head[2] or "") or ScriptMaterial()
         values: dict[str, str] = {}
         passes = list(_PASS.finditer(text, head.end(), end))
         first_end = passes[1].start() if len(passes) > 1 else end
@@ -93,26 +93,26 @@ def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, Sc
             values.setdefault(line[1], line[2].strip())
         color = _numbers(values.get("diffuse", ""))
         emissive = _numbers(values.get("emissive", ""))
-        found[head[1]] = ScriptMaterial(
+        materials[head[1]] = ScriptMaterial(
             _rgb(color) or parent.diffuse,
             min(max(color[3], 0.0), 1.0) if len(color) > 3 and color[3] > 0.0 else parent.alpha,
             _rgb(emissive) or parent.emissive,
             values["texture"].split()[0].strip('"') if "texture" in values else parent.texture,
         )
-    return found
+    return materials
 
 
 def read_scripts(paths: list[Path]) -> dict[str, ScriptMaterial]:
     """Materials of all scripts among files and folders; unreadable files are skipped."""
-    found: dict[str, ScriptMaterial] = {}
+    materials: dict[str, ScriptMaterial] = {}
     for path in paths:
         for file in sorted(path.glob("*.material")) if path.is_dir() else [path]:
             try:
                 text = read_source(file).decode("utf-8", "replace")
             except OSError:  # the missing material is reported later
                 continue
-            found |= parse_scripts(text, found)
-    return found
+            materials |= parse_scripts(text, materials)
+    return materials
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -128,9 +128,9 @@ def _loop(element: XmlElement) -> NDArray[np.float64]:
 
 def _sizes(element: XmlElement, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
     sizes = element.vector(path, default)
-    found = element.find(path)
-    if found is not None and min(sizes) <= 0.0:
-        raise found.error("numbers > 0")
+    size_element = element.find(path)
+    if size_element is not None and min(sizes) <= 0.0:
+        raise size_element.error("numbers > 0")
     return sizes
 
 

@@ -49,12 +49,12 @@ def link_poses(robot: XmlElement) -> dict[str, NDArray[np.float64]]:
 
 def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
     """Parent or child element of a joint, with a valid link name."""
-    found = joint.find(tag)
-    if found is None:
+    end = joint.find(tag)
+    if end is None:
         raise SceneError(f"{joint.place}: expected a <{tag}>, got none")
-    if found.attribute("link") not in links:
-        raise found.attribute_error("link", "the name of a <link>")
-    return found
+    if end.attribute("link") not in links:
+        raise end.attribute_error("link", "the name of a <link>")
+    return end
 
 
 def _motion(joint: XmlElement) -> NDArray[np.float64]:

@@ -87,11 +87,11 @@ class _Reader:
 
     def _read_visual(self, link: XmlElement, visual: XmlElement, pose: NDArray[np.float64]) -> None:
         geometry = visual.find("geometry")
-        found = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
-        if not found:
+        shapes = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
+        if not shapes:
             self._omissions.add("no geometry that is known", "visual")
             return
-        shape = found[0]
+        shape = shapes[0]
         material = self._material(visual)
         if shape.tag == "mesh":
             name = self._name(link, visual, PurePosixPath(shape.attribute("filename")).stem)
@@ -174,10 +174,10 @@ class _Reader:
         return Material(element.name, rgba, texture, mode, double_sided=True)
 
     def _texture(self, element: XmlElement) -> Texture | None:
-        found = element.find("texture")
-        if found is None or not found.attribute("filename"):
+        texture = element.find("texture")
+        if texture is None or not texture.attribute("filename"):
             return None
-        name = found.attribute("filename")
+        name = texture.attribute("filename")
         path = self._resources.find(name, self._folder)
         try:
             data = read_source(path) if path is not None else None

@@ -83,10 +83,10 @@ class Values(NamedTuple):
             return None
         if self.indices is None:
             return rows
-        found = self.indices[rows]
-        if len(found) and (found.min() < 0 or found.max() >= len(self.values)):
+        value_rows = self.indices[rows]
+        if len(value_rows) and (value_rows.min() < 0 or value_rows.max() >= len(self.values)):
             return None
-        return found
+        return value_rows
 
 
 class Vertices(NamedTuple):

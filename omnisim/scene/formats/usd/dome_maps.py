@@ -76,12 +76,12 @@ def _read(resolved: str) -> NDArray[np.float32] | None:
         path.write_bytes(data)
         try:
             if suffix not in _DISPLAY:
-                found = read_radiance(path)
+                radiance = read_radiance(path)
             else:
                 stored, _ = read_image(path)
                 if stored.dtype != np.uint8 or stored.shape[2] < 3:
                     return None
-                found = linear_from_srgb8(stored[..., :3])
+                radiance = linear_from_srgb8(stored[..., :3])
         except OutputError:
             return None
-    return np.clip(np.nan_to_num(found, posinf=MAX_RADIANCE), 0.0, MAX_RADIANCE)
+    return np.clip(np.nan_to_num(radiance, posinf=MAX_RADIANCE), 0.0, MAX_RADIANCE)

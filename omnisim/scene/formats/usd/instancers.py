@@ -53,10 +53,10 @@ def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[C
             f"protoIndices, {len(rows)}"
         )
     shown = np.array(instancer.ComputeMaskAtTime(time) or np.ones(len(rows)), dtype=bool)
-    found = []
+    copies = []
     for row, target in enumerate(targets):
         prototype = prim.GetStage().GetPrimAtPath(target)
         chosen = np.flatnonzero((rows == row) & shown)
         if prototype and len(chosen):
-            found.append(Copies(prototype, chosen, matrices[chosen]))
-    return found
+            copies.append(Copies(prototype, chosen, matrices[chosen]))
+    return copies

@@ -19,8 +19,8 @@ def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> V
         return None
     indices = None
     if primvar.IsIndexed():
-        found = primvar.GetIndices(time)
-        indices = np.array(() if found is None else found, dtype=np.int64).reshape(-1)
+        stored = primvar.GetIndices(time)
+        indices = np.array(() if stored is None else stored, dtype=np.int64).reshape(-1)
     return Values(values, str(primvar.GetInterpolation()), indices)
 
 
@@ -39,8 +39,8 @@ def rows(value: object, width: int) -> NDArray[np.float64] | None:
 
 def integers(value: object) -> NDArray[np.int64]:
     """Integer array (k,) of an attribute; empty if missing or of another type."""
-    found = np.asarray(value)
-    return found.astype(np.int64).reshape(-1) if found.dtype.kind in "iu" else np.zeros(0, np.int64)
+    array = np.asarray(value)
+    return array.astype(np.int64).reshape(-1) if array.dtype.kind in "iu" else np.zeros(0, np.int64)
 
 
 def texts(value: object) -> list[str]:

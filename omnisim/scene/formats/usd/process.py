@@ -1,4 +1,4 @@
-"""Function calls in a separate process: isolation from a library's crashes, output and memory."""
+"""Function calls in a separate process, to contain a library's crashes, output and memory use."""
 
 from __future__ import annotations
 

@@ -118,13 +118,13 @@ class _PreviewSurface:
     def _with_gloss(self, material: Material) -> Material:
         values = {"roughness": 0.5, "metallic": 0.0, "ior": 1.5, "clearcoat": 0.0}
         values |= {"clearcoatRoughness": 0.01}
-        found = {key: self._inputs.get(key) for key in values}
+        inputs = {key: self._inputs.get(key) for key in values}
         roughness, metallic, ior, clearcoat, clearcoat_roughness = (
-            one.number(values[key]) for key, one in found.items()
+            one.number(values[key]) for key, one in inputs.items()
         )
         planes = {
             channel: (one.texture, one.channel)
-            for channel, one in ((1, found["roughness"]), (2, found["metallic"]))
+            for channel, one in ((1, inputs["roughness"]), (2, inputs["metallic"]))
             if one.texture is not None
         }
         packed = self._packed(planes)
@@ -145,16 +145,16 @@ class _PreviewSurface:
         return replace(material, normal_map=self._fitted(texture, source))
 
     def _with_occlusion(self, material: Material) -> Material:
-        found = self._inputs.get("occlusion")
-        planes = {} if found.texture is None else {0: (found.texture, found.channel)}
+        occlusion = self._inputs.get("occlusion")
+        planes = {} if occlusion.texture is None else {0: (occlusion.texture, occlusion.channel)}
         return replace(material, occlusion_map=self._packed(planes))
 
     def _with_emission(self, material: Material) -> Material:
-        found = self._inputs.get("emissiveColor")
-        if found.texture is None:
-            return replace(material, emissive=found.color((0.0, 0.0, 0.0)))
-        texture = self._texture(found.texture)
-        color = found.texture.fallback[:3] if texture is None else found.texture.scale[:3]
+        emissive = self._inputs.get("emissiveColor")
+        if emissive.texture is None:
+            return replace(material, emissive=emissive.color((0.0, 0.0, 0.0)))
+        texture = self._texture(emissive.texture)
+        color = emissive.texture.fallback[:3] if texture is None else emissive.texture.scale[:3]
         return replace(material, emissive=color, emissive_map=texture)
 
     def _packed(self, planes: dict[int, tuple[TextureSource, str]]) -> Texture | None:

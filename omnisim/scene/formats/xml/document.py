@@ -62,7 +62,7 @@ def parse_xml(data: bytes) -> Element:
     """
     if len(data) > MAX_BYTES:
         raise SceneError(f"expected at most {MAX_BYTES >> 20} MiB, got {len(data) >> 20} MiB")
-    plain = _COMMENT.sub(lambda found: re.sub(rb"[^\n]", b" ", found[0]), data).lstrip()
+    plain = _COMMENT.sub(lambda comment: re.sub(rb"[^\n]", b" ", comment[0]), data).lstrip()
     builder, parser = _Builder(), expat.ParserCreate()
     parser.buffer_text = True
     parser.StartElementHandler = builder.start
@@ -73,8 +73,8 @@ def parse_xml(data: bytes) -> Element:
         parser.Parse(_LONE_AMPERSAND.sub(b"&amp;", plain), True)
     except expat.ExpatError as reason:
         line = reason.lineno + data[: len(data) - len(plain)].count(b"\n")
-        words = expat.ErrorString(reason.code)
-        raise SceneError(f"not XML in line {line}, column {reason.offset + 1}: {words}") from None
+        message = expat.ErrorString(reason.code)
+        raise SceneError(f"not XML in line {line}, column {reason.offset + 1}: {message}") from None
     except (ValueError, LookupError) as reason:  # a damaged or unknown encoding
         raise SceneError(f"not XML: {reason}") from None
     if builder.root is None:

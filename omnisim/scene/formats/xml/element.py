@@ -61,15 +61,15 @@ class XmlElement(NamedTuple):
 
     def find(self, path: str) -> XmlElement | None:
         """Descendant by tags separated with slashes; None: missing."""
-        found: XmlElement | None = self
+        element: XmlElement | None = self
         for tag in path.split("/"):
-            found = None if found is None else next(found.children(tag), None)
-        return found
+            element = None if element is None else next(element.children(tag), None)
+        return element
 
     def text(self, path: str, default: str = "") -> str:
         """Text of a descendant; `default` if missing or empty."""
-        found = self.find(path)
-        return (found.own_text if found is not None else "") or default
+        element = self.find(path)
+        return (element.own_text if element is not None else "") or default
 
     @property
     def own_text(self) -> str:
@@ -88,40 +88,40 @@ class XmlElement(NamedTuple):
 
     def number(self, path: str, default: float) -> float:
         """Finite number in a descendant; `default` if missing."""
-        found = self.find(path)
-        return default if found is None or not found.own_text else found.numbers(1)[0]
+        element = self.find(path)
+        return default if element is None or not element.own_text else element.numbers(1)[0]
 
     def positive(self, path: str, default: float) -> float:
         """Number > 0 in a descendant; `default` if missing."""
         value = self.number(path, default)
-        found = self.find(path)
-        if not value > 0.0 and found is not None:
-            raise found.error("a number > 0")
+        element = self.find(path)
+        if not value > 0.0 and element is not None:
+            raise element.error("a number > 0")
         return value
 
     def vector(self, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
         """Finite numbers in a descendant, as many as in `default`."""
-        found = self.find(path)
-        return default if found is None else found.numbers(len(default))
+        element = self.find(path)
+        return default if element is None else element.numbers(len(default))
 
     def flag(self, path: str, default: bool = False) -> bool:
         """Boolean in a descendant; `default` if missing."""
-        found = self.find(path)
-        if found is None or not found.own_text:
+        element = self.find(path)
+        if element is None or not element.own_text:
             return default
-        value = _FLAGS.get(found.own_text.lower())
+        value = _FLAGS.get(element.own_text.lower())
         if value is None:
-            raise found.error("true or false")
+            raise element.error("true or false")
         return value
 
     def color(self, path: str) -> tuple[float, float, float] | None:
         """Red, green and blue ≥ 0 in a descendant; None: missing."""
-        found = self.find(path)
-        if found is None:
+        element = self.find(path)
+        if element is None:
             return None
-        values = found.numbers(3, 4)
+        values = element.numbers(3, 4)
         if min(values[:3]) < 0.0:
-            raise found.error("three or four numbers ≥ 0")
+            raise element.error("three or four numbers ≥ 0")
         return values[0], values[1], values[2]
 
     def numbers(self, *counts: int) -> tuple[float, ...]:
@@ -155,38 +155,38 @@ class XmlElement(NamedTuple):
 
     def origin(self) -> NDArray[np.float64]:
         """Pose (4, 4) of URDF's `<origin>`; identity if missing."""
-        found = self.find("origin")
-        if found is None:
+        element = self.find("origin")
+        if element is None:
             return np.eye(4)
-        angles = found.attribute_numbers("rpy", (0.0, 0.0, 0.0), 3)
-        position = found.attribute_numbers("xyz", (0.0, 0.0, 0.0), 3)
+        angles = element.attribute_numbers("rpy", (0.0, 0.0, 0.0), 3)
+        position = element.attribute_numbers("xyz", (0.0, 0.0, 0.0), 3)
         return pose_from_rotation(rotation_from_roll_pitch_yaw(*angles), position)
 
     def pose(self) -> NDArray[np.float64]:
         """Pose (4, 4) of SDF's `<pose>`, in the frame that it names; identity if missing."""
-        found = self.find("pose")
-        if found is None or not found.own_text:
+        element = self.find("pose")
+        if element is None or not element.own_text:
             return np.eye(4)
-        kind = found.attribute("rotation_format") or "euler_rpy"
+        kind = element.attribute("rotation_format") or "euler_rpy"
         if kind == "quat_xyzw":
-            x, y, z, *quaternion = found.numbers(7)
+            x, y, z, *quaternion = element.numbers(7)
             if math.hypot(*quaternion) < 1e-9:
-                raise found.error("a quaternion other than 0")
+                raise element.error("a quaternion other than 0")
             return pose_from_rotation(rotation_from_quaternion(quaternion), (x, y, z))
         if kind != "euler_rpy":
-            raise found.error("rotation_format euler_rpy or quat_xyzw", kind)
-        x, y, z, *angles = found.numbers(6)
-        is_degrees = _FLAGS.get(found.attribute("degrees").lower(), False)
+            raise element.error("rotation_format euler_rpy or quat_xyzw", kind)
+        x, y, z, *angles = element.numbers(6)
+        is_degrees = _FLAGS.get(element.attribute("degrees").lower(), False)
         rotation = rotation_from_roll_pitch_yaw(*(np.radians(angles) if is_degrees else angles))
         return pose_from_rotation(rotation, (x, y, z))
 
     @property
     def relative_to(self) -> str:
         """Frame of the element's pose; empty: the default frame. Before SDF 1.7: `frame`."""
-        found = self.find("pose")
-        if found is None:
+        element = self.find("pose")
+        if element is None:
             return ""
-        return found.attribute("relative_to") or found.attribute("frame")
+        return element.attribute("relative_to") or element.attribute("frame")
 
     def _inner(self, child: Element) -> XmlElement:
         name = child.get("name")

@@ -47,8 +47,10 @@ def _left_out(scene: Scene) -> list[str]:
         "starts": len(scene.starts), "paths": len(scene.paths), "labels": len(scene.labels),
         "landmarks": len(scene.landmarks),
     }  # fmt: skip
-    found = [f"{name} ({count})" for name, count in counts.items() if count]
-    lines = [f"{', '.join(found)}: not in the GLB file, but for a scene's TOML"] if found else []
+    omitted = [f"{name} ({count})" for name, count in counts.items() if count]
+    lines = (
+        [f"{', '.join(omitted)}: not in the GLB file, but for a scene's TOML"] if omitted else []
+    )
     lighting = scene.lighting
     if lighting.baked is not None:
         lines.append("baked light: not in the GLB file, but omnisim bake computes it anew")

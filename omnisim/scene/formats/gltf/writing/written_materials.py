@@ -74,34 +74,34 @@ class WrittenMaterials:
     def _extensions(self, material: Material) -> dict[str, Entry]:
         if material.unlit:
             return {"KHR_materials_unlit": {}}
-        found: dict[str, Entry] = {}
+        extensions: dict[str, Entry] = {}
         if max(material.emissive) > 1.0:
             strength = {"emissiveStrength": max(material.emissive)}
-            found["KHR_materials_emissive_strength"] = strength
+            extensions["KHR_materials_emissive_strength"] = strength
         if material.ior != DEFAULT_IOR:
-            found["KHR_materials_ior"] = {"ior": material.ior}
+            extensions["KHR_materials_ior"] = {"ior": material.ior}
         if (material.specular, *material.specular_color) != (1.0, 1.0, 1.0, 1.0):
-            found["KHR_materials_specular"] = {
+            extensions["KHR_materials_specular"] = {
                 "specularFactor": material.specular,
                 "specularColorFactor": list(material.specular_color),
             }
         if material.specular_map is not None:
-            gloss = found.setdefault("KHR_materials_specular", {})
+            gloss = extensions.setdefault("KHR_materials_specular", {})
             for key in ("specularTexture", "specularColorTexture"):
                 self._put(gloss, key, material.specular_map, material.name)
         if material.clearcoat > 0.0:
-            found["KHR_materials_clearcoat"] = {
+            extensions["KHR_materials_clearcoat"] = {
                 "clearcoatFactor": material.clearcoat,
                 "clearcoatRoughnessFactor": material.clearcoat_roughness,
             }
-            coat = found["KHR_materials_clearcoat"]
+            coat = extensions["KHR_materials_clearcoat"]
             for key in ("clearcoatTexture", "clearcoatRoughnessTexture"):
                 self._put(coat, key, material.clearcoat_map, material.name)
             self._put(
                 coat, "clearcoatNormalTexture", material.clearcoat_normal_map, material.name,
                 scale=material.clearcoat_normal_scale,
             )  # fmt: skip
-        return found
+        return extensions
 
     def _put(
         self, owner: Entry, key: str, texture: Texture | None, material: str, **values: float

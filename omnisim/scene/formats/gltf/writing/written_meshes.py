@@ -46,14 +46,16 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
     for (name, _, _), group in itertools.groupby(enumerate(scene.instances), _node_key(frames)):
         parts = [one for _, one in group]
         indices = tuple(one.mesh for one in parts)
-        found = [frames[index] for index in indices]
+        node_from_meshes = [frames[index] for index in indices]
         matrix = file_from_world @ parts[0].world_from_mesh
-        if found[0] is not None:
+        if node_from_meshes[0] is not None:
             matrix = file_from_world @ parts[0].world_from_node @ file_from_world.T
         if indices not in rows:
             rows[indices] = len(meshes)
             meshes.append(
-                NodeMesh(indices, tuple(np.eye(4) if one is None else one for one in found))
+                NodeMesh(
+                    indices, tuple(np.eye(4) if one is None else one for one in node_from_meshes)
+                )
             )
         nodes.append({"name": name, "mesh": rows[indices], "matrix": matrix.T.ravel().tolist()})
     return nodes, meshes
@@ -93,18 +95,18 @@ def _node_key(
 
 def _node_from_meshes(scene: Scene) -> list[NDArray[np.float64] | None]:
     """Transform (4, 4) of each mesh to its nodes' frames, y up; None: the mesh's own frame."""
-    found: list[NDArray[np.float64] | None] = [None] * len(scene.meshes)
+    matrices: list[NDArray[np.float64] | None] = [None] * len(scene.meshes)
     differs = [False] * len(scene.meshes)
     for one in scene.instances:
         matrix = _node_from_mesh(one)
-        first = found[one.mesh]
+        first = matrices[one.mesh]
         if matrix is None or (first is not None and not np.allclose(matrix, first, _SAME, _SAME)):
             differs[one.mesh] = True
         elif first is None:
-            found[one.mesh] = matrix
+            matrices[one.mesh] = matrix
     return [
         None if matrix is None or unlike or not _is_exact(mesh, matrix) else matrix
-        for mesh, matrix, unlike in zip(scene.meshes, found, differs, strict=True)
+        for mesh, matrix, unlike in zip(scene.meshes, matrices, differs, strict=True)
     ]
 
 

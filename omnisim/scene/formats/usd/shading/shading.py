@@ -130,10 +130,10 @@ class Inputs:
         matrix, node, key = np.eye(3), texture, "st"
         for _ in range(_MAX_CHAIN):
             attribute = _source(node.GetInput(key))
-            found = None if attribute is None else _node(attribute)
-            if found is None:
+            source_node = None if attribute is None else _node(attribute)
+            if source_node is None:
                 break
-            node = found
+            node = source_node
             kind = str(node.GetShaderId() or "")
             if kind.startswith("UsdPrimvarReader"):
                 flipped = _FLIP_V @ matrix @ _FLIP_V
@@ -177,8 +177,8 @@ def _source(shader_input: UsdShade.Input) -> Usd.Attribute | None:
     """Attribute with an input's value, or the shader output connected to it; None: neither."""
     if not shader_input:
         return None
-    found = UsdShade.Utils.GetValueProducingAttributes(shader_input)
-    return found[0] if found else None
+    attributes = UsdShade.Utils.GetValueProducingAttributes(shader_input)
+    return attributes[0] if attributes else None
 
 
 def _node(attribute: Usd.Attribute) -> UsdShade.Shader | None:
