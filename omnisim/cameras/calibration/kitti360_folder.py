@@ -1,7 +1,7 @@
 """KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.
 
-        calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
-        image_02.yaml …         the fisheyes, see formats/camodocal.py
+    calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
+    image_02.yaml …         the fisheyes, see formats/camodocal.py
 
 The perspective cameras of perspective.txt are not read.
 Source: KITTI-360's documentation, "Calibrations".
