@@ -395,7 +395,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _check_png(path: Path) -> None:
-    """Reject a damaged PNG file: libpng would skip damaged chunks, such as metadata."""
+    """Reject a damaged PNG file: libpng would skip damaged blocks, such as metadata."""
     try:
         data = path.read_bytes() if path.suffix.lower() == ".png" else b""
     except OSError:
@@ -403,7 +403,7 @@ def _check_png(path: Path) -> None:
     if not data.startswith(_PNG_SIGNATURE):
         return
     start, kind = len(_PNG_SIGNATURE), b""
-    while kind != b"IEND":  # chunks: length, kind, contents, checksum of kind and contents
+    while kind != b"IEND":  # blocks: length, kind, contents, checksum of kind and contents
         kind = data[start + 4 : start + 8]
         end = start + 8 + int.from_bytes(data[start : start + 4], "big")
         checksum = data[end : end + 4]

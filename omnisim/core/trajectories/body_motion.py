@@ -33,7 +33,7 @@ class MotionStates(NamedTuple):
     def at_mount(self, base_from_mount: NDArray[np.float64]) -> MotionStates:
         """States of a frame mounted on the body at `base_from_mount` (4, 4).
 
-        The acceleration omits the lever-arm contribution, which jumps with the angular acceleration.
+        The acceleration lacks the lever-arm part, which jumps with the angular acceleration.
         """
         lever_m = base_from_mount[:3, 3]
         swing = np.cross(self.angular_rate_radps, lever_m)

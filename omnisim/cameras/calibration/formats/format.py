@@ -26,7 +26,7 @@ NO_SKEW: Fixed = {"skew_px": 0.0}  # drops skew and k3, which most formats lack
 
 
 class MetadataPlace(Enum):
-    """Where a format keeps omnisim's metadata; see `omnisim.cameras.calibration.metadata`."""
+    """Location of omnisim's metadata in a format; see `omnisim.cameras.calibration.metadata`."""
 
     LINES = "# omnisim {…}"
     XML = "<!-- omnisim {…} -->"
