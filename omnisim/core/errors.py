@@ -91,12 +91,12 @@ def did_you_mean(word: str, known: Iterable[str], otherwise: str = "expected one
     import difflib  # only needed after an error
     import re
 
-    words = list(known)
+    names = list(known)
     # the same name with another number, as cam7 for cam1, is not a misspelling
-    spelled = [known for known in words if re.sub(r"\d", "", known) != re.sub(r"\d", "", word)]
+    spelled = [known for known in names if re.sub(r"\d", "", known) != re.sub(r"\d", "", word)]
     near = difflib.get_close_matches(word, spelled, n=1, cutoff=0.65)
-    parts = [known for known in words if word and known.startswith(word)]
-    near = parts or [known for known in words if known.endswith(f"/{word}")] or near
+    parts = [known for known in names if word and known.startswith(word)]
+    near = parts or [known for known in names if known.endswith(f"/{word}")] or near
     if near:
         return f"did you mean {' or '.join(map(repr, near))}?"
-    return f"{otherwise} {', '.join(words) or 'none'}"
+    return f"{otherwise} {', '.join(names) or 'none'}"

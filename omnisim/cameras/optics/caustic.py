@@ -72,8 +72,8 @@ def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = swapped / _determinants(moved)[..., None, None]
-    found: Floats = np.einsum("...ij,...kj->...ik", inverse, across)
-    return found
+    jacobians: Floats = np.einsum("...ij,...kj->...ik", inverse, across)
+    return jacobians
 
 
 def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
@@ -98,16 +98,16 @@ def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
         lengths = np.stack(((-linear - root) / (2.0 * square), (-linear + root) / (2.0 * square)))
     lengths = np.moveaxis(np.where(np.isfinite(lengths), lengths, np.nan), 0, -1)
     origins_m = np.where(rays.valid[..., None], rays.origins_m, np.nan)
-    found: Floats = origins_m[..., None, :] + lengths[..., None] * rays.directions[..., None, :]
-    return found
+    points_m: Floats = origins_m[..., None, :] + lengths[..., None] * rays.directions[..., None, :]
+    return points_m
 
 
 def _determinants(matrices: Floats) -> Floats:
     """Determinants (...,) of matrices (..., 2, 2)."""
-    found: Floats = (
+    determinants: Floats = (
         matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0]
     )
-    return found
+    return determinants
 
 
 def _across(directions: Floats) -> Floats:

@@ -77,8 +77,8 @@ class CentralView:
     @property
     def rig_from_optical(self) -> NDArray[np.float64]:
         """Orientation (3, 3) in a level rig."""
-        found: NDArray[np.float64] = self.system.rig_from_optical @ self.axes.T
-        return found
+        rotation: NDArray[np.float64] = self.system.rig_from_optical @ self.axes.T
+        return rotation
 
     @cached_property
     def seen_rays(self) -> SeenRays:
@@ -92,10 +92,10 @@ class CentralView:
 
     def frame_from_view(self, frame_from_optical: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pose (4, 4) of the view, from the pose of the sensor's optical frame."""
-        found = frame_from_optical.copy()
-        found[:3, 3] += frame_from_optical[:3, :3] @ self.viewpoint_m
-        found[:3, :3] = frame_from_optical[:3, :3] @ self.axes.T
-        return found
+        pose = frame_from_optical.copy()
+        pose[:3, 3] += frame_from_optical[:3, :3] @ self.viewpoint_m
+        pose[:3, :3] = frame_from_optical[:3, :3] @ self.axes.T
+        return pose
 
     def scaled(self, scale: float) -> CentralView:
         """The same view in an image `scale` times as large; sizes are rounded."""

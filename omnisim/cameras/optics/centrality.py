@@ -67,8 +67,8 @@ def common_point(origins_m: Floats, directions: Floats) -> Floats:
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     middle = origins_m.mean(axis=0)
     pull = np.einsum("nij,nj->i", across, origins_m - middle)
-    found: Floats = middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
-    return found
+    point_m: Floats = middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
+    return point_m
 
 
 def measure_centrality(system: RaySource, distances_m: Sequence[float]) -> Centrality:
@@ -82,12 +82,12 @@ def measure_centrality(system: RaySource, distances_m: Sequence[float]) -> Centr
         OpticsError: no pixel sees anything, or a distance is not positive.
     """
     check_distances(distances_m)
-    found = seen_rays(system)
-    viewpoint_m = common_point(found.origins_m, found.directions)
-    toward = viewpoint_m - found.origins_m
-    along = np.einsum("nj,nj->n", toward, found.directions)
-    misses_m = np.linalg.norm(toward - along[:, None] * found.directions, axis=1)
-    errors = central_errors(found, viewpoint_m, distances_m, system.pixel_from_ray)
+    rays = seen_rays(system)
+    viewpoint_m = common_point(rays.origins_m, rays.directions)
+    toward = viewpoint_m - rays.origins_m
+    along = np.einsum("nj,nj->n", toward, rays.directions)
+    misses_m = np.linalg.norm(toward - along[:, None] * rays.directions, axis=1)
+    errors = central_errors(rays, viewpoint_m, distances_m, system.pixel_from_ray)
     return Centrality(viewpoint_m, misses_m, errors)
 
 
@@ -111,10 +111,10 @@ def seen_rays(system: RaySource) -> SeenRays:
     pixels = _pixels(system)
     rays = system.ray_from_pixel(pixels)
     origins_m = np.zeros_like(rays.directions) if rays.origins_m is None else rays.origins_m
-    found = SeenRays(*(part[rays.valid] for part in (pixels, origins_m, rays.directions)))
-    if len(found.pixels_px) == 0:
+    seen = SeenRays(*(part[rays.valid] for part in (pixels, origins_m, rays.directions)))
+    if len(seen.pixels_px) == 0:
         raise OpticsError("optics: expected a pixel that sees something, got none")
-    return found
+    return seen
 
 
 def central_errors(

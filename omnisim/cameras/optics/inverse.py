@@ -99,15 +99,15 @@ class Inverse:
 
     def pixels(self, targets: Targets) -> Pixels:
         """Pixels (n, 2) of points; valid if the pixel's ray passes through the point."""
-        found = np.zeros((len(targets.points), 2))
+        positions_px = np.zeros((len(targets.points), 2))
         valid = np.zeros(len(targets.points), dtype=np.bool_)
         if self._tree is None:
-            return Pixels(found, valid)
+            return Pixels(positions_px, valid)
         finite = np.flatnonzero(np.isfinite(targets.points).all(axis=1))
         for first in range(0, len(finite), _POINTS_PER_BATCH):
             rows = finite[first : first + _POINTS_PER_BATCH]
-            found[rows], valid[rows] = self._solved(targets.take(rows))
-        return Pixels(found, valid)
+            positions_px[rows], valid[rows] = self._solved(targets.take(rows))
+        return Pixels(positions_px, valid)
 
     def all_pixels(self, target: Targets) -> Floats:
         """All pixels (n, 2) that show one point, searched from each ray that is nearer to the point
@@ -137,7 +137,7 @@ class Inverse:
         nearest = np.asarray(self._tree.query(toward, k=np.arange(1, count + 1))[1])
         misses = np.stack([self._miss(targets, nearest[:, k]) for k in range(count)], axis=1)
         starts = nearest[np.arange(len(nearest)), misses.argmin(axis=1)]
-        found, valid = self._from_starts(targets, starts)
+        positions_px, valid = self._from_starts(targets, starts)
         rest = np.flatnonzero(~valid)
         if len(rest):
             # only rays of the even grid: the first ranks among the dense rays are all in one place
@@ -148,15 +148,15 @@ class Inverse:
                 candidates = order[:, min(rank, order.shape[1] - 1)]
                 again = np.flatnonzero(~valid[rest] & (candidates != tried))
                 pixels, good = self._from_starts(targets.take(rest[again]), candidates[again])
-                found[rest[again[good]]], valid[rest[again[good]]] = pixels[good], True
-        return Pixels(found, valid)
+                positions_px[rest[again[good]]], valid[rest[again[good]]] = pixels[good], True
+        return Pixels(positions_px, valid)
 
     def _miss(self, targets: Targets, rays: NDArray[np.int64]) -> Floats:
         """Squared chord (n,) between each ray's direction and the direction to its target."""
         toward = targets.points - targets.weight * self._origins_m[rays]
         toward = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
-        found: Floats = np.sum((toward - self._directions[rays]) ** 2, axis=1)
-        return found
+        squared_chords: Floats = np.sum((toward - self._directions[rays]) ** 2, axis=1)
+        return squared_chords
 
     def _misses(self, targets: Targets) -> Floats:
         """Squared chords (n, rays) between all rays and each target."""
@@ -280,8 +280,8 @@ def _between(grid: Floats, directions: Floats) -> Floats:
     shares = (np.arange(_PARTS) + 0.5) / _PARTS
     first, last = grid[cells[:, 0], cells[:, 1]], grid[cells[:, 0] + 1, cells[:, 1] + 1]
     offsets = np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 2)
-    found: Floats = first[:, None] + (last - first)[:, None] * offsets
-    return found.reshape(-1, 2)
+    pixels: Floats = first[:, None] + (last - first)[:, None] * offsets
+    return pixels.reshape(-1, 2)
 
 
 def _joined(first: Paths, second: Paths) -> Paths:
@@ -315,7 +315,7 @@ def _retracted(surface: Surface, points_m: Floats) -> Floats:
 def _solutions(matrices: Floats, vectors: Floats) -> Floats:
     """Solutions (n, m) of linear systems (n, m, m); NaN where one is singular or not finite."""
     good = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(vectors).all(axis=1)
-    found = np.full(vectors.shape, np.nan)
+    solutions = np.full(vectors.shape, np.nan)
     rows = np.flatnonzero(good)
     if len(rows):
         scale = np.abs(matrices[rows]).max(axis=(1, 2))
@@ -323,5 +323,5 @@ def _solutions(matrices: Floats, vectors: Floats) -> Floats:
         kept = np.abs(np.linalg.det(unit)) > 1e-300
         # only those matrices: a matrix may be singular although rounding made it regular
         solved = np.linalg.solve(unit[kept], vectors[rows[kept]][..., None])[..., 0]
-        found[rows[kept]] = solved / scale[kept, None]
-    return found
+        solutions[rows[kept]] = solved / scale[kept, None]
+    return solutions

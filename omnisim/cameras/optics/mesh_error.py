@@ -82,15 +82,15 @@ class SystemMeshErrors:
         """Derivatives (n, 2, 3) of the pixels by direction; NaN where unknown."""
         by_pixel = ray_jacobians(self._system, self._pixels).directions
         known = (self._exact.fates == Fate.SEEN) & np.isfinite(by_pixel).all(axis=(1, 2))
-        found = np.full((len(known), 2, 3), np.nan)
-        found[known] = np.linalg.pinv(by_pixel[known])
-        return found
+        by_direction = np.full((len(known), 2, 3), np.nan)
+        by_direction[known] = np.linalg.pinv(by_pixel[known])
+        return by_direction
 
     def _errors_px(self, mesh: MeshRays) -> Floats:
-        found = mesh.rays_of(self._exact)
-        off = found.directions - self._exact.directions
+        rays = mesh.rays_of(self._exact)
+        off = rays.directions - self._exact.directions
         errors_px: Floats = np.linalg.norm(np.einsum("nij,nj->ni", self._by_direction, off), axis=1)
-        return errors_px[found.valid & np.isfinite(errors_px)]
+        return errors_px[rays.valid & np.isfinite(errors_px)]
 
 
 def _lost_px(mesh: MeshRays) -> float:

@@ -73,10 +73,10 @@ class MeshRays:
         keys = (edges.min(axis=2) * len(self._vertices_m) + edges.max(axis=2)).ravel()
         order = np.argsort(keys, kind="stable")
         same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-        found = np.full(keys.shape, -1)
+        neighbors = np.full(keys.shape, -1)
         one, other = order[same], order[same + 1]
-        found[one], found[other] = other // 3, one // 3
-        return found.reshape(-1, 3)
+        neighbors[one], neighbors[other] = other // 3, one // 3
+        return neighbors.reshape(-1, 3)
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2) with their origins, sensor's optical frame."""
@@ -102,8 +102,8 @@ class MeshRays:
         rows, weights = rows[meets], weights[meets, None]
         corners = self._mesh.triangles[triangles[meets]]
         origins_m[rows] = (weights @ self._corners.origins_m[corners])[:, 0] - self.system.origin_m
-        found = (weights @ self._corners.directions[corners])[:, 0]
-        directions[rows] = found / np.linalg.norm(found, axis=1, keepdims=True)
+        interpolated = (weights @ self._corners.directions[corners])[:, 0]
+        directions[rows] = interpolated / np.linalg.norm(interpolated, axis=1, keepdims=True)
         valid = np.zeros(count, dtype=np.bool_)
         valid[rows] = True
         return Rays(directions, valid, origins_m)
@@ -154,10 +154,10 @@ class MeshRays:
         """Pixels (n, 2) of mirror points (n, 3), system frame; NaN where the camera is blind."""
         system = self.system
         if self._number > 0:
-            found = self._front.pixel_from_point(points_m)
+            pixels = self._front.pixel_from_point(points_m)
         else:
-            found = system.camera.pixel_from_ray(system.camera_directions(points_m))
-        return np.where(found.valid[:, None], found.positions_px, np.nan)
+            pixels = system.camera.pixel_from_ray(system.camera_directions(points_m))
+        return np.where(pixels.valid[:, None], pixels.positions_px, np.nan)
 
     @cached_property
     def _front(self) -> OpticalSystem:
@@ -189,23 +189,23 @@ class MeshRays:
         # orients the rays to the side of the triangles that the camera sees
         along = at - origins
         along *= -np.sign(np.einsum("nj,nj->n", normals, along))[:, None]
-        found = self._cells(at)
-        weights = np.zeros((len(found), 3))
-        active = np.arange(len(found))
+        triangles = self._cells(at)
+        weights = np.zeros((len(triangles), 3))
+        active = np.arange(len(triangles))
         for _ in range(_STEPS):
-            volumes = self._volumes(found[active], origins[active], along[active])
+            volumes = self._volumes(triangles[active], origins[active], along[active])
             least = volumes.argmin(axis=1)
             inside = volumes.min(axis=1, initial=np.inf) >= 0.0
             weights[active[inside]] = volumes[inside]
             active, least = active[~inside], least[~inside]
-            found[active] = self._neighbors[found[active], least]
-            active = active[found[active] >= 0]
+            triangles[active] = self._neighbors[triangles[active], least]
+            active = active[triangles[active] >= 0]
             if len(active) == 0:
                 break
-        found[active] = -1
-        found[~self._is_whole[found]] = -1
+        triangles[active] = -1
+        triangles[~self._is_whole[triangles]] = -1
         sums = weights.sum(axis=1, keepdims=True)
-        return found, weights / np.where(sums > 0.0, sums, 1.0)
+        return triangles, weights / np.where(sums > 0.0, sums, 1.0)
 
     def _volumes(self, triangles: NDArray[np.int64], origins_m: Floats, along: Floats) -> Floats:
         """Volumes (n, 3) spanned by rays and edges; none is negative for a ray that hits."""

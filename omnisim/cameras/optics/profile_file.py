@@ -57,9 +57,9 @@ def evenly_along(shape: Shape, radius_m: float, shares: Floats) -> Floats:
     """Radii (n,) at given shares (n,) of the profile's length from the axis to a radius."""
     radii_m = np.linspace(0.0, radius_m, _SAMPLES)
     lengths_m = profile_lengths_m(shape, radii_m)
-    found: Floats = np.interp(shares * lengths_m[-1], lengths_m, radii_m)
-    found[shares == 1.0] = radius_m  # without rounding errors
-    return found
+    radii: Floats = np.interp(shares * lengths_m[-1], lengths_m, radii_m)
+    radii[shares == 1.0] = radius_m  # without rounding errors
+    return radii
 
 
 def profile_lengths_m(shape: Shape, radii_m: Floats) -> Floats:

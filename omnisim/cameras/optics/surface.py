@@ -99,34 +99,37 @@ class Surface:
 
     def parameters(self) -> CameraParameters:
         """Keys and values in an optics file; a mirror has no medium."""
-        found: CameraParameters = {
+        parameters: CameraParameters = {
             "name": self.name,
             **self.shape.parameters(),
             **pose_parameters(self.system_from_surface),
         }
         if math.isfinite(self.rim_radius_m):
-            found |= {"rim_radius_m": self.rim_radius_m, "rim_center_m": list(self.rim_center_m)}
+            parameters |= {
+                "rim_radius_m": self.rim_radius_m,
+                "rim_center_m": list(self.rim_center_m),
+            }
         if self.hole_radius_m > 0.0:
-            found["hole_radius_m"] = self.hole_radius_m
+            parameters["hole_radius_m"] = self.hole_radius_m
         if self.medium is not None:
-            found["medium"] = medium_parameter(self.medium)
-        return found
+            parameters["medium"] = medium_parameter(self.medium)
+        return parameters
 
     def points_from_system(self, points_m: Floats) -> Floats:
         """Points (n, 3) in the surface's frame, from the system frame."""
         moved = points_m - self.system_from_surface[:3, 3]
-        found: Floats = np.einsum("nj,ji->ni", moved, self.system_from_surface[:3, :3])
-        return found
+        points: Floats = np.einsum("nj,ji->ni", moved, self.system_from_surface[:3, :3])
+        return points
 
     def directions_from_system(self, directions: Floats) -> Floats:
         """Directions (n, 3) in the surface's frame, from the system frame."""
-        found: Floats = np.einsum("nj,ji->ni", directions, self.system_from_surface[:3, :3])
-        return found
+        rotated: Floats = np.einsum("nj,ji->ni", directions, self.system_from_surface[:3, :3])
+        return rotated
 
     def directions_to_system(self, directions: Floats) -> Floats:
         """Directions (n, 3) in the system frame, from the surface's frame."""
-        found: Floats = np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
-        return found
+        rotated: Floats = np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
+        return rotated
 
     def hits(self, origins_m: Floats, directions: Floats, leaving: bool = False) -> Hits:
         """First hits of rays (n, 3) inside the rim.
@@ -147,8 +150,8 @@ class Surface:
             inside[:, column] = self._is_inside(points)
         first = inside.argmax(axis=1)
         rows = np.arange(len(lengths))
-        found = np.where(inside[rows, first], lengths[rows, first], np.nan)
-        return Hits(found, np.isnan(found) & ahead.any(axis=1))
+        first_m = np.where(inside[rows, first], lengths[rows, first], np.nan)
+        return Hits(first_m, np.isnan(first_m) & ahead.any(axis=1))
 
     def _is_inside(self, points_m: Floats) -> NDArray[np.bool_]:
         """Mask (n,) of points on the shape, in its own frame, that belong to the surface."""

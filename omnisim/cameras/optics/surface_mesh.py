@@ -90,9 +90,9 @@ def tessellate_surface(surface: Surface, polygons: int, camera_m: Floats) -> Sur
     normals = gradients / np.linalg.norm(gradients, axis=1, keepdims=True)
     normals *= -np.where(normals[:, 2:] > 0.0, 1.0, -1.0)
     here = (np.arange(rings)[:, None] * sectors + np.arange(sectors)).ravel()
-    there = here - here % sectors + (here + 1) % sectors
-    outer = np.column_stack((here, here + sectors, there + sectors))
-    inner = np.column_stack((here, there + sectors, there))
+    following = here - here % sectors + (here + 1) % sectors
+    outer = np.column_stack((here, here + sectors, following + sectors))
+    inner = np.column_stack((here, following + sectors, following))
     if surface.hole_radius_m == 0.0:
         inner = inner[sectors:]  # there are none at the vertex
     return SurfaceMesh(points_m, normals, np.concatenate((outer, inner)), sectors)

@@ -222,8 +222,8 @@ class SurfaceTable(AlignmentTable):
         try:
             return self._make_surfaces(source, key)
         except OpticsError as reason:
-            words = str(reason).removeprefix(f"{self.name or self.shape}: ")
-            raise SensorFileError(f"{source}: {key}.{words}") from None
+            message = str(reason).removeprefix(f"{self.name or self.shape}: ")
+            raise SensorFileError(f"{source}: {key}.{message}") from None
 
     def _make_surfaces(self, source: str, key: str) -> list[Surface]:
         given = dict(self.__pydantic_extra__ or {})
@@ -231,14 +231,18 @@ class SurfaceTable(AlignmentTable):
         shape = parse_table(given, table, SensorFileError, source, key)
         if isinstance(shape, PortShape | DomeShape):
             if self.medium is None:
-                words = f"medium: missing; a {self.shape} has one behind it"
-                raise SensorFileError(f"{source}: {key}.{words}")
+                message = f"medium: missing; a {self.shape} has one behind it"
+                raise SensorFileError(f"{source}: {key}.{message}")
             return self._window(shape, self.medium, f"{source}: {key}")
-        found = self._shape(shape, source, key)
-        position_m = (0.0, 0.0, found.vertex_m if isinstance(found, Hyperbolic) else 0.0)
-        if not self.is_placed and not isinstance(found, Hyperbolic):
+        surface_shape = self._shape(shape, source, key)
+        position_m = (
+            0.0,
+            0.0,
+            surface_shape.vertex_m if isinstance(surface_shape, Hyperbolic) else 0.0,
+        )
+        if not self.is_placed and not isinstance(surface_shape, Hyperbolic):
             raise SensorFileError(f"{source}: {key}.position_m: missing")
-        return [self._surface(found, self.system_from_part(position_m), self.medium)]
+        return [self._surface(surface_shape, self.system_from_part(position_m), self.medium)]
 
     def _shape(self, table: Table, source: str, key: str) -> Shape:
         if isinstance(table, TableShape):
@@ -248,8 +252,8 @@ class SurfaceTable(AlignmentTable):
         try:
             made = kind(**values)
         except OpticsError as reason:
-            words = str(reason).removeprefix("shape.")
-            raise SensorFileError(f"{source}: {key}.{words}") from None
+            message = str(reason).removeprefix("shape.")
+            raise SensorFileError(f"{source}: {key}.{message}") from None
         assert isinstance(made, Shape)
         return made
 

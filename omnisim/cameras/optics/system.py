@@ -217,14 +217,14 @@ class OpticalSystem:
     def camera_directions(self, points_m: Floats) -> Floats:
         """Unit directions (n, 3), camera frame, to points (n, 3) in the system frame."""
         moved = points_m - self.system_from_camera[:3, 3]
-        found: Floats = np.einsum("nj,ji->ni", moved, self.system_from_camera[:3, :3])
-        found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300)
-        return found
+        rotated: Floats = np.einsum("nj,ji->ni", moved, self.system_from_camera[:3, :3])
+        rotated /= np.maximum(np.linalg.norm(rotated, axis=1, keepdims=True), 1e-300)
+        return rotated
 
     def _pixels(self, points: Floats, weight: float) -> Pixels:
-        found = self.inverse.pixels(Targets(points.reshape(-1, 3), weight))
+        pixels = self.inverse.pixels(Targets(points.reshape(-1, 3), weight))
         shape = points.shape[:-1]
-        return Pixels(found.positions_px.reshape(*shape, 2), found.valid.reshape(shape))
+        return Pixels(pixels.positions_px.reshape(*shape, 2), pixels.valid.reshape(shape))
 
     def uniforms(self) -> Uniforms:
         """Raise, because no shader traces these rays.
@@ -236,25 +236,25 @@ class OpticalSystem:
 
     def parameters(self) -> CameraParameters:
         """Model name and all keys and values of an optics file, enough to rebuild the system."""
-        found: CameraParameters = {
+        parameters: CameraParameters = {
             "model": self.model_name,
             "medium": medium_parameter(self.medium),
             "origin_m": list(self.origin_m),
         }
         if self.orientation is not None:
-            found["looking"] = _looking(self.orientation)
+            parameters["looking"] = _looking(self.orientation)
         if self.color is not None:
-            found["color"] = self.color
+            parameters["color"] = self.color
         if self.chromatic:
-            found["chromatic"] = True
-        found["camera"] = {
+            parameters["chromatic"] = True
+        parameters["camera"] = {
             **self.camera.parameters(),
             **pose_parameters(self.system_from_camera),
         }
-        found["surfaces"] = [surface.parameters() for surface in self.surfaces]
+        parameters["surfaces"] = [surface.parameters() for surface in self.surfaces]
         if self.obstacles:
-            found["obstacles"] = [obstacle.parameters() for obstacle in self.obstacles]
-        return found
+            parameters["obstacles"] = [obstacle.parameters() for obstacle in self.obstacles]
+        return parameters
 
 
 def _looking(orientation: NDArray[np.float64]) -> ParameterValue:

@@ -60,15 +60,15 @@ class CameraTable(AlignmentTable):
         if self.calibration is not None:
             if self.model is not None or extra:
                 other = "model" if self.model is not None else min(extra)
-                words = "calibration has it: expected one of them"
-                raise SensorFileError(f"{source}: {key}.{other}: {words}")
+                message = "calibration has it: expected one of them"
+                raise SensorFileError(f"{source}: {key}.{other}: {message}")
             from omnisim.cameras.calibration import (
                 load_calibration,  # loads the formats only when needed
             )
 
             try:
-                found = load_calibration(Path(source).parent / self.calibration)
-                return found.camera(self.camera).camera
+                calibration = load_calibration(Path(source).parent / self.calibration)
+                return calibration.camera(self.camera).camera
             except CalibrationError as reason:
                 raise SensorFileError(f"{source}: {key}.calibration: {reason}") from None
         parameters = {"model": self.model, **extra}
@@ -202,17 +202,17 @@ def input_files(path: Path) -> dict[str, Path]:
     Raises:
         SensorFileError: the file cannot be read.
     """
-    found = {"the optics file": path}
+    files = {"the optics file": path}
     table = read_tables(path, SensorFileError)
     in_sensor = table.get("optics")
     if "surfaces" not in table and isinstance(in_sensor, dict):
         table = in_sensor
         if isinstance(in_sensor.get("file"), str):
             path = path.parent / in_sensor["file"]
-            found["the sensor's optics file"] = path
+            files["the sensor's optics file"] = path
             table = read_tables(path, SensorFileError)
     surfaces = table.get("surfaces")
     for number, surface in enumerate(surfaces if isinstance(surfaces, list) else []):
         if isinstance(surface, dict) and isinstance(surface.get("file"), str):
-            found[f"the profile of surfaces.{number}"] = path.parent / surface["file"]
-    return found
+            files[f"the profile of surfaces.{number}"] = path.parent / surface["file"]
+    return files

@@ -98,17 +98,17 @@ def deflected(normals: Floats, directions: Floats, is_mirror: bool, ratio: float
         ratio: refractive index before a boundary over the index beyond it.
     """
     along = np.einsum("nj,nj->n", directions, normals)[:, None]
-    found: Floats
+    outgoing: Floats
     if is_mirror:
-        found = directions - 2.0 * along * normals
+        outgoing = directions - 2.0 * along * normals
     else:
         normals = np.where(along > 0.0, normals, -normals)
         cosine = np.abs(along)
         squared = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
         root = np.sqrt(np.where(squared >= 0.0, squared, np.nan))
-        found = ratio * directions + (root - ratio * cosine) * normals
-    found /= np.linalg.norm(found, axis=1, keepdims=True)
-    return found
+        outgoing = ratio * directions + (root - ratio * cosine) * normals
+    outgoing /= np.linalg.norm(outgoing, axis=1, keepdims=True)
+    return outgoing
 
 
 def _blocked(

@@ -44,16 +44,16 @@ def limits(field: FieldInfo) -> tuple[Limit | None, Limit | None]:
 
 
 def _tightest(rules: list[Any], strict: str, loose: str, is_lower: bool) -> Limit | None:
-    found = [
+    candidates = [
         Limit(float(limit), attribute == strict)
         for rule in rules
         if isinstance(rule, annotated_types.BaseMetadata)
         for attribute in (strict, loose)
         if (limit := getattr(rule, attribute, None)) is not None
     ]
-    if not found:
+    if not candidates:
         return None
-    tightest = max(found) if is_lower else min(found)
+    tightest = max(candidates) if is_lower else min(candidates)
     if is_lower and 0.0 < tightest.value <= 1.0 / FAR:
         return Limit(0.0, True)
     return tightest if abs(tightest.value) < FAR else None

@@ -207,13 +207,13 @@ def read_channels(path: Path) -> ExrData:
     """
     spec, pixels = _read(path, oiio.FLOAT)
     with _utf8_header(path):
-        found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+        attributes = {attribute.name: attribute.value for attribute in spec.extra_attribs}
         names = tuple(spec.channelnames)
-    text = found.pop(METADATA_KEY, None)
+    text = attributes.pop(METADATA_KEY, None)
     return ExrData(
         {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(names)},
         _parse_metadata(text),
-        {key: value for key, value in found.items() if isinstance(value, str | int | float)},
+        {key: value for key, value in attributes.items() if isinstance(value, str | int | float)},
     )
 
 

@@ -26,9 +26,9 @@ def table_in(annotation: Any) -> InnerTable | None:
         return InnerTable(annotation, False)
     is_list = get_origin(annotation) in (tuple, list)
     for part in get_args(annotation):
-        found = table_in(part)
-        if found is not None:
-            return InnerTable(found.model, is_list or found.is_list)
+        table = table_in(part)
+        if table is not None:
+            return InnerTable(table.model, is_list or table.is_list)
     return None
 
 

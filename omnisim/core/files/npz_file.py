@@ -42,8 +42,8 @@ def read_arrays(
             )
             arrays = {name: stored[name] for name in wanted}
     except OSError as reason:
-        words = reason.strerror or f"not a {kind}"
-        raise error(f"{path}: cannot be read: {words}: {expected}") from None
+        message = reason.strerror or f"not a {kind}"
+        raise error(f"{path}: cannot be read: {message}: {expected}") from None
     except Exception:  # NumPy and zipfile raise many exceptions for a damaged file
         raise error(f"{path}: is no {kind}: {expected}") from None
     if not all(isinstance(one, np.ndarray) for one in arrays.values()):  # bytes of another file

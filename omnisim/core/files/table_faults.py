@@ -86,9 +86,9 @@ def _expected(
             else ("a list of numbers, [x, y, z]")
         )
     if kind in _RELATIONS:
-        words, name = _RELATIONS[kind]
+        relation, name = _RELATIONS[kind]
         limit = fault["ctx"][name]
-        return "a number > 0" if limit == MIN_POSITIVE else f"{words} {limit:g}"
+        return "a number > 0" if limit == MIN_POSITIVE else f"{relation} {limit:g}"
     if kind in _KINDS:
         return _KINDS[kind]
     begin = r"^(expected|Input should be|(String|Tuple) should have) "

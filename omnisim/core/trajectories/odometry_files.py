@@ -46,8 +46,8 @@ def read_odometry(path: Path) -> Odometry:
     """
     table = read_text_table(path)
     if table.lines[0].cells != COLUMNS:
-        found = ",".join(table.lines[0].cells)
-        raise table.fault(table.lines[0], f"header {found[:60]!r}: expected {','.join(COLUMNS)}")
+        columns = ",".join(table.lines[0].cells)
+        raise table.fault(table.lines[0], f"header {columns[:60]!r}: expected {','.join(COLUMNS)}")
     table = table.without_header()
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])

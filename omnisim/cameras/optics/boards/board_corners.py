@@ -60,8 +60,8 @@ def read_corners(path: Path) -> list[BoardCorners]:
         table = read_text_table(path)
         names = table.lines[0].cells
         if sorted(names) != sorted(COLUMNS):
-            words = f"expected the columns {','.join(COLUMNS)}, got {','.join(names)}"
-            raise OpticsError(f"{path}: {words}")
+            message = f"expected the columns {','.join(COLUMNS)}, got {','.join(names)}"
+            raise OpticsError(f"{path}: {message}")
         numbers = table.without_header().numbers(names)
     except TrajectoryError as reason:
         raise OpticsError(str(reason)) from None

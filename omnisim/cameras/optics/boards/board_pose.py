@@ -22,8 +22,8 @@ def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) 
     """
     rays = system.rays(board.pixels_px)
     if rays.valid.sum() < MIN_CORNERS:
-        words = f"expected at least {MIN_CORNERS} corners where the optics see anything"
-        raise OpticsError(f"corners: {words}, got {rays.valid.sum()}")
+        message = f"expected at least {MIN_CORNERS} corners where the optics see anything"
+        raise OpticsError(f"corners: {message}, got {rays.valid.sum()}")
     directions, points_m = rays.directions[rays.valid], board.points_m[rays.valid]
     plane = np.column_stack((points_m, np.ones(len(points_m))))
     # d × (H p) = 0
@@ -67,5 +67,5 @@ def move_jacobians(pose: Floats, move: Floats, points_m: Floats) -> Floats:
 
 def _cross_matrices(vectors: Floats) -> Floats:
     """Matrices (..., 3, 3) whose product with a vector is the cross product."""
-    found: Floats = np.cross(np.eye(3), vectors[..., None, :])
-    return found
+    matrices: Floats = np.cross(np.eye(3), vectors[..., None, :])
+    return matrices

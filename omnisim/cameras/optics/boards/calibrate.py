@@ -96,14 +96,14 @@ def calibrate_system(
     rough = _Problem(fixed, boards, poses).solve()
     if not parameters.names:
         return rough
-    found = _Problem(parameters, boards, rough.poses).solve()
+    fitted = _Problem(parameters, boards, rough.poses).solve()
     return SystemCalibration(
-        found.system,
-        found.table,
-        found.parameters,
-        found.poses,
+        fitted.system,
+        fitted.table,
+        fitted.parameters,
+        fitted.poses,
         rough.errors_px,
-        found.errors_px,
+        fitted.errors_px,
     )
 
 
@@ -122,20 +122,20 @@ class _Problem:
         """Minimize the errors."""
         parameters = self._parameters
         start = np.concatenate((parameters.values, np.zeros(6 * len(self._boards))))
-        found = scipy.optimize.least_squares(
+        solution = scipy.optimize.least_squares(
             self.errors, start, self.jacobian, method="lm", x_scale="jac",
             ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=_MAX_STEPS,
         )  # fmt: skip
-        values, moves = self._split(found.x)
-        sigmas = self._sigmas(self.jacobian(found.x), found.fun)
+        values, moves = self._split(solution.x)
+        sigmas = self._sigmas(self.jacobian(solution.x), solution.fun)
         rows = zip(parameters.names, parameters.values, values, sigmas, strict=True)
         return SystemCalibration(
             parameters.system(values),
             parameters.table(values),
             tuple(FittedParameter(name, *map(float, numbers)) for name, *numbers in rows),
             self._moved(moves),
-            found.fun.reshape(-1, 2),
-            found.fun.reshape(-1, 2),
+            solution.fun.reshape(-1, 2),
+            solution.fun.reshape(-1, 2),
         )
 
     def errors(self, vector: Floats) -> Floats:
@@ -228,8 +228,8 @@ class _Problem:
             self._check(parts > _SHARE * parts.max())
         freedom = max(len(errors) - len(sizes), 1)
         variances = np.square(directions / sizes[:, None]).sum(axis=0) * (errors @ errors) / freedom
-        found: Floats = (np.sqrt(variances) / scale)[: self._count]
-        return found
+        sigmas: Floats = (np.sqrt(variances) / scale)[: self._count]
+        return sigmas
 
     def _check(self, untold: NDArray[np.bool_]) -> None:
         """Reject parameters (n,) that the corners do not determine.
@@ -239,5 +239,5 @@ class _Problem:
         """
         if untold.any():
             names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]
-            words = "the corners do not tell, or not apart: expected fewer free parameters"
-            raise OpticsError(f"{', '.join(names)}: {words}")
+            message = "the corners do not tell, or not apart: expected fewer free parameters"
+            raise OpticsError(f"{', '.join(names)}: {message}")

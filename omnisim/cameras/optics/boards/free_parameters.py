@@ -45,8 +45,8 @@ class FreeParameters:
                     raise OpticsError(f"{source}: {key}: expected each number once, got it twice")
                 self._paths.append(path)
         self.names = [".".join(map(str, path)) for path in self._paths]
-        found = [_at(self._table, path) for path in self._paths]
-        self.values: Floats = np.array(found, dtype=np.float64)
+        values = [_at(self._table, path) for path in self._paths]
+        self.values: Floats = np.array(values, dtype=np.float64)
 
     def table(self, values: Floats) -> dict[str, Any]:
         """The file's table with other values (n,)."""
@@ -74,8 +74,8 @@ class FreeParameters:
         if isinstance(value, list) and value and all(map(_is_number, value)):
             return [(*path, index) for index in range(len(value))]
         if not _is_number(value):
-            words = "no such key" if value is None else f"{value!r:.60}"
-            raise OpticsError(f"{self._source}: {key}: expected a number, got {words}")
+            actual = "no such key" if value is None else f"{value!r:.60}"
+            raise OpticsError(f"{self._source}: {key}: expected a number, got {actual}")
         return [path]
 
 

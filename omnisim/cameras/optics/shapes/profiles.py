@@ -81,18 +81,18 @@ class Profile(Shape):
         profile = self.derivatives(radii)
         across = _over_radius(radii, profile)
         outward = points_m[:, :2] / np.maximum(radii, _TINY_M)[:, None]
-        found = np.zeros((len(points_m), 3, 3))
+        hessians = np.zeros((len(points_m), 3, 3))
         along = (profile.curvatures - across)[:, None, None]
-        found[:, :2, :2] = -along * outward[:, :, None] * outward[:, None, :]
-        found[:, 0, 0] -= across
-        found[:, 1, 1] -= across
-        return found
+        hessians[:, :2, :2] = -along * outward[:, :, None] * outward[:, None, :]
+        hessians[:, 0, 0] -= across
+        hessians[:, 1, 1] -= across
+        return hessians
 
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
         """First two crossings within the radius."""
         batches = range(0, len(origins_m), _RAYS_PER_BATCH)
         bulge, table = self._bulge(radius_m), HeightTable(self.sag_m, radius_m)
-        found = np.full((len(origins_m), 2), np.nan)
+        crossings_m = np.full((len(origins_m), 2), np.nan)
         for rows in (slice(first, first + _RAYS_PER_BATCH) for first in batches):
             near_m, far_m = table.span(origins_m[rows], directions[rows])
             reached = np.flatnonzero(near_m < far_m)  # false for NaN
@@ -101,10 +101,10 @@ class Profile(Shape):
             if bulge:
                 ends = (near_m, far_m), (far_m, near_m)
                 both = [self._approached(o, d, *one, bulge) for one in ends]
-                found[rows][reached] = np.sort(np.stack(both, axis=1), axis=1)
+                crossings_m[rows][reached] = np.sort(np.stack(both, axis=1), axis=1)
             else:
-                found[rows][reached] = self._crossings_between(o, d, near_m, far_m, table)
-        return found
+                crossings_m[rows][reached] = self._crossings_between(o, d, near_m, far_m, table)
+        return crossings_m
 
     def _approached(
         self, origins_m: Floats, directions: Floats, begin_m: Floats, end_m: Floats, bulge: int
@@ -115,7 +115,7 @@ class Profile(Shape):
         above it, so Newton's method reaches the nearest crossing without passing it. NaN if the
         interval begins below the surface, or has no crossing.
         """
-        found = np.full(len(begin_m), np.nan)
+        crossings_m = np.full(len(begin_m), np.nan)
         rows, at = np.arange(len(begin_m)), begin_m
         forth, before = np.sign(end_m - begin_m), np.full(len(begin_m), np.nan)
         for number in range(_NEWTON_STEPS):
@@ -130,12 +130,12 @@ class Profile(Shape):
             approaches = inside & (depths < 0.0) & (slopes > 0.0)
             moving = _is_moving(steps, before, at)
             arrived |= approaches & ~moving
-            found[rows[arrived]] = at[arrived]
+            crossings_m[rows[arrived]] = at[arrived]
             kept = approaches & moving
             rows, at, before, forth = rows[kept], at[kept], steps[kept], forth[kept]
             if len(rows) == 0:
                 break
-        return found
+        return crossings_m
 
     def _crossings_between(
         self,
@@ -152,7 +152,7 @@ class Profile(Shape):
         self._find_peaks(origins_m, directions, lengths, values)
         below = values > 0.0
         crossed = below[1:] != below[:-1]
-        found = np.full((len(origins_m), 2), np.nan)
+        crossings_m = np.full((len(origins_m), 2), np.nan)
         slack_m = _SLACK * steps_m  # covers the error of the table
         for column in range(2):
             rows = np.flatnonzero(crossed.any(axis=0))
@@ -163,10 +163,10 @@ class Profile(Shape):
             share = first / (first - second)
             starts = lengths[at, rows] + share * (lengths[at + 1, rows] - lengths[at, rows])
             sign = np.where(first > 0.0, -1.0, 1.0)
-            found[rows, column] = self._refined(
+            crossings_m[rows, column] = self._refined(
                 origins_m[rows], directions[rows], bracket, starts, sign
             )
-        return found
+        return crossings_m
 
     def _find_peaks(
         self, origins_m: Floats, directions: Floats, lengths: Floats, values: Floats
@@ -180,9 +180,11 @@ class Profile(Shape):
         before, at, after = (values[peak + step, rows] for step in (-1, 0, 1))
         bend = before - 2.0 * at + after
         share = np.divide(before - after, 2.0 * bend, out=np.zeros_like(bend), where=bend != 0.0)
-        there = lengths[peak, rows] + np.clip(share, -0.999, 0.999) * (lengths[1] - lengths[0])
-        lengths[peak, rows] = there
-        values[peak, rows] = self.level(origins_m + there[:, None] * directions).values
+        peak_lengths = lengths[peak, rows] + np.clip(share, -0.999, 0.999) * (
+            lengths[1] - lengths[0]
+        )
+        lengths[peak, rows] = peak_lengths
+        values[peak, rows] = self.level(origins_m + peak_lengths[:, None] * directions).values
 
     def _refined(
         self,
@@ -225,8 +227,8 @@ class Profile(Shape):
 def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> NDArray[np.bool_]:
     """Mask (n,) of Newton iterations to continue, given that convergence is quadratic."""
     rounding = _ROUNDING * np.abs(lengths)
-    found: NDArray[np.bool_] = (steps > rounding) & ~(steps**3 <= rounding * before**2)
-    return found
+    moving: NDArray[np.bool_] = (steps > rounding) & ~(steps**3 <= rounding * before**2)
+    return moving
 
 
 def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, Floats, Floats]:

@@ -54,15 +54,15 @@ class Quadric(Shape):
         larger = -(half + np.copysign(root, half))
         lengths = np.stack((_divided(larger, square), _divided(rest, larger)), axis=1)
         for column in range(2):
-            found = lengths[:, column]
-            points = origins_m + found[:, None] * directions
+            roots = lengths[:, column]
+            points = origins_m + roots[:, None] * directions
             values, gradients = self.level(points)
             slopes = np.einsum("nj,nj->n", gradients, directions)
             steps = _divided(values, slopes)
             # where a ray is tangent, rounding divided by a zero slope is meaningless
-            found -= np.where(np.abs(steps) <= _POLISH * np.abs(found), steps, 0.0)
-            heights = origins_m[:, 2] + found * directions[:, 2]
-            found[~(2.0 * b * heights < c)] = np.nan
+            roots -= np.where(np.abs(steps) <= _POLISH * np.abs(roots), steps, 0.0)
+            heights = origins_m[:, 2] + roots * directions[:, 2]
+            roots[~(2.0 * b * heights < c)] = np.nan
         return np.sort(lengths, axis=1)
 
     def level(self, points_m: Floats) -> Level:
@@ -75,9 +75,9 @@ class Quadric(Shape):
     def hessians(self, points_m: Floats) -> Floats:
         """Diagonal Hessians with 2 A, 2 A and 2 B."""
         a, b, _ = self.coefficients
-        found = np.zeros((len(points_m), 3, 3))
-        found[:, range(3), range(3)] = 2.0 * a, 2.0 * a, 2.0 * b
-        return found
+        hessians = np.zeros((len(points_m), 3, 3))
+        hessians[:, range(3), range(3)] = 2.0 * a, 2.0 * a, 2.0 * b
+        return hessians
 
     def sag_m(self, radii_m: Floats) -> Floats:
         """Smaller root of B z² − C z + A r² = 0, free of cancellation: 2 A r²/(C + √…)."""
@@ -86,16 +86,16 @@ class Quadric(Shape):
         # at the equator itself, rounding may make the radicand negative
         root = np.sqrt(np.where(radii_m <= self.domain_m, np.maximum(inside, 0.0), np.nan))
         below = c + root
-        found: Floats = np.divide(
+        heights_m: Floats = np.divide(
             2.0 * a * radii_m**2, below, out=np.zeros_like(root), where=below > 0.0
         )
-        found[np.isnan(root)] = np.nan
-        return found
+        heights_m[np.isnan(root)] = np.nan
+        return heights_m
 
 
 def _divided(values: Floats, by: Floats) -> Floats:
-    found: Floats = np.divide(values, by, out=np.full(len(by), np.nan), where=by != 0.0)
-    return found
+    quotients: Floats = np.divide(values, by, out=np.full(len(by), np.nan), where=by != 0.0)
+    return quotients
 
 
 @dataclass(frozen=True)

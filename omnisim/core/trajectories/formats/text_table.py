@@ -94,10 +94,10 @@ class TextTable:
         later = np.diff(times_s) > 0.0
         if not np.all(later):
             k = int(np.argmin(later))
-            words = "repeats" if times_s[k + 1] == times_s[k] else "is before"
+            relation = "repeats" if times_s[k + 1] == times_s[k] else "is before"
             raise self.fault(
                 self.lines[k + 1],
-                f"time {printed[k + 1]} {words} {printed[k]} of line {self.lines[k].number}: "
+                f"time {printed[k + 1]} {relation} {printed[k]} of line {self.lines[k].number}: "
                 "expected times that increase",
             )
 
