@@ -23,8 +23,8 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
     try:
         camera = camera_from_parameters(parameters)
     except OpticsError as reason:
-        words = str(reason).removeprefix("camera: ")
-        raise SensorFileError(f"{source}: {key}.{words}") from None
+        message = str(reason).removeprefix("camera: ")
+        raise SensorFileError(f"{source}: {key}.{message}") from None
     known = camera.parameters()
     for name in parameters.keys() - known.keys():
         hint = did_you_mean(name, known)

@@ -78,10 +78,10 @@ def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
     value = _value(parameters, key)
     if not isinstance(value, list | tuple):
         raise _unexpected(key, "a list of numbers", value)
-    found = tuple(number({key: one}, key) for one in value)
-    if found and max(map(abs, found)) > MAX_COEFFICIENT:
+    coefficients = tuple(number({key: one}, key) for one in value)
+    if coefficients and max(map(abs, coefficients)) > MAX_COEFFICIENT:
         raise _unexpected(key, f"numbers up to {MAX_COEFFICIENT:g}", value)
-    return found
+    return coefficients
 
 
 def word(parameters: Mapping[str, Any], key: str) -> str:

@@ -28,11 +28,11 @@ def solve_increasing(
     close in units of the normalized plane. A slope of 0 at an end, where a lens folds, only slows
     it down.
     """
-    found = np.clip(values, low, high).ravel()
+    arguments = np.clip(values, low, high).ravel()
     tolerance = 4.0 * _EPS * max(abs(low), abs(high))
-    active = np.arange(found.size)  # each search converges on its own
-    target, argument = values.ravel(), found.copy()
-    lower, upper = np.full(found.shape, low), np.full(found.shape, high)
+    active = np.arange(arguments.size)  # each search converges on its own
+    target, argument = values.ravel(), arguments.copy()
+    lower, upper = np.full(arguments.shape, low), np.full(arguments.shape, high)
     for _ in range(MAX_STEPS):
         error = function(argument) - target
         lower = np.where(error <= 0.0, argument, lower)
@@ -41,13 +41,13 @@ def solve_increasing(
         newton = argument - error / np.where(rise > 1e-12, rise, 1.0)
         inside = (rise > 1e-12) & (newton >= lower) & (newton <= upper)
         following = np.where(inside, newton, 0.5 * (lower + upper))
-        found[active] = following
+        arguments[active] = following
         moves = np.abs(following - argument) > tolerance
         if not moves.any():
             break
         active, target, argument = active[moves], target[moves], following[moves]
         lower, upper = lower[moves], upper[moves]
-    return found.reshape(values.shape)
+    return arguments.reshape(values.shape)
 
 
 def solve_polynomial(

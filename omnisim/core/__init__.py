@@ -1,1 +1,1 @@
-"""Foundations: errors, versions, poses, coordinate frames, the state of the world."""
+"""Foundations: errors, versions, poses, coordinate frames and the state of the world."""

@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 def corner_and_weights(
     positions_px: NDArray[np.floating[Any]], shape: tuple[int, int]
 ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
-    """Upper left of the four neighbors of positions, and their weights.
+    """Upper-left neighbor of each position, and the weights of its four neighbors.
 
     Args:
         positions_px: (..., 2), u right and v down.
         shape: height and width of the image.
 
     Returns:
-        Flat index (...) into the image, weights (4, ...), and a mask (...): all four neighbors
-        are in the image.
+        Flat index (...) into the image, weights (4, ...), and a mask (...) that is True if all four
+        neighbors are in the image.
     """
     height, width = shape
     last = (width - 1, height - 1)
-    # a view of the image itself must not lose its border to rounding
+    # rounding must not cut off the border in a view of the image itself
     inside = np.all((positions_px >= -1e-6) & (positions_px <= np.add(last, 1e-6)), axis=-1)
     safe = np.clip(np.where(inside[..., None], positions_px, 0.0), 0.0, last)
     first = np.minimum(np.floor(safe), (max(width - 2, 0), max(height - 2, 0))).astype(np.intp)
@@ -37,7 +37,7 @@ def corner_and_weights(
 def interpolate(
     image: NDArray[Any], corner: NDArray[np.intp], weights: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Values (...) of an image (height, width) between neighbors, see `corner_and_weights`."""
+    """Interpolate an image (height, width) to values (...), see `corner_and_weights`."""
     flat, width = image.reshape(-1), image.shape[1]
     values = np.zeros(corner.shape)
     for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
@@ -46,9 +46,9 @@ def interpolate(
 
 
 def sample(image: NDArray[Any], positions_px: ArrayLike) -> NDArray[np.float64]:
-    """Values (...) of an image (height, width) at positions (..., 2), u right and v down.
+    """Sample an image (height, width) at positions (..., 2), u right and v down.
 
-    Past the border the nearest border's value.
+    Positions outside get the value of the nearest border pixel.
     """
     height, width = image.shape
     positions = np.clip(np.asarray(positions_px, dtype=np.float64), 0.0, (width - 1, height - 1))

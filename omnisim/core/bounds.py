@@ -11,9 +11,10 @@ _Number = TypeVar("_Number", bound=np.generic)
 
 
 def bounds_of(points: NDArray[_Number]) -> NDArray[_Number]:
-    """Smallest and largest coordinates (2, k) of points (n, k).
+    """Minimum and maximum coordinates (2, k) of points (n, k).
 
-    Coordinates lie in rows here: along rows of memory NumPy is some twenty times as fast as across.
+    Coordinates are put in rows, because NumPy is about twenty times as fast along rows of memory as
+    across them.
     """
     rows: NDArray[Any] = np.ascontiguousarray(points.T)
     return np.stack((rows.min(axis=1), rows.max(axis=1)))
@@ -22,7 +23,7 @@ def bounds_of(points: NDArray[_Number]) -> NDArray[_Number]:
 def triangle_bounds(
     corners: NDArray[_Number],
 ) -> tuple[NDArray[_Number], NDArray[_Number]]:
-    """Smallest and largest coordinates (n, ...) of triangles' corners (n, 3, ...)."""
+    """Minimum and maximum coordinates (n, ...) of triangle corners (n, 3, ...)."""
     first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
     low = np.minimum(np.minimum(first, second), third)
     return low, np.maximum(np.maximum(first, second), third)

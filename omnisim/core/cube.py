@@ -1,8 +1,8 @@
 """Cube of virtual cameras around the effective viewpoint: faces and unfolded layout.
 
 Each face is a pinhole camera with its own optical frame (x right, y down, z forward) in the rig
-frame (x forward, y left, z up). The four side faces are upright; the down face has the rig's
-front at its top, the up face continues the front face over its upper edge. No face is mirrored.
+frame (x forward, y left, z up). The four side faces are upright. The top of the down face is the
+rig's front; the up face continues the front face across its upper edge. No face is mirrored.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ FACE_FROM_RIG: NDArray[np.float64] = np.array(
     dtype=np.float64,
 )
 
-# The unfolded cube as one image: column and row of each face in a 3 × 2 grid. A cell shows a
-# little more than its face, so that filters at the face's edge do not reach into the next cell.
+# The unfolded cube as one image: column and row of each face in a 3 × 2 grid. A cell shows slightly
+# more than its face, so that filters at the face's edge do not reach into the next cell.
 CELL_TANGENT = 1.0 + 1.0 / 32.0  # at the cell's edge; the face's edge is at 1
 LAYOUT_COLUMNS, LAYOUT_ROWS = 3, 2
 LAYOUT_CELLS = ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1))
@@ -45,9 +45,9 @@ def face_index(directions_rig: ArrayLike) -> NDArray[np.intp]:
 
 
 def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
-    """Point projection of directions (..., 3) onto faces (...,): tangents right and down (..., 2).
+    """Project directions (..., 3) onto faces (...,): tangents right and down (..., 2).
 
-    Inside a face both lie in [−1, 1].
+    Inside a face, both are in [−1, 1].
     """
     directions = np.asarray(directions_rig, dtype=np.float64)
     local = np.einsum("...ij,...j->...i", FACE_FROM_RIG[np.asarray(faces)], directions)
@@ -56,20 +56,21 @@ def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.flo
 
 
 def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Unfold faces (size, size, 3) into one image, two rows of three, as the texture coordinates
-    of an exported mirror expect them.
+    """Unfold faces (size, size, 3) into one image of two rows and three columns.
 
-    Cells of faces that were not drawn are black; smaller faces are enlarged to the largest. The
-    border of a cell repeats the edge of its face.
+    The layout matches the texture coordinates of an exported mirror.
+
+    Cells of missing faces are black; smaller faces are enlarged to the largest. The border of a
+    cell repeats the edge of its face.
 
     Raises:
-        GraphicsError: no faces.
+        GraphicsError: there are no faces.
     """
     if not faces:
         raise GraphicsError("there are no faces to unfold")
     largest = max(face.shape[0] for face in faces.values())
     border = math.ceil(0.5 * (CELL_TANGENT - 1.0) * largest)
-    size = round(2.0 * border / (CELL_TANGENT - 1.0))  # so that the border is whole pixels
+    size = round(2.0 * border / (CELL_TANGENT - 1.0))  # makes the border a whole number of pixels
     cell = size + 2 * border
     image = np.zeros((LAYOUT_ROWS * cell, LAYOUT_COLUMNS * cell, 3), dtype=np.uint8)
     for name, face in faces.items():

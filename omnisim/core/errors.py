@@ -1,24 +1,24 @@
-"""Errors that a user can act on: one clear line each.
+"""Errors that a user can act on, with one clear line each.
 
-The command line prints the message of an `OmnisimError` and exits with status 1. Anything else
-that escapes is a defect of omnisim and keeps its traceback.
+The command line prints the message of an `OmnisimError` and exits with status 1. Any other
+exception is a defect of omnisim and keeps its traceback.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-MAX_LINE = 600  # letters of a message's line; what a damaged file holds has no end
+MAX_LINE = 600  # maximum characters of a message line, since damaged files can hold any length
 
 
 class NoticeWarning(UserWarning):
-    """Notice about a file: a feature that is left out, or a default that was chosen."""
+    """Notice about a file: an unsupported feature, or a default that was chosen."""
 
 
 class OmnisimError(Exception):
-    """Base of all errors with a message meant for the user.
+    """Base of all errors with a message for the user.
 
-    Its lines are printable, whatever a file had in them, and of limited length.
+    Its lines are printable and of limited length, whatever the file contains.
     """
 
     def __init__(self, message: str = ""):
@@ -26,47 +26,47 @@ class OmnisimError(Exception):
 
 
 class OpticsError(OmnisimError):
-    """Parameters that no mirror, camera or scanner can have."""
+    """Parameters are impossible for a mirror, camera or scanner."""
 
 
 class SceneError(OmnisimError):
-    """A scene that cannot be read or has nothing to draw."""
+    """A scene cannot be read, or is empty."""
 
 
 class SensorFileError(OmnisimError):
-    """A sensor or optics file with an unknown key or an impossible value."""
+    """A sensor or optics file has an unknown key or an impossible value."""
 
 
 class RobotFileError(OmnisimError):
-    """A robot file, or a USARSim configuration, with a fault."""
+    """A robot file or a USARSim configuration is invalid."""
 
 
 class TrajectoryError(OmnisimError):
-    """Impossible poses, times or odometry, or a file of them with a fault."""
+    """Poses, times or odometry are impossible, or a file of them is invalid."""
 
 
 class GraphicsError(OmnisimError):
-    """No OpenGL, too old an OpenGL, a size past its limits, or a shader that does not compile."""
+    """OpenGL is missing or too old, a size exceeds its limits, or a shader does not compile."""
 
 
 class RunError(OmnisimError):
-    """A folder that is no run, or another one's, or a drive that cannot be made."""
+    """A folder is not a run or holds another run, or a drive is impossible."""
 
 
 class OutputError(OmnisimError):
-    """An image, mesh, scan or plot that cannot be written, or read back."""
+    """An image, mesh, scan or plot cannot be written, or read back."""
 
 
 class PlanError(OmnisimError):
-    """A plan of a data set with a fault, or that cannot be carried out."""
+    """A data set plan is invalid, or cannot be carried out."""
 
 
 class LocalizationError(OmnisimError):
-    """Colors, landmarks, measurements or times that cannot localize a robot."""
+    """Colors, landmarks, measurements or times cannot localize a robot."""
 
 
 class CalibrationError(OmnisimError):
-    """A calibration file with a fault, or a model that has no such parameters."""
+    """A calibration file is invalid, or a model cannot have such parameters."""
 
 
 class MeasurementError(OmnisimError):
@@ -74,7 +74,7 @@ class MeasurementError(OmnisimError):
 
 
 def printable(line: str, max_length: int = MAX_LINE) -> str:
-    """Escape what cannot be printed in a line, and leave out the middle of a long one."""
+    """Escape unprintable characters of a line, and shorten a long line in the middle."""
     if not line.isprintable():
         escaped = (x if x.isprintable() else x.encode("unicode_escape").decode() for x in line)
         line = "".join(escaped)
@@ -85,22 +85,22 @@ def printable(line: str, max_length: int = MAX_LINE) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "expected one of") -> str:
-    """Suggests the nearest known word, or lists all of them.
+    """Suggest the nearest known name, or list all of them.
 
     Args:
-        word: what was given.
-        known: what there is.
-        otherwise: begins the list where nothing is near.
+        word: unknown name.
+        known: valid names.
+        otherwise: start of the list if no name is near.
     """
-    import difflib  # only a fault needs it
+    import difflib  # only needed after an error
     import re
 
-    words = list(known)
-    # another number of the same name, as cam7 of cam1, is no misspelling
-    spelled = [known for known in words if re.sub(r"\d", "", known) != re.sub(r"\d", "", word)]
+    names = list(known)
+    # the same name with another number, as cam7 for cam1, is not a misspelling
+    spelled = [known for known in names if re.sub(r"\d", "", known) != re.sub(r"\d", "", word)]
     near = difflib.get_close_matches(word, spelled, n=1, cutoff=0.65)
-    parts = [known for known in words if word and known.startswith(word)]
-    near = parts or [known for known in words if known.endswith(f"/{word}")] or near
+    parts = [known for known in names if word and known.startswith(word)]
+    near = parts or [known for known in names if known.endswith(f"/{word}")] or near
     if near:
         return f"did you mean {' or '.join(map(repr, near))}?"
-    return f"{otherwise} {', '.join(words) or 'none'}"
+    return f"{otherwise} {', '.join(names) or 'none'}"

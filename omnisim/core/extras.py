@@ -1,4 +1,4 @@
-"""Packages of omnisim, required and in extras, and errors where an extra is missing."""
+"""Required and optional packages of omnisim, and errors about missing extras."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 from omnisim.core.errors import GraphicsError, OmnisimError
 
-DISTRIBUTION = "omnisim-camera"  # the index has another one that is called omnisim
+DISTRIBUTION = "omnisim-camera"  # the index has another package called omnisim
 
 # Module of each package, by the package's name on the index, as in pyproject.toml.
 REQUIRED = {
@@ -26,7 +26,7 @@ REQUIRED = {
     "websockets": "websockets",
 }
 EXTRAS = {
-    "opengl": {"moderngl": "moderngl"},  # required, too, where it has a wheel
+    "opengl": {"moderngl": "moderngl"},  # also required, where a wheel exists
     "plots": {"matplotlib": "matplotlib"},
     "reports": {"matplotlib": "matplotlib", "jinja2": "jinja2"},
     "rays": {"embreex": "embreex"},
@@ -37,7 +37,7 @@ EXTRAS = {
     "ray": {"ray": "ray"},
     "ros": {"rosbags": "rosbags"},
     "draco": {"DracoPy": "DracoPy"},
-    "meshopt": {"meshoptimizer": "meshoptimizer"},  # built by its installation
+    "meshopt": {"meshoptimizer": "meshoptimizer"},  # compiled during installation
     "oracles": {
         "embreex": "embreex",
         "emva1288": "emva1288",
@@ -52,10 +52,10 @@ EXTRAS = {
 
 
 def is_installed(module: str) -> bool:
-    """Find a module without importing it."""
+    """True if a module can be found; it is not imported."""
     try:
         return find_spec(module) is not None
-    except ModuleNotFoundError:  # its package is not, either
+    except ModuleNotFoundError:  # the parent package is missing, too
         return False
 
 
@@ -65,20 +65,20 @@ def missing_packages(extra: str) -> list[str]:
 
 
 def install_hint(extra: str) -> str:
-    """Command that installs an extra beside omnisim, also beside one from a checkout."""
+    """Command that installs an extra beside omnisim, also for an omnisim from a checkout."""
     return f"pip install '{DISTRIBUTION}[{extra}]'"
 
 
 def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimError) -> None:
-    """Refuse a feature whose packages are missing, before any work is done.
+    """Reject a feature whose packages are missing, before any work is done.
 
     Args:
         extra: key of `EXTRAS`.
         feature: subject of the message: a command, an option or a file.
-        error: raised.
+        error: exception class to raise.
 
     Raises:
-        OmnisimError: naming the packages and the command that installs them.
+        OmnisimError: naming the missing packages and the command that installs them.
     """
     missing = missing_packages(extra)
     if missing:
@@ -86,10 +86,10 @@ def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimE
 
 
 def require_opengl(feature: str) -> None:
-    """Refuse a feature where OpenGL cannot even be looked for, before anything imports moderngl.
+    """Reject a feature where OpenGL is unavailable, before anything imports moderngl.
 
     Raises:
-        GraphicsError: another system than Linux, or no moderngl.
+        GraphicsError: the system is not Linux, or moderngl is missing.
     """
     if platform.system() != "Linux":
         need = "OpenGL through EGL, which Linux alone has"

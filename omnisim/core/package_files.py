@@ -12,17 +12,17 @@ def _folder(name: str) -> Path:
     return installed if installed.is_dir() else _PACKAGE.parent / name
 
 
-PRESETS = _PACKAGE / "rendering" / "camera" / "presets"  # of degradations
-# The package's own omnisim/sensors is code; only these two folders live at the top level.
+PRESETS = _PACKAGE / "rendering" / "camera" / "presets"  # presets of degradations
+# The package's own omnisim/sensors is code; only these two folders are at the top level.
 SHADERS = _folder("shaders")
 SCENES = _folder("scenes")
 
 
 def preset_names() -> list[str]:
-    """Names of the built-in presets of degradations, sorted."""
+    """Sorted names of the built-in degradation presets."""
     return sorted(path.stem for path in PRESETS.glob("*.toml"))
 
 
 def built_in(file: str) -> list[str]:
-    """Names of the folders of `SCENES` with a file, such as scene.toml or robot.toml; sorted."""
+    """Sorted names of the folders in `SCENES` that have a file, such as scene.toml."""
     return sorted(path.parent.name for path in SCENES.glob(f"*/{file}"))

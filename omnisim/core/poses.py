@@ -1,8 +1,8 @@
 """Poses and rotations: matrices, quaternions and angles.
 
-A pose is a matrix (4, 4) target_from_source, a rotation its upper left (3, 3);
-`omnisim.core.coordinate_frames` has the frames. Quaternions are (x, y, z, w); both signs mean the
-same rotation, those made here have w ≥ 0. Angles count counter-clockwise about their axis.
+A pose is a matrix (4, 4) target_from_source, and a rotation is its upper left (3, 3).
+`omnisim.core.coordinate_frames` lists the frames. Quaternions are (x, y, z, w). Both signs are the
+same rotation; functions here return w ≥ 0. Angles are counter-clockwise about their axis.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # its submodules load on first use
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import OmnisimError
 
-# Beyond, products of coordinates overflow the GPU's floats.
+# Beyond this, products of coordinates overflow the GPU's floats.
 MAX_M = 1e15
-# Looser than float32 rounding of a rotation, far below a tenth of a pixel.
+# Looser than the float32 rounding of a rotation, far below a tenth of a pixel.
 POSE_TOLERANCE = 1e-6
 
 
@@ -30,11 +30,11 @@ def pose(
     """Pose (4, 4) parent_from_child from a position in meters and angles in degrees.
 
     Raises:
-        OmnisimError: a position that is not three finite numbers, or an angle that is not finite.
+        OmnisimError: a position is not three finite numbers, or an angle is not finite.
     """
     position = np.asarray(position_m, dtype=np.float64)
     angles_deg = (roll_deg, pitch_deg, yaw_deg)
-    if position.shape != (3,) or not np.all(np.abs(position) < MAX_M):  # false for NaN, too
+    if position.shape != (3,) or not np.all(np.abs(position) < MAX_M):  # also rejects NaN
         raise OmnisimError(
             f"position {position.tolist()}: expected three finite numbers in meters below {MAX_M:g}"
         )
@@ -54,10 +54,10 @@ def pose_from_rotation(rotation: ArrayLike, position_m: ArrayLike) -> NDArray[np
 
 
 def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
-    """Return a pose as float64 (4, 4).
+    """Validate a pose and return it as float64 (4, 4).
 
     Raises:
-        OmnisimError: not (4, 4), not finite, or not a rotation and a translation.
+        OmnisimError: the matrix is not (4, 4), not finite, or not a rotation and a translation.
     """
     checked = _matrices(matrix, "pose")
     if checked.shape != (4, 4):
@@ -70,10 +70,10 @@ def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
 
 
 def check_poses(matrices: object) -> NDArray[np.float64]:
-    """Return poses as float64 (n, 4, 4).
+    """Validate poses and return them as float64 (n, 4, 4).
 
     Raises:
-        OmnisimError: not (n, 4, 4), or one that is no pose, by its number from 0.
+        OmnisimError: the array is not (n, 4, 4), or one matrix is not a pose; names its index.
     """
     checked = _matrices(matrices, "poses")
     if checked.ndim != 3 or checked.shape[1:] != (4, 4):
@@ -81,7 +81,7 @@ def check_poses(matrices: object) -> NDArray[np.float64]:
             f"poses: expected finite matrices (n, 4, 4), got an array of shape {checked.shape}"
         )
     is_right = (np.abs(checked) < MAX_M).all(axis=(1, 2))
-    if is_right.all():  # or squares may overflow
+    if is_right.all():  # otherwise squares may overflow
         is_right = is_pose(checked)
     if not is_right.all():
         first = int(np.argmin(is_right))
@@ -105,7 +105,7 @@ def _check_values(matrix: NDArray[np.float64], what: str) -> None:
 
 
 def is_pose(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (...) of the finite matrices (..., 4, 4) that are a rotation and a translation."""
+    """Mask (...) of finite matrices (..., 4, 4) that are a rotation and a translation."""
     affine: NDArray[np.bool_] = (matrices[..., 3, :] == (0.0, 0.0, 0.0, 1.0)).all(axis=-1)
     return affine & is_rotation(matrices[..., :3, :3], POSE_TOLERANCE)
 
@@ -119,7 +119,7 @@ def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 def interpolate_pose(
     first: NDArray[np.float64], second: NDArray[np.float64], share: float
 ) -> NDArray[np.float64]:
-    """Pose (4, 4) at a share of the way from one to another: straight, about one axis, evenly.
+    """Interpolate poses (4, 4) at a share of the way: linear position, constant-rate rotation.
 
     Source: Shoemake, Animating rotation with quaternion curves (1985): slerp.
     """
@@ -134,7 +134,7 @@ def interpolate_pose(
 def rotation_from_roll_pitch_yaw(
     roll_rad: float, pitch_rad: float, yaw_rad: float
 ) -> NDArray[np.float64]:
-    """Rotation (3, 3) parent_from_child: yaw about z, then pitch about y, then roll about x.
+    """Rotation (3, 3) parent_from_child: roll about x, then pitch about y, then yaw about z.
 
     Source: REP 103, fixed-axis roll, pitch, yaw.
     """
@@ -153,9 +153,9 @@ def rotation_from_roll_pitch_yaw(
 def roll_pitch_yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
     """Fixed-axis roll, pitch and yaw (..., 3) of rotations (..., 3, 3), as in REP 103.
 
-    Where x points straight up or down (gimbal lock), roll and yaw turn about the same axis: any
-    split between them is right. Here yaw is as its elements give it and roll is the rest, without
-    the threshold and the warning of SciPy's `as_euler`.
+    If x points straight up or down (gimbal lock), roll and yaw turn about the same axis, and any
+    split between them is right. Here yaw follows from the matrix elements and roll is the
+    remainder, without the threshold and the warning of SciPy's `as_euler`.
     """
     r = np.asarray(rotation, dtype=np.float64)
     pitch = np.arctan2(-r[..., 2, 0], np.hypot(r[..., 0, 0], r[..., 1, 0]))
@@ -180,7 +180,7 @@ def rotation_from_yaw(yaw_rad: ArrayLike) -> NDArray[np.float64]:
 
 
 def yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
-    """Heading (...) of x on the ground in radians, within ±π; 0 where x points straight up or down.
+    """Heading (...) of x on the ground in radians, within ±π; 0 if x points straight up or down.
 
     Args:
         rotation: (..., 3, 3), or poses (..., 4, 4).
@@ -190,7 +190,7 @@ def yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> NDArray[np.float64]:
-    """Rotations (n, 3, 3) from quaternions (n, 4), not zero; their length does not matter."""
+    """Rotations (n, 3, 3) from non-zero quaternions (n, 4) of any length."""
     return scipy.spatial.transform.Rotation.from_quat(np.asarray(quaternion)).as_matrix()
 
 
@@ -202,9 +202,9 @@ def quaternion_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
 
 
 def rotation_angles(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles (n,) in radians, within ±π, between rotations (n, 3, 3), about whatever axis.
+    """Angles (n,) in radians, within ±π, between rotations (n, 3, 3), about any axis.
 
-    Positive when that axis points up from the vehicle, or lies level.
+    Positive if the axis points up from the vehicle, or is level.
     """
     change = np.swapaxes(first, -1, -2) @ second
     vectors = scipy.spatial.transform.Rotation.from_matrix(change).as_rotvec()
@@ -213,7 +213,7 @@ def rotation_angles(first: NDArray[np.float64], second: NDArray[np.float64]) -> 
 
 
 def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations (..., 3, 3) nearest to matrices that are rotations but for rounding.
+    """Rotations (..., 3, 3) nearest to matrices that deviate from rotations only by rounding.
 
     Source: Higham, Computing the polar decomposition (1986): its orthogonal factor.
     """
@@ -223,7 +223,7 @@ def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def is_rotation(matrices: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
-    """Mask (...) of the finite matrices (..., 3, 3) that neither scale, shear nor mirror."""
+    """Mask (...) of finite matrices (..., 3, 3) that neither scale, shear nor mirror."""
     errors = np.abs(matrices @ np.swapaxes(matrices, -1, -2) - np.eye(3))
     orthogonal: NDArray[np.bool_] = errors.max(axis=(-2, -1)) <= tolerance
     handed: NDArray[np.bool_] = np.linalg.det(matrices) > 0.0

@@ -1,4 +1,4 @@
-"""Representations of objects on one short line, whatever they hold."""
+"""Short one-line representations of objects."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ MAX_LENGTH = 190
 
 
 def short_repr(shown: object, *parts: str) -> str:
-    """Class of an object and its parts, empty ones left out, cut where they are too long."""
+    """Class name of an object and its non-empty parts, truncated if too long."""
     text = ", ".join(" ".join(part.split()) for part in parts if part)
     room = MAX_LENGTH - len(type(shown).__name__)
     text = text if len(text) <= room else text[: room - 1] + "…"
@@ -14,7 +14,7 @@ def short_repr(shown: object, *parts: str) -> str:
 
 
 def counted(count: int, singular: str, plural: str = "") -> str:
-    """Count with its noun; empty for none."""
+    """Count with its noun; empty for a count of 0."""
     if count == 0:
         return ""
     return f"{count:,} {singular if count == 1 else plural or singular + 's'}"

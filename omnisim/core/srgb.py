@@ -1,4 +1,4 @@
-"""The sRGB transfer function (IEC 61966-2-1), the reference of `shaders/common/srgb.glsl`."""
+"""sRGB transfer function (IEC 61966-2-1), the reference for `shaders/common/srgb.glsl`."""
 
 from __future__ import annotations
 

@@ -1,3 +1,3 @@
-"""Version of omnisim, which files and reports record."""
+"""Version of omnisim, recorded in files and reports."""
 
 __version__ = "0.1.0"

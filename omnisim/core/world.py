@@ -1,4 +1,4 @@
-"""World: time, and the poses of everything that moves in it."""
+"""State of the world: time, and the poses of everything that moves."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ ObjectPart = tuple[int | None, str]
 
 
 class ObjectPoses(tuple[Pose, ...]):
-    """Poses (4, 4) of all objects at one time, by which meshes deform, too.
+    """Poses (4, 4) of all objects at one time, which also deform meshes.
 
     Attributes:
-        time_s: of the world.
+        time_s: time of the world.
     """
 
     time_s: float
 
     def __new__(cls, poses: Iterable[Pose], time_s: float) -> Self:
-        """Poses in the order of the objects."""
+        """Build the tuple from poses in the order of the objects."""
         made = super().__new__(cls, poses)
         made.time_s = time_s
         return made
 
 
 def time_of(poses: Sequence[Pose]) -> float:
-    """Time of poses in seconds; 0 where none is given with them."""
+    """Time of poses in seconds; 0 if they have none."""
     return poses.time_s if isinstance(poses, ObjectPoses) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class WorldState:
-    """Time, and the pose of each vehicle and dynamic object at it.
+    """Time, and the pose of each vehicle and dynamic object at that time.
 
     Attributes:
-        world_from_object: (4, 4) poses by name; of a vehicle, that of its base.
-        time_s: seconds since the world's start.
+        world_from_object: (4, 4) poses by name; a vehicle's pose is that of its base.
+        time_s: seconds since the start of the world.
 
     Raises:
-        OmnisimError: a matrix that is not a pose, or a time that is not finite.
+        OmnisimError: a matrix is not a pose, or the time is not finite.
     """
 
     world_from_object: Mapping[str, Pose]
@@ -65,14 +65,14 @@ class WorldState:
         return short_repr(self, f"{self.time_s:g} s", *self.world_from_object)
 
     def moved(self, poses: Mapping[str, ArrayLike]) -> WorldState:
-        """State at the same time with some objects at other poses (4, 4), by name.
+        """State at the same time with other poses (4, 4) of some objects, by name.
 
         Raises:
-            OmnisimError: a matrix that is not a pose.
+            OmnisimError: a matrix is not a pose.
         """
         checked = {name: check_pose(pose) for name, pose in poses.items()}
         return WorldState({**self.world_from_object, **checked}, self.time_s)
 
 
-# World at a time in seconds; or the vehicle's pose (4, 4) at it, where nothing else moves.
+# State of the world at a time in seconds; or the vehicle's pose (4, 4) if nothing else moves.
 Motion = Callable[[float], WorldState | Pose]

@@ -63,8 +63,8 @@ def read_text(path: Path) -> str:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as reason:
-        words = getattr(reason, "strerror", None) or str(reason)
-        raise CalibrationError(f"{path}: cannot be read: {words}") from None
+        message = getattr(reason, "strerror", None) or str(reason)
+        raise CalibrationError(f"{path}: cannot be read: {message}") from None
     note_bytes(path, data)
     if len(data) > MAX_BYTES:
         raise CalibrationError(f"{path}: expected a calibration file, got more than 64 MiB")
@@ -106,12 +106,12 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
     """
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        fields: dict[str, Any] = {}
         for key, value in pairs:
-            if key in found:
+            if key in fields:
                 raise CalibrationError(f"{source}: not JSON: duplicate key {key!r}")
-            found[key] = value
-        return found
+            fields[key] = value
+        return fields
 
     try:
         data = json.loads(text, object_pairs_hook=unique)

@@ -125,8 +125,8 @@ def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
             raise CalibrationError("expected 4 × 4 numbers")
         return check_pose(rows)
     except OmnisimError as reason:
-        words = str(reason).removeprefix("pose: ")
-        raise CalibrationError(f"{source}: {words}, got {short(rows)}") from None
+        message = str(reason).removeprefix("pose: ")
+        raise CalibrationError(f"{source}: {message}, got {short(rows)}") from None
 
 
 def rows(matrix: NDArray[np.float64]) -> list[list[float]]:

@@ -195,7 +195,7 @@ def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
     Source: Kabsch 1976, for the rotation between the two sets of directions.
     """
     u, v = samples.pixels_px.mean(axis=0).tolist()
-    best, found = -math.inf, _Axis(np.eye(3), source.principal_point_px)
+    best, axis = -math.inf, _Axis(np.eye(3), source.principal_point_px)
     for center_px in (source.principal_point_px, (u, v)):
         offsets = samples.pixels_px - center_px
         radii = np.linalg.norm(offsets, axis=1)
@@ -206,8 +206,8 @@ def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
             left, sizes, right = np.linalg.svd(lens.T @ samples.directions)
             signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
             if float(sizes @ signs) > best:  # the sum of all cosines
-                best, found = float(sizes @ signs), _Axis((left * signs) @ right, center_px)
-    return found
+                best, axis = float(sizes @ signs), _Axis((left * signs) @ right, center_px)
+    return axis
 
 
 def _fitted(
@@ -286,14 +286,14 @@ def _refined(
     inside = np.clip(first, low + 1e-12, high - 1e-12)
     with np.errstate(all="ignore"):  # a step too far is no valid camera, and is taken back
         # parameters differ by many powers of ten: scaled by the columns of the Jacobian
-        found = least_squares(
+        solution = least_squares(
             errors_px, inside, bounds=(low, high), x_scale="jac",
             ftol=1e-10, xtol=1e-14, gtol=1e-15, max_nfev=100,
         )  # fmt: skip
     before = errors_px(first)
-    if not 2.0 * found.cost < float(before @ before):
+    if not 2.0 * solution.cost < float(before @ before):
         return start, np.eye(3)
-    return camera_of(found.x), turn_of(found.x)
+    return camera_of(solution.x), turn_of(solution.x)
 
 
 def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.
 
-        calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
-        image_02.yaml …         the fisheyes, see formats/camodocal.py
+    calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
+    image_02.yaml …         the fisheyes, see formats/camodocal.py
 
 The perspective cameras of perspective.txt are not read.
 Source: KITTI-360's documentation, "Calibrations".
@@ -53,14 +53,14 @@ def read_kitti360_folder(folder: Path, mirrored: bool | None) -> tuple[Calibrate
 
 def _extrinsics(path: Path) -> dict[str, NDArray[np.float64]]:
     """Poses (4, 4) imu_from_camera by camera name."""
-    found = {}
+    poses = {}
     for number, line in enumerate(read_text(path).splitlines(), start=1):
-        name, colon, words = line.partition(":")
+        name, colon, text = line.partition(":")
         if not line.strip():
             continue
         place = f"{path}:{number}"
         if not colon:
             raise CalibrationError(f"{place}: expected image_00: and 12 numbers, got {line[:40]!r}")
-        values = counted([parse_number(word, place) for word in words.split()], NUMBERS, place)
-        found[name.strip()] = pose(np.reshape(values, (3, 4)).tolist(), place)
-    return found
+        values = counted([parse_number(word, place) for word in text.split()], NUMBERS, place)
+        poses[name.strip()] = pose(np.reshape(values, (3, 4)).tolist(), place)
+    return poses

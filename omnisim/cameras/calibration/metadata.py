@@ -153,5 +153,5 @@ def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, Cam
             raise CalibrationError(f"{where}: expected a list, got {type(entries).__name__}")
     else:
         entries = [parse_json(line, where) for line in _COMMENTS[place][2].findall(text)]
-    found = (parse(entry, CameraMetadata, where) for entry in entries)
-    return {metadata.camera: metadata for metadata in found}
+    parsed = (parse(entry, CameraMetadata, where) for entry in entries)
+    return {metadata.camera: metadata for metadata in parsed}

@@ -109,12 +109,12 @@ def read_ray_table(path: str | Path) -> RayTable:
             message names it.
     """
     path = Path(path)
-    found = read_channels(path)
+    data = read_channels(path)
     directions, origins = (
-        np.stack([_channel(path, found.values, f"{name}.{axis}") for axis in AXES], axis=-1)
+        np.stack([_channel(path, data.values, f"{name}.{axis}") for axis in AXES], axis=-1)
         for name in ("direction", "origin")
     )
-    valid = _channel(path, found.values, "valid") > 0.5
+    valid = _channel(path, data.values, "valid") > 0.5
     rays = np.concatenate((directions, origins), axis=-1)[valid]
     lengths = np.linalg.norm(rays[:, :3].astype(np.float64), axis=-1)
     error = np.abs(lengths - 1.0).max(initial=0.0)
@@ -127,7 +127,7 @@ def read_ray_table(path: str | Path) -> RayTable:
                 else "numbers that are not finite"
             )
         )
-    return RayTable(directions, origins, valid, found.metadata or {})
+    return RayTable(directions, origins, valid, data.metadata or {})
 
 
 def _channel(path: Path, values: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:

@@ -105,11 +105,11 @@ def _best_split(polygons: int) -> tuple[int, int] | None:
 def _triangles(sectors: int, rings: int) -> NDArray[np.int64]:
     """Triangles (m, 3) over vertex 0 on the axis and `rings` circles of `sectors` vertices."""
     here = np.arange(sectors, dtype=np.int64)
-    there = (here + 1) % sectors
-    fan = np.stack((np.zeros_like(here), 1 + here, 1 + there), axis=-1)
+    following = (here + 1) % sectors
+    fan = np.stack((np.zeros_like(here), 1 + here, 1 + following), axis=-1)
     inner = 1 + sectors * np.arange(rings - 1, dtype=np.int64)[:, None]
     outer = inner + sectors
-    lower = np.stack((inner + here, outer + here, outer + there), axis=-1)
-    upper = np.stack((inner + here, outer + there, inner + there), axis=-1)
+    lower = np.stack((inner + here, outer + here, outer + following), axis=-1)
+    upper = np.stack((inner + here, outer + following, inner + following), axis=-1)
     cells = np.stack((lower, upper), axis=2)  # the two triangles of a cell stay together
     return np.concatenate((fan, cells.reshape(-1, 3)))

@@ -1,6 +1,6 @@
 """F-theta lens: the radius in pixels is a polynomial of the angle.
 
-        r = k1 θ + k2 θ² + … + kn θⁿ, in pixels along u; along v times the aspect ratio
+    r = k1 θ + k2 θ² + … + kn θⁿ, in pixels along u; along v times the aspect ratio
 
 Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), θ_fold the first θ > 0 with dr/dθ = 0. `f_theta_inverse` is the
 opposite model, with θ as a polynomial of r.

@@ -3,7 +3,7 @@
 With x' down along rows, y' right along columns, ρ = √(x'² + y'²) and F(ρ) = a0 + a1 ρ + … + aN ρᴺ:
 
     (row, column) = [[c, d], [e, 1]] (x', y') + (center's row, column)
-        the toolbox's ray is (x', y', F(ρ)) and looks along −z, so omnisim's is (y', x', −F(ρ))
+    the toolbox's ray is (x', y', F(ρ)) and looks along −z, so omnisim's is (y', x', −F(ρ))
     θ = atan2(ρ, −F(ρ))
 
 The principal point here is (column, row), counted from 0. Files count rows and columns from 1 if

@@ -1,4 +1,4 @@
-"""Optical systems that need no single viewpoint: mirrors of any profile, misaligned, and ports."""
+"""Non-central optical systems: mirrors of any profile, misalignment, and underwater ports."""
 
 from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners

@@ -1,7 +1,7 @@
-"""Derivatives of a system's rays by their pixels, and its caustic, where neighbors meet.
+"""Derivatives of a system's rays by pixel, and its caustic, where neighboring rays meet.
 
-Source: Swaminathan, Grossberg & Nayar, Caustics of catadioptric cameras (ICCV 2001): points
-o + t d whose Jacobian by pixel and t is singular, a quadratic equation in t.
+Source: Swaminathan, Grossberg & Nayar, Caustics of catadioptric cameras (ICCV 2001): the points o +
+t d at which the Jacobian by pixel and t is singular; this is a quadratic equation in t.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _STEP_PX = 1e-3
 
 
 class Tracer(Protocol):
-    """Rays of a system."""
+    """Interface of a system that traces rays."""
 
     def rays(self, pixels_px: ArrayLike) -> TracedRays:
         """Rays of pixels (..., 2)."""
@@ -27,14 +27,14 @@ class Tracer(Protocol):
 
 
 class RayJacobians(NamedTuple):
-    """Derivatives of rays by their pixel; NaN beside pixels that see nothing."""
+    """Derivatives of rays by pixel; NaN next to pixels that see nothing."""
 
     origins_m: Floats  # (..., 3, 2) by (u, v), along the last surface
     directions: Floats  # (..., 3, 2)
 
 
 def ray_jacobians(system: Tracer, pixels_px: ArrayLike) -> RayJacobians:
-    """Derivatives of the rays of pixels (..., 2), by central differences of fourth order."""
+    """Derivatives of the rays of pixels (..., 2), by fourth-order central differences."""
     pixels = as_pixels(pixels_px)
     origins = np.zeros((*pixels.shape[:-1], 3, 2))
     directions = np.zeros_like(origins)
@@ -49,12 +49,12 @@ def ray_jacobians(system: Tracer, pixels_px: ArrayLike) -> RayJacobians:
 
 
 def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -> Floats:
-    """Derivatives (..., 2, 3) of the pixels of points (..., 3) by those points.
+    """Derivatives (..., 2, 3) of the pixels of points (..., 3) with respect to the points.
 
     Args:
-        system: that shows them.
-        pixels_px: (..., 2) where, as `pixel_from_point` has them.
-        points_m: in the sensor's optical frame.
+        system: optical system.
+        pixels_px: (..., 2) pixels of the points, from `pixel_from_point`.
+        points_m: points in the sensor's optical frame.
     """
     rays, by_pixel = system.rays(pixels_px), ray_jacobians(system, pixels_px)
     away = as_directions(points_m) - rays.origins_m
@@ -62,7 +62,7 @@ def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -
     across = _across(rays.directions)
     moved = np.einsum("...ji,...jk->...ik", across, by_pixel.origins_m)
     moved += lengths_m * np.einsum("...ji,...jk->...ik", across, by_pixel.directions)
-    # across the ray, the point moves with the pixel: a 2 × 2 system, by Cramer's rule
+    # perpendicular to the ray, the point moves with the pixel: a 2 × 2 system, by Cramer's rule
     swapped = np.stack(
         (
             np.stack((moved[..., 1, 1], -moved[..., 0, 1]), axis=-1),
@@ -72,14 +72,14 @@ def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = swapped / _determinants(moved)[..., None, None]
-    found: Floats = np.einsum("...ij,...kj->...ik", inverse, across)
-    return found
+    jacobians: Floats = np.einsum("...ij,...kj->...ik", inverse, across)
+    return jacobians
 
 
 def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
     """Points (..., 2, 3) where each pixel's ray touches the two sheets of the caustic.
 
-    NaN where it touches none, or only at infinity.
+    NaN where it touches no sheet, or only at infinity.
     """
     rays = system.rays(pixels_px)
     by_pixel = ray_jacobians(system, pixels_px)
@@ -93,25 +93,25 @@ def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
         - d[..., 0, 1] * o[..., 1, 0]
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        # of a double root rounding may leave none
+        # rounding may leave a double root with none
         root = np.sqrt(np.maximum(linear**2 - 4.0 * square * constant, 0.0))
         lengths = np.stack(((-linear - root) / (2.0 * square), (-linear + root) / (2.0 * square)))
     lengths = np.moveaxis(np.where(np.isfinite(lengths), lengths, np.nan), 0, -1)
     origins_m = np.where(rays.valid[..., None], rays.origins_m, np.nan)
-    found: Floats = origins_m[..., None, :] + lengths[..., None] * rays.directions[..., None, :]
-    return found
+    points_m: Floats = origins_m[..., None, :] + lengths[..., None] * rays.directions[..., None, :]
+    return points_m
 
 
 def _determinants(matrices: Floats) -> Floats:
     """Determinants (...,) of matrices (..., 2, 2)."""
-    found: Floats = (
+    determinants: Floats = (
         matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0]
     )
-    return found
+    return determinants
 
 
 def _across(directions: Floats) -> Floats:
-    """Orthonormal bases (..., 3, 2) of the planes across directions (..., 3)."""
+    """Orthonormal bases (..., 3, 2) of the planes perpendicular to directions (..., 3)."""
     smallest = np.eye(3)[np.abs(directions).argmin(axis=-1)]
     first = np.cross(directions, smallest)
     first /= np.linalg.norm(first, axis=-1, keepdims=True)

@@ -35,23 +35,24 @@ def fit_central(
     name: str = "camera",
     source: str = "optics",
 ) -> Calibration:
-    """Fit a central camera to an optical system: the best of a format's models.
+    """Fit a central camera to an optical system: the best model of a format.
 
-    Its viewpoint is the point nearest to all rays; its axes are fitted, too. Both are its pose in
-    the frame "optics", the sensor's optical frame.
+    The viewpoint is the point nearest to all rays; the axes are fitted, too. Together they are the
+    camera's pose in the frame "optics", which is the sensor's optical frame.
 
     Args:
-        system: whose rays need not meet.
+        system: optical system, which may be non-central.
         format: name of the calibration format whose models are fitted.
-        model: name of the only model to fit; None: the one whose largest residual is smallest.
-        right_at_m: distance from the viewpoint of the points that are fitted.
-        distances_m: of points whose residuals are told, beside those at infinity.
-        name: of the camera.
-        source: names the system in messages.
+        model: name of the only model to fit; None: the model with the smallest maximum residual.
+        right_at_m: distance from the viewpoint at which the fit is made.
+        distances_m: further distances for which residuals are reported, besides infinity.
+        name: camera name.
+        source: name of the system, for messages.
 
     Raises:
-        CalibrationError: no model is near, with the reasons, or no such format or model.
-        OpticsError: a distance that is not positive, or a system that sees nothing.
+        CalibrationError: no model is close enough, with the reasons, or a format or model is
+            unknown.
+        OpticsError: a distance is not positive, or the system sees nothing.
     """
     check_distances(distances_m)
     form: Format[Any] = format_named(format)
@@ -91,7 +92,7 @@ def _note(residuals: Residuals) -> str:
 
 
 def _is_mirrored(system: OpticalSystem) -> bool:
-    """True where the image is mirrored: turning from u to v is not from right to down."""
+    """True if the image is mirrored: the turn from u to v is not that from right to down."""
     view = CentralView(system)
     pixels = view.seen_rays.pixels_px
     pixels = pixels[:: max(1, len(pixels) // _ORIENTATION_PIXELS)]

@@ -1,4 +1,4 @@
-"""Central views of optical systems: the assumption of one viewpoint, made in the open."""
+"""Central views of optical systems: approximations with one viewpoint, and their error."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
 
-DISTANCES_M = (0.3, 1.0, 5.0)  # of points whose errors are told
+DISTANCES_M = (0.3, 1.0, 5.0)  # distances of points for which errors are reported
 
 
 @dataclass(frozen=True, eq=False)
 class CentralView:
-    """An optical system as if its rays met in one point: a central camera, and its error.
+    """Central approximation of an optical system, as if its rays met in one point.
 
     It is exact for points at one distance from the viewpoint. Its optical frame has the sensor's
     axes, but its origin is the viewpoint.
 
     Attributes:
-        system: the optical system.
-        distance_m: of the points that it shows right; infinite: directions alone count.
-        axes: (3, 3) orthogonal view_from_optical; a reflection, where files mirror an image.
+        system: optical system.
+        distance_m: distance at which the view is exact; infinite: only directions count.
+        axes: (3, 3) orthogonal view_from_optical; a reflection where files mirror an image.
 
     Raises:
-        OpticsError: a distance that is not positive, or a system that sees nothing.
+        OpticsError: the distance is not positive, or the system sees nothing.
     """
 
     system: NonCentralCamera
@@ -54,35 +54,35 @@ class CentralView:
     def __post_init__(self) -> None:
         if not self.distance_m > 0.0:
             raise OpticsError(f"distance_m: expected more than 0, got {self.distance_m:g}")
-        assert len(self.seen_rays.pixels_px)  # or it refuses the system
+        assert len(self.seen_rays.pixels_px)  # raises if the system sees nothing
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.system), f"right at {self.distance_m:g} m")
 
     @property
     def width_px(self) -> int:
-        """Width of the image."""
+        """Image width."""
         return self.system.width_px
 
     @property
     def height_px(self) -> int:
-        """Height of the image."""
+        """Image height."""
         return self.system.height_px
 
     @property
     def principal_point_px(self) -> tuple[float, float]:
-        """The camera's."""
+        """Principal point (u, v) of the system's camera."""
         return self.system.principal_point_px
 
     @property
     def rig_from_optical(self) -> NDArray[np.float64]:
         """Orientation (3, 3) in a level rig."""
-        found: NDArray[np.float64] = self.system.rig_from_optical @ self.axes.T
-        return found
+        rotation: NDArray[np.float64] = self.system.rig_from_optical @ self.axes.T
+        return rotation
 
     @cached_property
     def seen_rays(self) -> SeenRays:
-        """Rays evenly over the image, in the sensor's optical frame."""
+        """Rays spread evenly over the image, in the sensor's optical frame."""
         return seen_rays(self.system)
 
     @cached_property
@@ -91,11 +91,11 @@ class CentralView:
         return common_point(self.seen_rays.origins_m, self.seen_rays.directions)
 
     def frame_from_view(self, frame_from_optical: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose (4, 4) of the view, where that of the sensor's optical frame is given."""
-        found = frame_from_optical.copy()
-        found[:3, 3] += frame_from_optical[:3, :3] @ self.viewpoint_m
-        found[:3, :3] = frame_from_optical[:3, :3] @ self.axes.T
-        return found
+        """Pose (4, 4) of the view, from the pose of the sensor's optical frame."""
+        pose = frame_from_optical.copy()
+        pose[:3, 3] += frame_from_optical[:3, :3] @ self.viewpoint_m
+        pose[:3, :3] = frame_from_optical[:3, :3] @ self.axes.T
+        return pose
 
     def scaled(self, scale: float) -> CentralView:
         """The same view in an image `scale` times as large; sizes are rounded."""
@@ -120,7 +120,7 @@ class CentralView:
         return self.system.pixel_from_point(self.viewpoint_m + self.distance_m / lengths * optical)
 
     def errors(self, distances_m: Sequence[float] = DISTANCES_M) -> tuple[CentralError, ...]:
-        """Errors for points at other distances."""
+        """Errors of the view for points at given distances."""
         return central_errors(
             self.seen_rays,
             self.viewpoint_m,
@@ -129,7 +129,7 @@ class CentralView:
         )
 
     def caveat(self, distances_m: Sequence[float] = DISTANCES_M) -> str:
-        """The assumption and its errors, in one line."""
+        """Approximation and its errors, as one line of text."""
         others = [distance_m for distance_m in distances_m if distance_m != self.distance_m]
         errors = ", ".join(map(str, self.errors(others)))
         exact = "infinity" if math.isinf(self.distance_m) else f"{self.distance_m:g} m"
@@ -139,7 +139,7 @@ class CentralView:
         )
 
     def uniforms(self) -> Uniforms:
-        """Refuse them: no shader traces its rays.
+        """Raise, because no shader traces these rays.
 
         Raises:
             OpticsError: always.
@@ -147,5 +147,5 @@ class CentralView:
         raise OpticsError("camera: a central view of optics has no shader")
 
     def parameters(self) -> CameraParameters:
-        """Size and distance, for messages: no file holds it."""
+        """Size and distance, for messages; they cannot be saved in a file."""
         return {"model": self.model_name, "width_px": self.width_px, "height_px": self.height_px}

@@ -1,4 +1,4 @@
-"""Distance of a system's rays from one viewpoint, and the errors of a central model of it."""
+"""Deviation of a system's rays from a single viewpoint, and the errors of a central model."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
 
-_SAMPLES = 10_000  # rays of an image, more or less
+_SAMPLES = 10_000  # approximate number of rays per image
 
 
 class RaySource(Protocol):
-    """The parts of an optical system that are measured."""
+    """Interface of the system to be measured."""
 
     @property
     def width_px(self) -> int: ...  # noqa: D102
@@ -37,7 +37,7 @@ class RaySource(Protocol):
 
 
 class SeenRays(NamedTuple):
-    """Rays of an image, in the sensor's optical frame."""
+    """Rays of an image's valid pixels, in the sensor's optical frame."""
 
     pixels_px: Floats  # (n, 2)
     origins_m: Floats  # (n, 3)
@@ -46,12 +46,12 @@ class SeenRays(NamedTuple):
 
 @dataclass(frozen=True)
 class Centrality:
-    """Rays of a system against one viewpoint.
+    """Deviation of a system's rays from a single viewpoint.
 
     Attributes:
         viewpoint_m: (3,) point nearest to all rays, in the sensor's optical frame.
-        misses_m: (n,) distances of rays from it, evenly over the image.
-        errors: of the central model that has the rays' directions and that viewpoint.
+        misses_m: (n,) distances between this point and rays spread evenly over the image.
+        errors: errors of the central model with the rays' directions and this viewpoint.
     """
 
     viewpoint_m: Floats
@@ -60,42 +60,42 @@ class Centrality:
 
 
 def common_point(origins_m: Floats, directions: Floats) -> Floats:
-    """Point (3,) with the least squared distances from rays (n, 3).
+    """Point (3,) with the smallest sum of squared distances from rays (n, 3).
 
-    Rays that are all parallel have no such point, but the one nearest to their origins' mean.
+    If all rays are parallel, it is the point nearest to the mean of their origins.
     """
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     middle = origins_m.mean(axis=0)
     pull = np.einsum("nij,nj->i", across, origins_m - middle)
-    found: Floats = middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
-    return found
+    point_m: Floats = middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
+    return point_m
 
 
 def measure_centrality(system: RaySource, distances_m: Sequence[float]) -> Centrality:
-    """Measure how far a system is from one viewpoint.
+    """Measure the deviation of a system from a single viewpoint.
 
     Args:
-        system: to measure.
-        distances_m: of points from the viewpoint.
+        system: system to measure.
+        distances_m: distances of points from the viewpoint.
 
     Raises:
-        OpticsError: no pixel sees anything, or a distance that is not positive.
+        OpticsError: no pixel sees anything, or a distance is not positive.
     """
     check_distances(distances_m)
-    found = seen_rays(system)
-    viewpoint_m = common_point(found.origins_m, found.directions)
-    toward = viewpoint_m - found.origins_m
-    along = np.einsum("nj,nj->n", toward, found.directions)
-    misses_m = np.linalg.norm(toward - along[:, None] * found.directions, axis=1)
-    errors = central_errors(found, viewpoint_m, distances_m, system.pixel_from_ray)
+    rays = seen_rays(system)
+    viewpoint_m = common_point(rays.origins_m, rays.directions)
+    toward = viewpoint_m - rays.origins_m
+    along = np.einsum("nj,nj->n", toward, rays.directions)
+    misses_m = np.linalg.norm(toward - along[:, None] * rays.directions, axis=1)
+    errors = central_errors(rays, viewpoint_m, distances_m, system.pixel_from_ray)
     return Centrality(viewpoint_m, misses_m, errors)
 
 
 def check_distances(distances_m: Sequence[float]) -> None:
-    """Refuse distances that are not positive and finite.
+    """Reject distances that are not positive and finite.
 
     Raises:
-        OpticsError: naming the first.
+        OpticsError: naming the first invalid distance.
     """
     for distance_m in distances_m:
         if not 0.0 < distance_m <= 1e9:
@@ -103,7 +103,7 @@ def check_distances(distances_m: Sequence[float]) -> None:
 
 
 def seen_rays(system: RaySource) -> SeenRays:
-    """Rays of the pixels that see something, evenly over the image.
+    """Rays of valid pixels, spread evenly over the image.
 
     Raises:
         OpticsError: no pixel sees anything.
@@ -111,10 +111,10 @@ def seen_rays(system: RaySource) -> SeenRays:
     pixels = _pixels(system)
     rays = system.ray_from_pixel(pixels)
     origins_m = np.zeros_like(rays.directions) if rays.origins_m is None else rays.origins_m
-    found = SeenRays(*(part[rays.valid] for part in (pixels, origins_m, rays.directions)))
-    if len(found.pixels_px) == 0:
+    seen = SeenRays(*(part[rays.valid] for part in (pixels, origins_m, rays.directions)))
+    if len(seen.pixels_px) == 0:
         raise OpticsError("optics: expected a pixel that sees something, got none")
-    return found
+    return seen
 
 
 def central_errors(
@@ -123,13 +123,13 @@ def central_errors(
     distances_m: Sequence[float],
     pixel_from_ray: Callable[[Floats], Pixels],
 ) -> tuple[CentralError, ...]:
-    """Errors of a central model: where it shows the points of rays, against where those are.
+    """Errors of a central model: its projection of points on rays, against the rays' pixels.
 
     Args:
-        rays: of the image.
-        viewpoint_m: (3,) of the model, in the sensor's optical frame.
-        distances_m: of points from the viewpoint; may be infinite.
-        pixel_from_ray: projection of directions (n, 3), sensor's optical frame, by the model.
+        rays: rays of the image.
+        viewpoint_m: (3,) viewpoint of the model, in the sensor's optical frame.
+        distances_m: distances of points from the viewpoint; may be infinite.
+        pixel_from_ray: the model's projection of directions (n, 3), sensor's optical frame.
     """
     errors = []
     for distance_m in distances_m:
@@ -143,22 +143,22 @@ def central_errors(
 def directions_at(
     origins_m: Floats, directions: Floats, viewpoint_m: Floats, distance_m: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Directions (..., 3) from a viewpoint to the points of rays at a distance from it.
+    """Directions (..., 3) from a viewpoint to the points on rays at a given distance from it.
 
-    Also returns which rays (...) have such a point.
+    Also returns a mask (...) of the rays that have such a point.
     """
     if math.isinf(distance_m):
         return directions, np.ones(directions.shape[:-1], dtype=np.bool_)
     toward = viewpoint_m - origins_m
     along = np.einsum("...j,...j->...", toward, directions)
     squared = np.einsum("...j,...j->...", toward, toward)
-    reach = along * along - squared + distance_m**2  # of the sphere about the viewpoint
+    reach = along * along - squared + distance_m**2  # discriminant for the sphere of the viewpoint
     lengths = along + np.sqrt(np.maximum(reach, 0.0))
     return lengths[..., None] * directions - toward, (reach >= 0.0) & (lengths > 0.0)
 
 
 def _pixels(system: RaySource) -> Floats:
-    """Positions (n, 2) evenly over the image, to the middles of its outermost pixels."""
+    """Positions (n, 2) spread evenly over the image, up to the centers of its outermost pixels."""
     step = max(1.0, np.sqrt(system.width_px * system.height_px / _SAMPLES))
     sides = [
         np.linspace(0.0, size - 1.0, int(np.ceil(size / step)))

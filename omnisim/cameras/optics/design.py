@@ -1,15 +1,15 @@
-"""Mirrors designed for a pinhole: the angle of incidence by image radius, as one asks for it.
+"""Design of a mirror for a pinhole camera, from the incidence θ wanted at each image radius.
 
 A ray at β from the axis, tan β = r/z, leaves a mirror z(r) at θ from straight down if
 
     dz/dr = tan((θ − β)/2).
 
-With θ given as a function of the image radius and of the point, that is an ordinary differential
-equation from the vertex outwards.
+If θ is a function of the image radius and of the point on the mirror, this is an ordinary
+differential equation from the vertex outwards.
 
-Source: Chahl & Srinivasan, Applied Optics 36 (1997); equal angles a pixel: Ollis, Herman & Singh,
-CMU-RI-TR-99-04 (1999); equal steps on the ground: Hicks & Bajcsy, CVPR 2000; Gaspar, Deccó,
-Okamoto & Santos-Victor, constant resolution omnidirectional cameras (OMNIVIS 2002).
+Source: Chahl & Srinivasan, Applied Optics 36 (1997); equal angles per pixel: Ollis, Herman & Singh,
+CMU-RI-TR-99-04 (1999); equal steps on the ground: Hicks & Bajcsy, CVPR 2000; Gaspar, Deccó, Okamoto
+& Santos-Victor, constant resolution omnidirectional cameras (OMNIVIS 2002).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # its submodules load on first use
 
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
@@ -28,11 +28,11 @@ from omnisim.core.files.toml_file import toml_text
 
 POINTS = 501
 _TOLERANCE = 1e-12
-_MAX_RADIUS = 100.0  # of a mirror, in distances to its vertex
+_MAX_RADIUS = 100.0  # of a mirror, relative to the distance of its vertex
 
 
 class DesignedProfile(NamedTuple):
-    """Profile of a mirror in its own frame: the vertex at (0, 0)."""
+    """Mirror profile in the mirror's own frame: the vertex is at (0, 0)."""
 
     radii_m: Floats
     heights_m: Floats
@@ -40,14 +40,14 @@ class DesignedProfile(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """Distance and size of a mirror to design.
+    """Distance and size of a mirror to be designed.
 
     Attributes:
-        vertex_m: from the pinhole to the mirror's vertex.
-        half_angle_deg: from the axis to the rim, at the pinhole.
+        vertex_m: distance from the pinhole to the mirror's vertex.
+        half_angle_deg: angle at the pinhole from the axis to the rim.
 
     Raises:
-        OpticsError: no such mirror.
+        OpticsError: such a mirror cannot exist.
     """
 
     vertex_m: float
@@ -62,10 +62,10 @@ class Design:
             )
 
     def equi_angular(self, theta_max_deg: float) -> DesignedProfile:
-        """Mirror whose incidence θ grows evenly with the image radius, to θ_max at the rim.
+        """Mirror whose incidence θ is proportional to the image radius, with θ_max at the rim.
 
         Raises:
-            OpticsError: θ_max that no such mirror reaches.
+            OpticsError: such a mirror cannot reach θ_max.
         """
         if not self.half_angle_deg < theta_max_deg <= 150.0:
             raise OpticsError(
@@ -76,14 +76,14 @@ class Design:
         return self._solved(lambda share, r_m, z_m: theta_max_rad * share)
 
     def equi_ground(self, height_m: float, range_m: float) -> DesignedProfile:
-        """Mirror whose point on flat ground moves outwards evenly with the image radius.
+        """Mirror whose distance on flat ground is proportional to the image radius.
 
         Args:
-            height_m: of the pinhole above the ground.
-            range_m: distance from the axis that the rim shows.
+            height_m: height of the pinhole above the ground.
+            range_m: distance from the axis seen at the rim.
 
         Raises:
-            OpticsError: no height, or a range that needs no mirror.
+            OpticsError: the height is invalid, or the range needs no mirror.
         """
         if not 0.0 <= height_m <= 1e3:
             raise OpticsError(f"design: height: expected 0 to 1000 m, got {height_m:g}")
@@ -98,10 +98,10 @@ class Design:
         )
 
     def system_toml(self, profile: str, size_px: int) -> str:
-        """Optics file of a pinhole camera under the mirror, whose rim fills the image.
+        """Optics file of a pinhole camera below the mirror, whose rim fills the image.
 
         Args:
-            profile: name of the profile's file, beside the optics file.
+            profile: name of the profile file, in the folder of the optics file.
             size_px: side of the square image.
         """
         focal_px = 0.5 * size_px / math.tan(math.radians(self.half_angle_deg))
@@ -115,7 +115,7 @@ class Design:
         return toml_text({"camera": camera, "surfaces": [surface]})
 
     def _solved(self, theta_rad: Callable[[float, float, float], float]) -> DesignedProfile:
-        """Profile by its differential equation; θ is a function of image radius, r and z."""
+        """Solve the differential equation for θ as a function of image radius, r and z."""
         rim_tangent = math.tan(math.radians(self.half_angle_deg))
 
         def slope(r_m: float, state: Floats) -> list[float]:

@@ -1,8 +1,8 @@
-"""From points to pixels: Fermat's principle, by Newton's method on the optical path's length.
+"""Projection of points to pixels by Fermat's principle: Newton's method on the path length.
 
-The path from the camera over one point on each surface to the target is as long as its neighbors,
-to first order. Unknown are the points on the surfaces, two coordinates each: steps are taken in
-the tangent planes, with the surfaces' curvature in the Hessian, and end on the surfaces.
+The optical path from the camera through one point on each surface to the target is stationary. The
+unknowns are the points on the surfaces, with two coordinates each. Steps are taken in the tangent
+planes, with the surface curvature in the Hessian, and end on the surfaces.
 
 Source: Fermat; for one mirror Swaminathan, Grossberg & Nayar 2001. Newton's method on a surface:
 Absil, Mahony & Sepulchre, Optimization Algorithms on Matrix Manifolds (2008), chapter 6.
@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # its submodules load on first use
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera, Pixels
@@ -21,34 +21,34 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Surface
 from omnisim.cameras.optics.tracing import Fate, Paths
 
-_GRID = 64  # rays to a side of the image from which Newton's method starts
-_FAR_TURN = 0.5  # between rays of neighbors, as a chord; more rays are traced between them
-_MAX_CELLS, _PARTS = 256, 8  # of the grid that have more rays, and how many to a side
-_MARGIN = 0.02  # of the image's side around it
-_STARTS = 4  # nearest rays by direction, of which the best is taken
+_GRID = 64  # starting rays of Newton's method per image side
+_FAR_TURN = 0.5  # chord between neighboring rays above which more rays are traced between them
+_MAX_CELLS, _PARTS = 256, 8  # number of refined grid cells, and subdivisions per side
+_MARGIN = 0.02  # margin around the image, as a share of its side
+_STARTS = 4  # nearest rays by direction, of which the best is used
 _ITERATIONS = 30
-_CONVERGED = 1e-13  # step, as a share of the path's length
+_CONVERGED = 1e-13  # step size, as a share of the path length
 _MAX_STEP = 0.5  # as a share of the surface's radius of curvature, and of its distance
-_RETRIES = (0, 1, 2, 3, 5, 8, 13, 21)  # among all rays by how near they pass a point
+_RETRIES = (0, 1, 2, 3, 5, 8, 13, 21)  # ranks among all rays by distance from the point
 _POINTS_PER_BATCH = 1 << 13
-_MISS = 1e-7  # of its distance: a traced ray that passes a point farther off does not show it
-_NEAREST = 64  # rays from which all pixels of a point are sought, besides the local minima
+_MISS = 1e-7  # share of a point's distance: a ray that misses the point by more does not show it
+_NEAREST = 64  # nearest rays that start the search for all pixels, besides the local minima
 _SAME_PX = 1e-5
 
 
 class Targets(NamedTuple):
-    """Points to find."""
+    """Points to project."""
 
     points: Floats  # (n, 3), system frame: positions in meters, or directions
     weight: float  # 1: positions; 0: directions to infinity
 
     def take(self, rows: NDArray[np.int64] | slice) -> Targets:
-        """Some of them."""
+        """Selected targets."""
         return Targets(self.points[rows], self.weight)
 
 
 class TraceableSystem(Protocol):
-    """The parts of an optical system that its inverse needs."""
+    """Parts of an optical system that its inverse needs."""
 
     @property
     def camera(self) -> CentralCamera: ...  # noqa: D102
@@ -63,19 +63,19 @@ class TraceableSystem(Protocol):
     def system_from_camera(self) -> NDArray[np.float64]: ...  # noqa: D102
 
     def paths(self, pixels_px: ArrayLike) -> Paths:
-        """Ways of the rays of pixels (n, 2)."""
+        """Paths of the rays of pixels (n, 2)."""
         ...
 
     def camera_directions(self, points_m: Floats) -> Floats:
-        """Unit directions (n, 3), camera's frame, to points (n, 3) of the system's."""
+        """Unit directions (n, 3), camera frame, to points (n, 3) in the system frame."""
         ...
 
 
 class Inverse:
-    """Solver from points to pixels; the rays from which it starts are traced once.
+    """Solver from points to pixels; traces its starting rays once.
 
     Args:
-        system: to solve for.
+        system: optical system to invert.
 
     Raises:
         OpticsError: no pixel sees anything.
@@ -88,7 +88,7 @@ class Inverse:
         paths = system.paths(grid.reshape(-1, 2))
         self._seen = (paths.fates == Fate.SEEN).reshape(grid.shape[:2])
         more = _between(grid, paths.directions.reshape(*grid.shape[:2], 3))
-        if len(more):  # behind those of the grid
+        if len(more):  # appended to the grid's rays
             paths = _joined(paths, system.paths(more))
         rows = np.flatnonzero(paths.fates == Fate.SEEN)
         self._points_m = paths.points_m[1:, rows]  # (surfaces, rays, 3)
@@ -98,26 +98,27 @@ class Inverse:
         self._tree = scipy.spatial.cKDTree(self._directions) if len(rows) else None
 
     def pixels(self, targets: Targets) -> Pixels:
-        """Pixels (n, 2) of points; valid where the pixel's ray shows the point."""
-        found = np.zeros((len(targets.points), 2))
+        """Pixels (n, 2) of points; valid if the pixel's ray passes through the point."""
+        positions_px = np.zeros((len(targets.points), 2))
         valid = np.zeros(len(targets.points), dtype=np.bool_)
         if self._tree is None:
-            return Pixels(found, valid)
+            return Pixels(positions_px, valid)
         finite = np.flatnonzero(np.isfinite(targets.points).all(axis=1))
         for first in range(0, len(finite), _POINTS_PER_BATCH):
             rows = finite[first : first + _POINTS_PER_BATCH]
-            found[rows], valid[rows] = self._solved(targets.take(rows))
-        return Pixels(found, valid)
+            positions_px[rows], valid[rows] = self._solved(targets.take(rows))
+        return Pixels(positions_px, valid)
 
     def all_pixels(self, target: Targets) -> Floats:
-        """All pixels (n, 2) that show one point, from each ray that is nearer to it than its
-        neighbors."""  # fmt: skip
+        """All pixels (n, 2) that show one point, searched from each ray that is nearer to the point
+        than
+        its neighbors."""  # fmt: skip
         all_misses = self._misses(target)[0]
         misses = np.full(self._seen.shape, np.inf)
         misses[self._seen] = all_misses[: int(self._seen.sum())]
         around = scipy.ndimage.minimum_filter(misses, size=3, mode="constant", cval=np.inf)
         is_least = (misses == around)[self._seen]
-        nearest = np.argsort(all_misses)[:_NEAREST]  # beside a fold two are close
+        nearest = np.argsort(all_misses)[:_NEAREST]  # near a fold there are two close pixels
         starts = np.union1d(np.flatnonzero(is_least), nearest)
         many = Targets(np.repeat(target.points, len(starts), axis=0), target.weight)
         pixels, valid = self._from_starts(many, starts)
@@ -128,7 +129,7 @@ class Inverse:
         return np.array(kept).reshape(-1, 2)
 
     def _solved(self, targets: Targets) -> Pixels:
-        """Pixels by the nearest ray, and where that fails by others."""
+        """Pixels by the nearest ray; retries with other rays where it fails."""
         assert self._tree is not None
         toward = targets.points - targets.weight * self._middle_m
         toward = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
@@ -136,10 +137,10 @@ class Inverse:
         nearest = np.asarray(self._tree.query(toward, k=np.arange(1, count + 1))[1])
         misses = np.stack([self._miss(targets, nearest[:, k]) for k in range(count)], axis=1)
         starts = nearest[np.arange(len(nearest)), misses.argmin(axis=1)]
-        found, valid = self._from_starts(targets, starts)
+        positions_px, valid = self._from_starts(targets, starts)
         rest = np.flatnonzero(~valid)
         if len(rest):
-            # of the even grid alone: ranks among dense rays are all at one place
+            # only rays of the even grid: the first ranks among the dense rays are all in one place
             all_misses = self._misses(targets.take(rest))[:, : int(self._seen.sum())]
             order = np.argsort(all_misses, axis=1)
             tried = starts[rest]
@@ -147,18 +148,18 @@ class Inverse:
                 candidates = order[:, min(rank, order.shape[1] - 1)]
                 again = np.flatnonzero(~valid[rest] & (candidates != tried))
                 pixels, good = self._from_starts(targets.take(rest[again]), candidates[again])
-                found[rest[again[good]]], valid[rest[again[good]]] = pixels[good], True
-        return Pixels(found, valid)
+                positions_px[rest[again[good]]], valid[rest[again[good]]] = pixels[good], True
+        return Pixels(positions_px, valid)
 
     def _miss(self, targets: Targets, rays: NDArray[np.int64]) -> Floats:
-        """Squared chord (n,) between each ray's direction and that from it to its target."""
+        """Squared chord (n,) between each ray's direction and the direction to its target."""
         toward = targets.points - targets.weight * self._origins_m[rays]
         toward = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
-        found: Floats = np.sum((toward - self._directions[rays]) ** 2, axis=1)
-        return found
+        squared_chords: Floats = np.sum((toward - self._directions[rays]) ** 2, axis=1)
+        return squared_chords
 
     def _misses(self, targets: Targets) -> Floats:
-        """Squared chords (n, rays), of all rays to each target."""
+        """Squared chords (n, rays) between all rays and each target."""
         return np.stack(
             [
                 self._miss(
@@ -170,7 +171,7 @@ class Inverse:
         )
 
     def _from_starts(self, targets: Targets, starts: NDArray[np.int64]) -> Pixels:
-        """Pixels by Newton's method from rays (n,); valid where their traced rays say so, too."""
+        """Pixels by Newton's method from rays (n,); valid if their traced rays agree."""
         points = self._stationary(targets, self._points_m[:, starts])
         directions = self._system.camera_directions(
             points[0] if len(points) else targets.points + (1.0 - targets.weight) * self._camera_m
@@ -185,14 +186,14 @@ class Inverse:
         return Pixels(pixels, (paths.fates == Fate.SEEN) & (miss < _MISS))
 
     def _stationary(self, targets: Targets, starts_m: Floats) -> Floats:
-        """Points (surfaces, n, 3) of stationary paths, from other ones."""
+        """Points (surfaces, n, 3) of stationary paths, from initial points."""
         points = starts_m.copy()
         active = np.arange(points.shape[1])
         for _ in range(_ITERATIONS if len(points) else 0):
             if len(active) == 0:
                 break
             some = points[:, active]
-            with np.errstate(all="ignore"):  # of points that run away; their rays will not fit
+            with np.errstate(all="ignore"):  # points that diverge; tracing their rays rejects them
                 steps, limits = self._newton_steps(targets.take(active), some)
                 lengths = np.linalg.norm(steps, axis=2)
                 shares = np.minimum(1.0, (limits / np.maximum(lengths, 1e-300)).min(axis=0))
@@ -205,12 +206,12 @@ class Inverse:
         return points
 
     def _newton_steps(self, targets: Targets, points: Floats) -> tuple[Floats, Floats]:
-        """Newton's steps (surfaces, n, 3) in the tangent planes, and their limits (surfaces, n)."""
+        """Newton steps (surfaces, n, 3) in the tangent planes, and their limits (surfaces, n)."""
         surfaces, indices = self._system.surfaces, self._system.indices
         count, n = len(surfaces), points.shape[1]
         begins = np.concatenate((np.broadcast_to(self._camera_m, (1, n, 3)), points))
         ends = np.concatenate((points, targets.points[None]))
-        ways = ends - begins  # unit, from here to the next point
+        ways = ends - begins  # from each point to the next
         if targets.weight == 0.0:
             ways[-1] = targets.points
         lengths = np.linalg.norm(ways, axis=2)
@@ -261,7 +262,7 @@ class Inverse:
 
 
 def _grid(camera: CentralCamera) -> Floats:
-    """Pixels (rows, columns, 2) all over the image and somewhat around it."""
+    """Pixels (rows, columns, 2) across the image and a margin around it."""
     sides = [
         np.linspace(-0.5 - _MARGIN * size, size - 0.5 + _MARGIN * size, _GRID)
         for size in (camera.width_px, camera.height_px)
@@ -270,21 +271,21 @@ def _grid(camera: CentralCamera) -> Floats:
 
 
 def _between(grid: Floats, directions: Floats) -> Floats:
-    """Pixels (n, 2) within cells of a grid over which rays turn far: at a cone's tip."""
+    """Pixels (n, 2) within grid cells over which rays turn far, as at the tip of a cone."""
     turns = np.zeros((len(grid) - 1, len(grid) - 1))
     for corner in (directions[1:, :-1], directions[:-1, 1:], directions[1:, 1:]):
         turn = np.linalg.norm(corner - directions[:-1, :-1], axis=2)
-        turns = np.maximum(turns, np.nan_to_num(turn))  # NaN: one of them is not seen
+        turns = np.maximum(turns, np.nan_to_num(turn))  # NaN: one of the rays is not seen
     cells = np.argwhere(turns > _FAR_TURN)[:_MAX_CELLS]
     shares = (np.arange(_PARTS) + 0.5) / _PARTS
     first, last = grid[cells[:, 0], cells[:, 1]], grid[cells[:, 0] + 1, cells[:, 1] + 1]
     offsets = np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 2)
-    found: Floats = first[:, None] + (last - first)[:, None] * offsets
-    return found.reshape(-1, 2)
+    pixels: Floats = first[:, None] + (last - first)[:, None] * offsets
+    return pixels.reshape(-1, 2)
 
 
 def _joined(first: Paths, second: Paths) -> Paths:
-    """Ways of both."""
+    """Concatenate the paths of rays."""
     return Paths(
         np.concatenate((first.points_m, second.points_m), axis=1),
         np.concatenate((first.directions, second.directions)),
@@ -293,7 +294,7 @@ def _joined(first: Paths, second: Paths) -> Paths:
 
 
 def _tangents(normals: Floats) -> Floats:
-    """Orthonormal bases (n, 3, 2) of the planes across normals (n, 3) of any length."""
+    """Orthonormal bases (n, 3, 2) of the planes perpendicular to normals (n, 3) of any length."""
     unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     smallest = np.eye(3)[np.abs(unit).argmin(axis=1)]
     first = np.cross(unit, smallest)
@@ -314,13 +315,13 @@ def _retracted(surface: Surface, points_m: Floats) -> Floats:
 def _solutions(matrices: Floats, vectors: Floats) -> Floats:
     """Solutions (n, m) of linear systems (n, m, m); NaN where one is singular or not finite."""
     good = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(vectors).all(axis=1)
-    found = np.full(vectors.shape, np.nan)
+    solutions = np.full(vectors.shape, np.nan)
     rows = np.flatnonzero(good)
     if len(rows):
         scale = np.abs(matrices[rows]).max(axis=(1, 2))
         unit = matrices[rows] / scale[:, None, None]
         kept = np.abs(np.linalg.det(unit)) > 1e-300
-        # those very matrices: one that rounding made regular may be singular as it was
+        # only those matrices: a matrix may be singular although rounding made it regular
         solved = np.linalg.solve(unit[kept], vectors[rows[kept]][..., None])[..., 0]
-        found[rows[kept]] = solved / scale[kept, None]
-    return found
+        solutions[rows[kept]] = solved / scale[kept, None]
+    return solutions

@@ -1,4 +1,4 @@
-"""Lateral color: pixels by which red and blue of far points are apart."""
+"""Lateral chromatic aberration: red-blue offset of distant points, in pixels."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from omnisim.cameras.optics.system import OpticalSystem
 
 
 def lateral_color_px(system: OpticalSystem) -> Floats:
-    """Distances (n,) between the pixels of R and B that show what pixels show at infinity.
+    """Distances (n,) in pixels between the R and B images of points at infinity.
 
-    Evenly over the image; empty for mirrors alone, which do not refract, and where not both
-    colors are seen.
+    The points are spread evenly over the image. The result is empty for systems of mirrors alone,
+    which do not refract; points that are not seen in both colors are omitted.
 
     Raises:
         OpticsError: no pixel sees anything.

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from omnisim.cameras.camera import ParameterValue
 from omnisim.core.errors import OpticsError, did_you_mean
 
-# Vacuum wavelengths: helium's d line, by which catalogues name indices, and the dominant
+# Vacuum wavelengths: helium's d line, for which catalogs state indices, and the dominant
 # wavelengths of sRGB's primaries.
-Medium = str | float | tuple[float, float, float]  # name, index, or those of R, G and B
+Medium = str | float | tuple[float, float, float]  # name, index, or indices for R, G and B
 
 MAX_INDEX = 5.0
 D_LINE_UM = 0.58756
@@ -18,7 +18,7 @@ WAVELENGTHS_UM: Mapping[str, float] = {"R": 0.6114, "G": 0.5491, "B": 0.4642}
 
 
 def _sellmeier(*terms: tuple[float, float]) -> Callable[[float], float]:
-    """Index by wavelength in µm: n² = 1 + Σ bλ²/(λ² − c), of terms (b, c)."""
+    """Index by wavelength in µm: n² = 1 + Σ bλ²/(λ² − c), with terms (b, c)."""
 
     def index(wavelength_um: float) -> float:
         squared = wavelength_um**2
@@ -66,11 +66,11 @@ def refractive_index(medium: Medium, color: str | None = None) -> float:
     """Refractive index of a medium.
 
     Args:
-        medium: name in `MEDIA`, the index itself, or those of R, G and B.
-        color: "R", "G" or "B"; None: the index at the d line, of three that of G.
+        medium: name in `MEDIA`, an index, or indices for R, G and B.
+        color: "R", "G" or "B"; None: the index at the d line, or that for G of three.
 
     Raises:
-        OpticsError: an unknown medium or color, or an impossible index.
+        OpticsError: a medium or color is unknown, or an index is impossible.
     """
     if color is not None and color not in WAVELENGTHS_UM:
         raise OpticsError(f"color: expected R, G or B, got {color!r}")
@@ -88,5 +88,5 @@ def refractive_index(medium: Medium, color: str | None = None) -> float:
 
 
 def medium_parameter(medium: Medium) -> ParameterValue:
-    """Medium as optics files have it."""
+    """Medium as written in optics files."""
     return list(medium) if isinstance(medium, tuple) else medium

@@ -1,7 +1,7 @@
-"""Distortion of an optical system's image by a mesh of its mirror, in pixels.
+"""Image distortion caused by the mesh of an optical system's mirror, in pixels.
 
-A pixel shows by the mesh what the exact system shows some way off: the difference of the two
-directions over the derivative of the exact one by the pixel.
+Through the mesh, a pixel shows the direction that the exact system shows some distance away. This
+distance is the difference of the two directions over the exact direction's derivative by pixel.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.tracing import Fate, Paths
 
 _SAMPLES = 20_000
-# The largest error, over that of the samples: measured up to 1.04, at 17 424 polygons.
+# Ratio of the largest error to the largest sampled error: measured up to 1.04, at 17 424 polygons.
 _MISSED = 1.05
 # Steps of a sequence that fills the square evenly. Source: Roberts 2018, R2: powers of the real
 # root of x³ = x + 1.
@@ -27,13 +27,13 @@ _STEPS = 1.0 / 1.32471795724474602596 ** np.array([1.0, 2.0])
 
 
 class SystemMeshErrors:
-    """Errors of meshes of one optical system, at samples all over its image.
+    """Mesh errors of one optical system, at samples across its image.
 
     Args:
-        camera: the optical system.
+        camera: optical system.
 
     Raises:
-        OpticsError: it is none.
+        OpticsError: the camera is not an optical system.
     """
 
     def __init__(self, camera: CentralCamera):
@@ -43,7 +43,7 @@ class SystemMeshErrors:
         self._pixels = share * size - 0.5
 
     def of(self, polygons: int) -> MeshError:
-        """Errors over the pixels that the mesh shows; the largest has its outline's, too.
+        """Errors over the pixels that the mesh shows; the maximum includes the outline.
 
         Raises:
             OpticsError: see `MeshRays`.
@@ -58,14 +58,15 @@ class SystemMeshErrors:
         return MeshError(float(errors_px.mean()), percentile_95_px, largest_px)
 
     def needed_polygons(self, max_error_px: float, most: int) -> int | None:
-        """Fewest polygons, four sectors a ring, that keep the largest error in bounds.
+        """Smallest polygon count, with four sectors per ring, that keeps the largest error in
+        bounds.
 
         Args:
-            max_error_px: the bound.
-            most: polygons.
+            max_error_px: tolerance.
+            most: maximum number of polygons.
 
         Returns:
-            None: no such mesh does.
+            Number of polygons, or None if `most` are not enough.
         """
         return fewest_polygons(
             lambda rings: self.of(4 * rings * rings).max_px <= max_error_px,
@@ -78,18 +79,18 @@ class SystemMeshErrors:
 
     @cached_property
     def _by_direction(self) -> Floats:
-        """Derivatives (n, 2, 3) of the pixels by their directions; NaN where they are not known."""
+        """Derivatives (n, 2, 3) of the pixels by direction; NaN where unknown."""
         by_pixel = ray_jacobians(self._system, self._pixels).directions
         known = (self._exact.fates == Fate.SEEN) & np.isfinite(by_pixel).all(axis=(1, 2))
-        found = np.full((len(known), 2, 3), np.nan)
-        found[known] = np.linalg.pinv(by_pixel[known])
-        return found
+        by_direction = np.full((len(known), 2, 3), np.nan)
+        by_direction[known] = np.linalg.pinv(by_pixel[known])
+        return by_direction
 
     def _errors_px(self, mesh: MeshRays) -> Floats:
-        found = mesh.rays_of(self._exact)
-        off = found.directions - self._exact.directions
+        rays = mesh.rays_of(self._exact)
+        off = rays.directions - self._exact.directions
         errors_px: Floats = np.linalg.norm(np.einsum("nij,nj->ni", self._by_direction, off), axis=1)
-        return errors_px[found.valid & np.isfinite(errors_px)]
+        return errors_px[rays.valid & np.isfinite(errors_px)]
 
 
 def _lost_px(mesh: MeshRays) -> float:

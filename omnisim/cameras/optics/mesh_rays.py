@@ -1,9 +1,9 @@
-"""Rays of an optical system by a mesh of its mirror: the paper's section 2.3 for any mirror.
+"""Rays of an optical system through a mesh of its mirror: the paper's section 2.3 for any mirror.
 
-The mesh is of the first mirror that rays from the camera meet. Each corner of a polygon has the
-exact ray of its point, through all the rest of the system, and the polygon's points are projected
-from the corners' viewpoints: the points of their rays that are nearest to a common one. Of a
-central mirror that is the effective viewpoint, as in the paper.
+The meshed mirror is the first that rays from the camera meet. Each corner of a polygon has the
+exact ray of its point, traced through the rest of the system. A corner's viewpoint is the point of
+its ray nearest to a point common to all rays, and the polygon's points are projected from the
+viewpoints of its corners. For a central mirror this is the effective viewpoint, as in the paper.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.tracing import Fate, Paths, deflected, trace
 from omnisim.core.errors import OpticsError
 
-_STEPS = 200  # at most, from the polygon behind a pixel's exact point to the one in front of it
-_WIDER = 2.0  # the rims of later surfaces, for corners whose neighbors' rays stay within them
-_PIXELS_PER_BATCH = 1 << 15  # intermediate arrays stay in the cache
+_STEPS = 200  # maximum number of polygons from the exact point's to the one in front of it
+_WIDER = 2.0  # widens the rims of later surfaces, for corners just outside them
+_PIXELS_PER_BATCH = 1 << 15  # keeps intermediate arrays in the cache
 
 
 class _Corners(NamedTuple):
-    """Outgoing rays of a mesh's vertices (n,), system frame; NaN where none leaves."""
+    """Outgoing rays of a mesh's vertices (n,), system frame; NaN where no ray leaves."""
 
     origins_m: Floats  # (n, 3)
-    directions: Floats  # (n, 3), as long as from the vertex's viewpoint
+    directions: Floats  # (n, 3), with the length from the vertex's viewpoint
 
 
 class MeshRays:
-    """Rays of pixels by a mesh.
+    """Rays of pixels through a mesh.
 
-    Pixels see what polygons they see, so the image ends where the mesh does; shadows, and holes
-    and rims of other surfaces, are those of the exact rays.
+    Pixels see polygons, so the image ends where the mesh does. Shadows, and the holes and rims of
+    other surfaces, follow the exact rays.
 
     Args:
-        camera: the optical system.
-        polygons: of the mesh, see `sectors_and_rings`.
+        camera: optical system.
+        polygons: polygon count of the mesh, see `sectors_and_rings`.
 
     Raises:
-        OpticsError: no optical system, no mirror, one without a rim, or a count that makes no
-            mesh.
+        OpticsError: the camera is no optical system, it has no mirror, the mirror has no rim, or a
+            mesh with this polygon count does not exist.
     """
 
     def __init__(self, camera: CentralCamera, polygons: int):
@@ -67,16 +67,16 @@ class MeshRays:
 
     @cached_property
     def _neighbors(self) -> NDArray[np.int64]:
-        """Triangles (m, 3) beyond the edges opposite to each corner; −1: none."""
+        """Triangles (m, 3) across the edge opposite each corner; −1: none."""
         corners = self._mesh.connectivity
         edges = np.stack((corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]), axis=1)
         keys = (edges.min(axis=2) * len(self._vertices_m) + edges.max(axis=2)).ravel()
         order = np.argsort(keys, kind="stable")
         same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-        found = np.full(keys.shape, -1)
+        neighbors = np.full(keys.shape, -1)
         one, other = order[same], order[same + 1]
-        found[one], found[other] = other // 3, one // 3
-        return found.reshape(-1, 3)
+        neighbors[one], neighbors[other] = other // 3, one // 3
+        return neighbors.reshape(-1, 3)
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2) with their origins, sensor's optical frame."""
@@ -93,7 +93,7 @@ class MeshRays:
         )
 
     def rays_of(self, exact: Paths) -> Rays:
-        """Rays (n,) by the mesh of exact ones."""
+        """Rays (n,) through the mesh for exact paths."""
         count = len(exact.fates)
         directions, origins_m = np.tile((0.0, 0.0, 1.0), (count, 1)), np.zeros((count, 3))
         rows = np.flatnonzero(exact.fates == Fate.SEEN)
@@ -102,15 +102,15 @@ class MeshRays:
         rows, weights = rows[meets], weights[meets, None]
         corners = self._mesh.triangles[triangles[meets]]
         origins_m[rows] = (weights @ self._corners.origins_m[corners])[:, 0] - self.system.origin_m
-        found = (weights @ self._corners.directions[corners])[:, 0]
-        directions[rows] = found / np.linalg.norm(found, axis=1, keepdims=True)
+        interpolated = (weights @ self._corners.directions[corners])[:, 0]
+        directions[rows] = interpolated / np.linalg.norm(interpolated, axis=1, keepdims=True)
         valid = np.zeros(count, dtype=np.bool_)
         valid[rows] = True
         return Rays(directions, valid, origins_m)
 
     @property
     def outline_m(self) -> tuple[Floats, Floats]:
-        """Middles (sectors, 3) of the edges on the rim, and of the rim's arcs, system frame."""
+        """Midpoints (sectors, 3) of the rim edges and of the rim arcs, system frame."""
         rim = self._mesh.vertices_m[-self._mesh.sectors :]
         middles = 0.5 * (rim + np.roll(rim, -1, axis=0))
         x, y = self._surface.rim_center_m
@@ -146,27 +146,27 @@ class MeshRays:
         if len(rows):
             viewpoint_m = common_point(origins_m[rows], directions[rows])
             lengths_m = np.einsum("nj,nj->n", origins_m - viewpoint_m, directions)
-            if lengths_m[rows].min() > 0.0:  # else rays cross in front of the mirror
+            if lengths_m[rows].min() > 0.0:  # otherwise rays cross in front of the mirror
                 directions *= lengths_m[:, None]
         return _Corners(origins_m, directions)
 
     def pixels_of(self, points_m: Floats) -> Floats:
-        """Pixels (n, 2) of points (n, 3) of the mirror, system frame; NaN: the camera sees none."""
+        """Pixels (n, 2) of mirror points (n, 3), system frame; NaN where the camera is blind."""
         system = self.system
         if self._number > 0:
-            found = self._front.pixel_from_point(points_m)
+            pixels = self._front.pixel_from_point(points_m)
         else:
-            found = system.camera.pixel_from_ray(system.camera_directions(points_m))
-        return np.where(found.valid[:, None], found.positions_px, np.nan)
+            pixels = system.camera.pixel_from_ray(system.camera_directions(points_m))
+        return np.where(pixels.valid[:, None], pixels.positions_px, np.nan)
 
     @cached_property
     def _front(self) -> OpticalSystem:
-        """Camera and boundaries before the mirror."""
+        """Camera and boundaries in front of the mirror."""
         surfaces = self.system.surfaces[: self._number]
         return replace(self.system, surfaces=surfaces, obstacles=(), origin_m=(0.0, 0.0, 0.0))
 
     def _incoming(self) -> Floats:
-        """Directions (n, 3) in which the camera's rays arrive at the vertices."""
+        """Directions (n, 3) in which the camera's rays reach the vertices."""
         if self._number > 0:
             return self._front.paths(self.pixels_of(self._vertices_m)).directions
         away = self._vertices_m - self.system.system_from_camera[:3, 3]
@@ -174,41 +174,41 @@ class MeshRays:
         return unit
 
     def _found(self, begin_m: Floats, end_m: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """Triangles (n,) that rays meet, −1: none, and their corners' weights (n, 3).
+        """Triangles (n,) met by rays, −1: none, and the weights (n, 3) of their corners.
 
-        The search starts at the exact point's cell, and continues across the edge that a ray passes
-        farthest outside of.
+        The search starts at the exact point's cell. It continues across the edge that the ray
+        passes farthest outside.
 
         Args:
             begin_m: (n, 3) points of the rays before the mirror, system frame.
-            end_m: (n, 3) exact points on it.
+            end_m: (n, 3) exact points on the mirror.
         """
         origins, at = (self._surface.points_from_system(points) for points in (begin_m, end_m))
         gradients = self._surface.shape.level(at).gradients
         normals = np.where(gradients[:, 2:] > 0.0, -gradients, gradients)
-        # which side of the triangles the camera sees
+        # orients the rays to the side of the triangles that the camera sees
         along = at - origins
         along *= -np.sign(np.einsum("nj,nj->n", normals, along))[:, None]
-        found = self._cells(at)
-        weights = np.zeros((len(found), 3))
-        active = np.arange(len(found))
+        triangles = self._cells(at)
+        weights = np.zeros((len(triangles), 3))
+        active = np.arange(len(triangles))
         for _ in range(_STEPS):
-            volumes = self._volumes(found[active], origins[active], along[active])
+            volumes = self._volumes(triangles[active], origins[active], along[active])
             least = volumes.argmin(axis=1)
             inside = volumes.min(axis=1, initial=np.inf) >= 0.0
             weights[active[inside]] = volumes[inside]
             active, least = active[~inside], least[~inside]
-            found[active] = self._neighbors[found[active], least]
-            active = active[found[active] >= 0]
+            triangles[active] = self._neighbors[triangles[active], least]
+            active = active[triangles[active] >= 0]
             if len(active) == 0:
                 break
-        found[active] = -1
-        found[~self._is_whole[found]] = -1
+        triangles[active] = -1
+        triangles[~self._is_whole[triangles]] = -1
         sums = weights.sum(axis=1, keepdims=True)
-        return found, weights / np.where(sums > 0.0, sums, 1.0)
+        return triangles, weights / np.where(sums > 0.0, sums, 1.0)
 
     def _volumes(self, triangles: NDArray[np.int64], origins_m: Floats, along: Floats) -> Floats:
-        """Volumes (n, 3) of rays with each edge; none is negative where they meet the triangle."""
+        """Volumes (n, 3) spanned by rays and edges; none is negative for a ray that hits."""
         corners = self._mesh.vertices_m[self._mesh.triangles[triangles]] - origins_m[:, None]
         edges = [
             np.cross(corners[:, (corner + 2) % 3], corners[:, (corner + 1) % 3])
@@ -218,7 +218,7 @@ class MeshRays:
         return volumes
 
     def _cells(self, at_m: Floats) -> NDArray[np.int64]:
-        """First triangles (n,) of the cells of points on the surface, its own frame."""
+        """First triangles (n,) of the cells of surface points, in the surface's frame."""
         mesh, center = self._mesh, self._surface.rim_center_m
         rings_m = np.linalg.norm(mesh.vertices_m[:: mesh.sectors, :2] - center, axis=1)
         x, y = (at_m[:, :2] - center).T
@@ -230,7 +230,7 @@ class MeshRays:
 
 
 def has_mesh(camera: CentralCamera) -> bool:
-    """Tell whether a camera is an optical system with a mirror, and that has a rim."""
+    """True for an optical system with a mirror that has a rim."""
     if not isinstance(camera, OpticalSystem):
         return False
     try:
@@ -241,10 +241,10 @@ def has_mesh(camera: CentralCamera) -> bool:
 
 
 def mesh_surface(system: OpticalSystem) -> int:
-    """Number of the mirror that a mesh is of: the first that rays from the camera meet.
+    """Index of the meshed mirror: the first that rays from the camera meet.
 
     Raises:
-        OpticsError: no mirror, or one without a rim.
+        OpticsError: there is no mirror, or it has no rim.
     """
     number = next((n for n, surface in enumerate(system.surfaces) if surface.is_mirror), None)
     if number is None:
@@ -254,10 +254,10 @@ def mesh_surface(system: OpticalSystem) -> int:
 
 
 def as_system(camera: CentralCamera) -> OpticalSystem:
-    """An optical system.
+    """The camera, if it is an optical system.
 
     Raises:
-        OpticsError: another camera.
+        OpticsError: it is another camera.
     """
     if not isinstance(camera, OpticalSystem):
         raise OpticsError(f"a camera of model {camera.model_name!r} has no mirror with a mesh")
@@ -265,6 +265,6 @@ def as_system(camera: CentralCamera) -> OpticalSystem:
 
 
 def _widened(surface: Surface) -> Surface:
-    """A surface without a hole, and beyond its rim."""
+    """A surface without a hole, extended beyond its rim."""
     rim_m = _WIDER * surface.rim_radius_m
     return replace(surface, rim_radius_m=rim_m, hole_radius_m=0.0)

@@ -1,4 +1,4 @@
-"""Profiles in CSV files: r_m, the distance from the axis, and z_m, the height."""
+"""Mirror profiles in CSV files: r_m, the distance from the axis, and z_m, the height."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories.formats.text_table import read_text_table
 
 _COLUMNS = ["r_m", "z_m"]
-_SAMPLES = 1 << 14  # of a profile's length
-_NEAR, _MIN_SLOPE = 1e-6, 1e-3  # of the radius, from the axis; there a smooth tip is level
+_SAMPLES = 1 << 14  # along a profile
+_NEAR, _MIN_SLOPE = 1e-6, 1e-3  # share of the radius near the axis; a smooth tip is level there
 
 
 def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
-    """Read a profile.
+    """Read a mirror profile.
 
     Args:
         path: CSV file with the columns r_m and z_m.
-        pointed: the tip may be a cone's; else the profile is level on its axis.
+        pointed: True if the tip may be conical; False: the profile is level on the axis.
 
     Raises:
-        SensorFileError: naming file, line, what was found and expected.
+        SensorFileError: naming file, line, the actual value and the expected one.
     """
     try:
         table = read_text_table(path)
@@ -44,7 +44,7 @@ def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
 
 
 def write_profile(path: Path, radii_m: Floats, heights_m: Floats) -> None:
-    """Write a profile.
+    """Write a mirror profile.
 
     Raises:
         OutputError: the file cannot be written.
@@ -54,29 +54,29 @@ def write_profile(path: Path, radii_m: Floats, heights_m: Floats) -> None:
 
 
 def evenly_along(shape: Shape, radius_m: float, shares: Floats) -> Floats:
-    """Radii (n,) at shares (n,) of the length of a profile from the axis to a radius."""
+    """Radii (n,) at given shares (n,) of the profile's length from the axis to a radius."""
     radii_m = np.linspace(0.0, radius_m, _SAMPLES)
     lengths_m = profile_lengths_m(shape, radii_m)
-    found: Floats = np.interp(shares * lengths_m[-1], lengths_m, radii_m)
-    found[shares == 1.0] = radius_m  # free of rounding
-    return found
+    radii: Floats = np.interp(shares * lengths_m[-1], lengths_m, radii_m)
+    radii[shares == 1.0] = radius_m  # without rounding errors
+    return radii
 
 
 def profile_lengths_m(shape: Shape, radii_m: Floats) -> Floats:
-    """Lengths (n,) of a profile from the first of some ascending radii (n,) on."""
+    """Lengths (n,) along a profile, from the first of ascending radii (n,)."""
     steps_m = np.hypot(np.diff(radii_m), np.diff(shape.sag_m(radii_m)))
     lengths_m: Floats = np.append(0.0, steps_m.cumsum())
     return lengths_m
 
 
 class SampledProfile(NamedTuple):
-    """Points of a shape's profile.
+    """Points on a shape's profile.
 
     Attributes:
-        radii_m, heights_m: (n,) from the axis on.
-        pointed: the tip is a cone's.
-        deviation_m: largest distance of the spline through them from the shape, along the axis,
-            midway between points.
+        radii_m, heights_m: (n,), starting on the axis.
+        pointed: True if the tip is conical.
+        deviation_m: largest distance along the axis between the shape and the spline through the
+            points, midway between points.
     """
 
     radii_m: Floats
@@ -86,7 +86,7 @@ class SampledProfile(NamedTuple):
 
 
 def sampled(shape: Shape, radius_m: float, count: int) -> SampledProfile:
-    """Sample a shape from its axis to a radius, evenly along its profile."""
+    """Sample a shape evenly along its profile, from the axis to a radius."""
     radii_m = evenly_along(shape, radius_m, np.linspace(0.0, 1.0, count))
     heights_m = shape.sag_m(radii_m)
     near_m = _NEAR * radius_m

@@ -1,4 +1,4 @@
-"""Surfaces of an optical system, and what stands in its rays' way."""
+"""Surfaces of an optical system, and obstacles in the path of its rays."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import check_pose
 
-_SHARE_OFF = 1e-9  # of a ray's scale: it starts off the surface that it leaves
+_SHARE_OFF = 1e-9  # of a ray's scale: offset from the surface that it leaves
 
 
 class Hits(NamedTuple):
     """First hits of rays on a surface."""
 
-    lengths_m: Floats  # (n,), NaN where not hit
-    beyond_rim: NDArray[np.bool_]  # (n,): on the shape, beyond the rim of the surface
+    lengths_m: Floats  # (n,), NaN without a hit
+    beyond_rim: NDArray[np.bool_]  # (n,): the ray hits the shape, but beyond the surface's rim
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,17 +32,17 @@ class Surface:
     """A mirror, or the boundary between two media.
 
     Attributes:
-        shape: in the surface's own frame.
+        shape: shape, in the surface's own frame.
         system_from_surface: (4, 4) pose of that frame.
         rim_radius_m: radius of its rim about `rim_center_m`; may be infinite.
         rim_center_m: (x, y) of the rim in the surface's frame.
         hole_radius_m: radius of a hole about its axis.
-        medium: behind the boundary, from the camera; None: a mirror.
-        name: in messages.
+        medium: medium behind the boundary, as seen from the camera; None: a mirror.
+        name: name in messages.
 
     Raises:
-        OmnisimError: an invalid pose, a hole that leaves nothing of it, or no rim where its
-            shape needs one.
+        OmnisimError: the pose is invalid, the hole leaves nothing of the surface, or a rim is
+            missing that the shape needs.
     """
 
     shape: Shape
@@ -57,7 +57,7 @@ class Surface:
         check_pose(self.system_from_surface)
         if self.shape.needs_rim and math.isinf(self.rim_radius_m):
             raise OpticsError(f"{self.name}: rim_radius_m: missing")
-        if not 0.0 <= self.hole_radius_m < self.rim_radius_m:  # false for NaN, too
+        if not 0.0 <= self.hole_radius_m < self.rim_radius_m:  # also rejects NaN
             raise OpticsError(
                 f"{self.name}: hole_radius_m: expected 0 or more, and less than rim_radius_m = "
                 f"{self.rim_radius_m:g}, got {self.hole_radius_m:g}"
@@ -65,18 +65,18 @@ class Surface:
 
     @property
     def is_mirror(self) -> bool:
-        """Reflects, or else refracts."""
+        """True if it reflects, False if it refracts."""
         return self.medium is None
 
     @property
     def visible_radius_m(self) -> float:
-        """Radius about its axis within which all of it is; may be infinite."""
+        """Radius about the axis that contains the whole surface; may be infinite."""
         reach_m = self.rim_radius_m + math.hypot(*self.rim_center_m)
         return min(reach_m, self.shape.domain_m)
 
     def may_return(self, origins_m: Floats, directions: Floats) -> NDArray[np.bool_]:
-        """Mask (n,) of rays that leave points (n, 3) on it and might come back, system frame."""
-        if self._is_convex:  # those that leave it backwards
+        """Mask (n,) of rays that leave surface points (n, 3) and may hit it again, system frame."""
+        if self._is_convex:  # only rays that leave it backwards
             normals = self.normals(origins_m)
             to_camera = np.einsum("nj,j->n", normals, self.system_from_surface[:3, 2]) < 0.0
             to_side_of_normal = np.einsum("nj,nj->n", normals, directions) > 0.0
@@ -98,42 +98,45 @@ class Surface:
         return self.shape.is_rising(self.visible_radius_m)
 
     def parameters(self) -> CameraParameters:
-        """Keys and values of an optics file; of a mirror without a medium."""
-        found: CameraParameters = {
+        """Keys and values in an optics file; a mirror has no medium."""
+        parameters: CameraParameters = {
             "name": self.name,
             **self.shape.parameters(),
             **pose_parameters(self.system_from_surface),
         }
         if math.isfinite(self.rim_radius_m):
-            found |= {"rim_radius_m": self.rim_radius_m, "rim_center_m": list(self.rim_center_m)}
+            parameters |= {
+                "rim_radius_m": self.rim_radius_m,
+                "rim_center_m": list(self.rim_center_m),
+            }
         if self.hole_radius_m > 0.0:
-            found["hole_radius_m"] = self.hole_radius_m
+            parameters["hole_radius_m"] = self.hole_radius_m
         if self.medium is not None:
-            found["medium"] = medium_parameter(self.medium)
-        return found
+            parameters["medium"] = medium_parameter(self.medium)
+        return parameters
 
     def points_from_system(self, points_m: Floats) -> Floats:
-        """Points (n, 3) in the surface's frame."""
+        """Points (n, 3) in the surface's frame, from the system frame."""
         moved = points_m - self.system_from_surface[:3, 3]
-        found: Floats = np.einsum("nj,ji->ni", moved, self.system_from_surface[:3, :3])
-        return found
+        points: Floats = np.einsum("nj,ji->ni", moved, self.system_from_surface[:3, :3])
+        return points
 
     def directions_from_system(self, directions: Floats) -> Floats:
-        """Directions (n, 3) in the surface's frame."""
-        found: Floats = np.einsum("nj,ji->ni", directions, self.system_from_surface[:3, :3])
-        return found
+        """Directions (n, 3) in the surface's frame, from the system frame."""
+        rotated: Floats = np.einsum("nj,ji->ni", directions, self.system_from_surface[:3, :3])
+        return rotated
 
     def directions_to_system(self, directions: Floats) -> Floats:
-        """Directions (n, 3) in the system's frame."""
-        found: Floats = np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
-        return found
+        """Directions (n, 3) in the system frame, from the surface's frame."""
+        rotated: Floats = np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
+        return rotated
 
     def hits(self, origins_m: Floats, directions: Floats, leaving: bool = False) -> Hits:
         """First hits of rays (n, 3) inside the rim.
 
         Args:
-            origins_m, directions: of the rays, in the system's frame.
-            leaving: they start on this very surface.
+            origins_m, directions: (n, 3) rays, in the system frame.
+            leaving: True if the rays start on this surface.
         """
         origins = self.points_from_system(origins_m)
         along = self.directions_from_system(directions)
@@ -147,11 +150,11 @@ class Surface:
             inside[:, column] = self._is_inside(points)
         first = inside.argmax(axis=1)
         rows = np.arange(len(lengths))
-        found = np.where(inside[rows, first], lengths[rows, first], np.nan)
-        return Hits(found, np.isnan(found) & ahead.any(axis=1))
+        first_m = np.where(inside[rows, first], lengths[rows, first], np.nan)
+        return Hits(first_m, np.isnan(first_m) & ahead.any(axis=1))
 
     def _is_inside(self, points_m: Floats) -> NDArray[np.bool_]:
-        """Mask (n,) of points on the shape, its own frame, that the surface has."""
+        """Mask (n,) of points on the shape, in its own frame, that belong to the surface."""
         x, y = self.rim_center_m
         inside: NDArray[np.bool_] = (
             np.hypot(points_m[:, 0] - x, points_m[:, 1] - y) <= self.rim_radius_m
@@ -162,7 +165,7 @@ class Surface:
         return inside
 
     def normals(self, points_m: Floats) -> Floats:
-        """Unit normals (n, 3) at points on it, system frame."""
+        """Unit normals (n, 3) at points on the surface, system frame."""
         gradients = self.shape.level(self.points_from_system(points_m)).gradients
         lengths = np.linalg.norm(gradients, axis=1, keepdims=True)
         unit = np.divide(gradients, lengths, out=np.zeros_like(gradients), where=lengths > 0.0)
@@ -170,7 +173,7 @@ class Surface:
 
 
 def pose_parameters(pose: NDArray[np.float64]) -> CameraParameters:
-    """Key and value of a pose (4, 4) in an optics file: its position, where it is not turned."""
+    """Key and value of a pose (4, 4) in an optics file; only its position if it is not rotated."""
     if np.array_equal(pose[:3, :3], np.eye(3)):
         return {"position_m": pose[:3, 3].tolist()}
     return {"pose": pose.tolist()}
@@ -181,12 +184,12 @@ class Rod:
     """An opaque cylinder with flat ends: a stem, a needle, or a camera's body.
 
     Attributes:
-        begin_m, end_m: middles of its ends, system frame.
-        radius_m: of the cylinder.
-        name: in messages.
+        begin_m, end_m: centers of its ends, system frame.
+        radius_m: radius of the cylinder.
+        name: name in messages.
 
     Raises:
-        OpticsError: no length or radius.
+        OpticsError: the length or radius is not positive.
     """
 
     begin_m: tuple[float, float, float]
@@ -201,12 +204,12 @@ class Rod:
             raise OpticsError(f"{self.name}: radius_m: expected more than 0, got {self.radius_m}")
 
     def parameters(self) -> CameraParameters:
-        """Keys and values of an optics file."""
+        """Keys and values in an optics file."""
         ends = {"begin_m": list(self.begin_m), "end_m": list(self.end_m)}
         return {"name": self.name, **ends, "radius_m": self.radius_m}
 
     def hits(self, origins_m: Floats, directions: Floats) -> Floats:
-        """Lengths (n,) at which rays (n, 3) enter it; 0 where they start inside, NaN: never."""
+        """Lengths (n,) at which rays (n, 3) enter it; 0 if they start inside, NaN: never."""
         axis = np.subtract(self.end_m, self.begin_m)
         height_m = float(np.linalg.norm(axis))
         axis = axis / height_m

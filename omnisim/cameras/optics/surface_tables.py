@@ -1,4 +1,4 @@
-"""Tables of surfaces in optics files: their shapes, and where they are."""
+"""Tables of surfaces in optics files: their shapes and poses."""
 
 from __future__ import annotations
 
@@ -52,19 +52,19 @@ MediumKey = Annotated[
 
 
 class AlignmentTable(Table):
-    """Pose of a part: where it should be, and how it is misaligned."""
+    """Pose of a part: nominal position and misalignment."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     position_m: Point | None = None
-    """Meters in the system's frame: x right, y down, z forward, from the camera where it is not
-    misaligned. Left out: 0 for a camera, the pinhole in the focus for a hyperbolic mirror."""
+    """Meters in the system's frame: x right, y down, z forward, from the nominal camera. Default: 0
+    for a camera; for a hyperbolic mirror, the pinhole is at the focus."""
     decenter_m: Point = (0.0, 0.0, 0.0)
-    """Meters, added to the position."""
+    """Offset from the position in meters."""
     tilt_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)
-    """Degrees about its own x, y and z axes, as roll, pitch and yaw."""
+    """Rotation in degrees about its own x, y and z axes, as roll, pitch and yaw."""
     pose: _Pose | None = None
-    """Rows of its pose in the system's frame, in place of position_m, decenter_m and tilt_deg."""
+    """Rows of its pose in the system's frame, instead of position_m, decenter_m and tilt_deg."""
 
     @model_validator(mode="after")
     def _pose_alone(self) -> AlignmentTable:
@@ -80,11 +80,11 @@ class AlignmentTable(Table):
 
     @property
     def is_placed(self) -> bool:
-        """A position or pose is given."""
+        """True if a position or pose is given."""
         return self.position_m is not None or self.pose is not None
 
     def system_from_part(self, position_m: Point) -> NDArray[np.float64]:
-        """Pose (4, 4) in the system's frame; `position_m`: where none is given."""
+        """Pose (4, 4) in the system frame; `position_m` is the default position."""
         if self.pose is not None:
             return np.array(self.pose)
         at = np.add(self.position_m or position_m, self.decenter_m)
@@ -92,16 +92,16 @@ class AlignmentTable(Table):
 
 
 class TableShape(Table):
-    """A profile through the points of a CSV file, or of the table itself, by a cubic spline."""
+    """Profile through the points of a CSV file or of the table itself, by a cubic spline."""
 
     file: str | None = None
-    """CSV file with the columns r_m and z_m, relative to this file; r_m grows from 0."""
+    """CSV file with the columns r_m and z_m, relative to this file; r_m increases from 0."""
     r_m: _Numbers | None = None
-    """Meters from the axis, from 0 on, in place of file."""
+    """Distances from the axis in meters, increasing from 0, instead of file."""
     z_m: _Numbers | None = None
-    """Meters along the axis, as many as r_m has."""
+    """Heights along the axis in meters, one per r_m."""
     tip: Literal["smooth", "pointed"] = "smooth"
-    """Profile on the axis: level, or with a slope as a cone has."""
+    """Profile on the axis: level, or sloped as for a cone."""
 
     @model_validator(mode="after")
     def _file_or_points(self) -> TableShape:
@@ -113,10 +113,10 @@ class TableShape(Table):
         return self
 
     def make_profile(self, folder: Path, where: str) -> TabulatedProfile:
-        """The profile; `where` names the table in messages.
+        """Build the profile; `where` names the table in messages.
 
         Raises:
-            SensorFileError: points that make none.
+            SensorFileError: the points do not make a profile.
         """
         is_pointed = self.tip == "pointed"
         if self.file is not None:
@@ -131,25 +131,25 @@ class SphereShape(Table):
     """A sphere."""
 
     radius_m: Coordinate
-    """Meters; more than 0: bulges towards the camera."""
+    """Radius in meters; positive: bulges towards the camera."""
 
 
 class PortShape(Table):
-    """A flat window: two boundaries. Its position is the middle of the side at the camera."""
+    """Flat window: two boundaries. Its position is the center of the side facing the camera."""
 
     thickness_m: Length
-    """Meters."""
+    """Thickness of the window in meters."""
     wall: MediumKey = "acrylic"
     """Medium of the window."""
 
 
 class DomeShape(Table):
-    """A spherical window: two concentric boundaries. Its position is its center."""
+    """Spherical window: two concentric boundaries. Its position is its center."""
 
     radius_m: Length
     """Radius of the outer side in meters."""
     thickness_m: Length
-    """Meters, less than the radius."""
+    """Thickness in meters, less than the radius."""
     wall: MediumKey = "acrylic"
     """Medium of the window."""
 
@@ -183,7 +183,7 @@ ShapeName = Literal[
 
 
 def shape_schemas() -> Iterator[tuple[str, type[Table], type]]:
-    """Name of each shape, the table of its keys, and the class with their help."""
+    """Name of each shape, the table of its keys, and the class that documents them."""
     for name, kind in _PARAMETRIC.items():
         yield name, table_of(kind), kind
     for name, table in SHAPE_TABLES.items():
@@ -191,30 +191,30 @@ def shape_schemas() -> Iterator[tuple[str, type[Table], type]]:
 
 
 class SurfaceTable(AlignmentTable):
-    """A mirror, or a boundary between media; in the order in which rays from the camera meet them.
+    """A mirror, or a boundary between media, in the order in which rays from the camera meet them.
 
-    The keys of its shape are further keys of this table.
+    The keys of the shape are additional keys of this table.
     """
 
     name: str | None = None
-    """Name in messages; left out: its shape's."""
+    """Name in messages; default: the name of its shape."""
     shape: ShapeName
-    """Its form, with further keys; its axis is z, its vertex the position."""
+    """Shape, which adds its own keys; its axis is z, its vertex the position."""
     medium: MediumKey | None = None
-    """Medium behind it, seen from the camera; left out: it is a mirror."""
+    """Medium behind it, seen from the camera; default: it is a mirror."""
     rim_radius_m: Length | None = None
-    """Radius of its rim in meters; left out: as far as its shape goes."""
+    """Radius of its rim in meters; default: the extent of its shape."""
     rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
-    """(x, y) of the rim's middle from its axis in meters."""
+    """(x, y) of the rim's center relative to the axis, in meters."""
     hole_radius_m: Annotated[Number, Field(ge=0.0, le=1e3)] = 0.0
     """Radius of a hole about its axis in meters."""
 
     def make_surfaces(self, source: str, key: str) -> list[Surface]:
-        """The surface, or both boundaries of a window.
+        """Build the surface, or both boundaries of a window.
 
         Args:
-            source: names the file in messages.
-            key: of this table in it.
+            source: file name, for messages.
+            key: key of this table in the file.
 
         Raises:
             SensorFileError: naming the key and what was expected.
@@ -222,8 +222,8 @@ class SurfaceTable(AlignmentTable):
         try:
             return self._make_surfaces(source, key)
         except OpticsError as reason:
-            words = str(reason).removeprefix(f"{self.name or self.shape}: ")
-            raise SensorFileError(f"{source}: {key}.{words}") from None
+            message = str(reason).removeprefix(f"{self.name or self.shape}: ")
+            raise SensorFileError(f"{source}: {key}.{message}") from None
 
     def _make_surfaces(self, source: str, key: str) -> list[Surface]:
         given = dict(self.__pydantic_extra__ or {})
@@ -231,14 +231,18 @@ class SurfaceTable(AlignmentTable):
         shape = parse_table(given, table, SensorFileError, source, key)
         if isinstance(shape, PortShape | DomeShape):
             if self.medium is None:
-                words = f"medium: missing; a {self.shape} has one behind it"
-                raise SensorFileError(f"{source}: {key}.{words}")
+                message = f"medium: missing; a {self.shape} has one behind it"
+                raise SensorFileError(f"{source}: {key}.{message}")
             return self._window(shape, self.medium, f"{source}: {key}")
-        found = self._shape(shape, source, key)
-        position_m = (0.0, 0.0, found.vertex_m if isinstance(found, Hyperbolic) else 0.0)
-        if not self.is_placed and not isinstance(found, Hyperbolic):
+        surface_shape = self._shape(shape, source, key)
+        position_m = (
+            0.0,
+            0.0,
+            surface_shape.vertex_m if isinstance(surface_shape, Hyperbolic) else 0.0,
+        )
+        if not self.is_placed and not isinstance(surface_shape, Hyperbolic):
             raise SensorFileError(f"{source}: {key}.position_m: missing")
-        return [self._surface(found, self.system_from_part(position_m), self.medium)]
+        return [self._surface(surface_shape, self.system_from_part(position_m), self.medium)]
 
     def _shape(self, table: Table, source: str, key: str) -> Shape:
         if isinstance(table, TableShape):
@@ -248,8 +252,8 @@ class SurfaceTable(AlignmentTable):
         try:
             made = kind(**values)
         except OpticsError as reason:
-            words = str(reason).removeprefix("shape.")
-            raise SensorFileError(f"{source}: {key}.{words}") from None
+            message = str(reason).removeprefix("shape.")
+            raise SensorFileError(f"{source}: {key}.{message}") from None
         assert isinstance(made, Shape)
         return made
 

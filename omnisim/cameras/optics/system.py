@@ -1,8 +1,8 @@
 """Optical systems: a central camera behind surfaces that reflect and refract.
 
-System frame: the optical frame of the camera where it is not misaligned (x right, y down, z
-forward, into the mirror). Rays come out in the optical frame of the sensor: the same axes, the
-origin where the system has it.
+The system frame is the optical frame of the nominal camera, without misalignment (x right, y down,
+z forward, into the mirror). Outgoing rays are in the sensor's optical frame, which has the same
+axes; the system defines its origin.
 """
 
 from __future__ import annotations
@@ -46,23 +46,23 @@ ORIENTATIONS = {
 
 @dataclass(frozen=True, eq=False)
 class OpticalSystem:
-    """A camera whose rays need not meet in one point; immutable.
+    """Non-central camera with mirrors and refracting surfaces; immutable.
 
     Attributes:
-        camera: the central camera, whose pixels are the system's.
+        camera: central camera, whose pixels are the system's pixels.
         surfaces: mirrors and boundaries, in the order of the rays from the camera.
-        obstacles: opaque parts in their way.
-        medium: around the camera.
+        obstacles: opaque parts that can block rays.
+        medium: medium around the camera.
         system_from_camera: (4, 4) pose of the camera's optical frame: its misalignment.
-        origin_m: (3,) of the sensor's optical frame, in the system's.
+        origin_m: (3,) origin of the sensor's optical frame, in the system frame.
         color: "R", "G" or "B", whose wavelength is refracted; None: the d line.
         orientation: (3, 3) rig_from_optical in a level rig; None: up into a mirror, else the
             camera's own.
-        chromatic: images show R, G and B by rays of their own; all else is by those of G.
+        chromatic: True if images show R, G and B along separate rays; everything else uses G.
 
     Raises:
-        OmnisimError: no camera with one viewpoint, no surface, an unknown medium or color, or a
-            misalignment or orientation that is no pose.
+        OmnisimError: the camera is non-central, there is no surface, a medium or color is unknown,
+            or a misalignment or orientation is not a pose.
     """
 
     camera: CentralCamera
@@ -90,7 +90,7 @@ class OpticalSystem:
             raise OpticsError("surfaces: expected at least one, got none")
         if self.chromatic and self.color is not None:
             raise OpticsError(f"color: expected none, as chromatic is true, got {self.color!r}")
-        assert self.indices  # or it refuses a medium
+        assert self.indices  # raises if a medium is unknown
 
     def __repr__(self) -> str:
         mirrors = sum(surface.is_mirror for surface in self.surfaces)
@@ -103,17 +103,17 @@ class OpticalSystem:
 
     @property
     def width_px(self) -> int:
-        """Width of the image."""
+        """Image width."""
         return self.camera.width_px
 
     @property
     def height_px(self) -> int:
-        """Height of the image."""
+        """Image height."""
         return self.camera.height_px
 
     @property
     def principal_point_px(self) -> tuple[float, float]:
-        """The camera's."""
+        """Principal point (u, v) of the camera."""
         return self.camera.principal_point_px
 
     @property
@@ -126,7 +126,7 @@ class OpticalSystem:
 
     @cached_property
     def indices(self) -> tuple[float, ...]:
-        """Refractive indices (surfaces + 1) from the camera on."""
+        """Refractive indices (surfaces + 1), starting at the camera."""
         media = [self.medium]
         for surface in self.surfaces:
             media.append(media[-1] if surface.medium is None else surface.medium)
@@ -134,10 +134,10 @@ class OpticalSystem:
         return tuple(refractive_index(medium, color) for medium in media)
 
     def surface(self, number: int, source: str) -> Surface:
-        """Surface of a number; `source` names the system in messages.
+        """Surface with the given number; `source` names the system in messages.
 
         Raises:
-            OpticsError: there is none.
+            OpticsError: the number is invalid.
         """
         if not 0 <= number < len(self.surfaces):
             expected = f"expected 0 to {len(self.surfaces) - 1}"
@@ -153,13 +153,13 @@ class OpticalSystem:
         return dataclasses.replace(self, color=color, chromatic=False)
 
     def by_color(self) -> tuple[Self, ...]:
-        """The systems of R, G and B, if it is chromatic and refracts; else the system itself."""
+        """Systems for R, G and B if it is chromatic and refracts; otherwise the system itself."""
         if not self.chromatic or all(surface.is_mirror for surface in self.surfaces):
             return (self,)
         return tuple(self.of_color(color) for color in WAVELENGTHS_UM)
 
     def paths(self, pixels_px: ArrayLike) -> Paths:
-        """Ways of the rays of pixels (n, 2), in the system's frame."""
+        """Paths of the rays of pixels (n, 2), in the system frame."""
         rays = self.camera.ray_from_pixel(pixels_px)
         fates = np.where(rays.valid, Fate.SEEN, Fate.OUTSIDE).astype(np.uint8)
         directions = rays.directions @ self.system_from_camera[:3, :3].T
@@ -188,14 +188,14 @@ class OpticalSystem:
         return self.rays(pixel_grid(self.width_px, self.height_px))
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
-        """Rays of pixels (..., 2) as a camera model has them, with their origins."""
+        """Rays of pixels (..., 2) with their origins, as a camera model returns them."""
         rays = self.rays(pixels_px)
         return Rays(rays.directions, rays.valid, rays.origins_m)
 
     def pixel_from_point(self, points_m: ArrayLike) -> Pixels:
         """Pixels of points (..., 3) in the sensor's optical frame; valid where they are seen.
 
-        A point that is seen twice has one of its pixels, see `pixels_from_point`.
+        A point that is seen more than once gets one of its pixels, see `pixels_from_point`.
         """
         points = as_directions(points_m)
         return self._pixels(points + self.origin_m, 1.0)
@@ -215,19 +215,19 @@ class OpticalSystem:
         return Inverse(self)
 
     def camera_directions(self, points_m: Floats) -> Floats:
-        """Unit directions (n, 3), camera's frame, to points (n, 3) of the system's."""
+        """Unit directions (n, 3), camera frame, to points (n, 3) in the system frame."""
         moved = points_m - self.system_from_camera[:3, 3]
-        found: Floats = np.einsum("nj,ji->ni", moved, self.system_from_camera[:3, :3])
-        found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300)
-        return found
+        rotated: Floats = np.einsum("nj,ji->ni", moved, self.system_from_camera[:3, :3])
+        rotated /= np.maximum(np.linalg.norm(rotated, axis=1, keepdims=True), 1e-300)
+        return rotated
 
     def _pixels(self, points: Floats, weight: float) -> Pixels:
-        found = self.inverse.pixels(Targets(points.reshape(-1, 3), weight))
+        pixels = self.inverse.pixels(Targets(points.reshape(-1, 3), weight))
         shape = points.shape[:-1]
-        return Pixels(found.positions_px.reshape(*shape, 2), found.valid.reshape(shape))
+        return Pixels(pixels.positions_px.reshape(*shape, 2), pixels.valid.reshape(shape))
 
     def uniforms(self) -> Uniforms:
-        """Refuse them: no shader traces its rays.
+        """Raise, because no shader traces these rays.
 
         Raises:
             OpticsError: always.
@@ -235,29 +235,29 @@ class OpticalSystem:
         raise OpticsError("camera: an optical system has no shader")
 
     def parameters(self) -> CameraParameters:
-        """Model, and all keys and values of an optics file: the system can be made of them."""
-        found: CameraParameters = {
+        """Model name and all keys and values of an optics file, enough to rebuild the system."""
+        parameters: CameraParameters = {
             "model": self.model_name,
             "medium": medium_parameter(self.medium),
             "origin_m": list(self.origin_m),
         }
         if self.orientation is not None:
-            found["looking"] = _looking(self.orientation)
+            parameters["looking"] = _looking(self.orientation)
         if self.color is not None:
-            found["color"] = self.color
+            parameters["color"] = self.color
         if self.chromatic:
-            found["chromatic"] = True
-        found["camera"] = {
+            parameters["chromatic"] = True
+        parameters["camera"] = {
             **self.camera.parameters(),
             **pose_parameters(self.system_from_camera),
         }
-        found["surfaces"] = [surface.parameters() for surface in self.surfaces]
+        parameters["surfaces"] = [surface.parameters() for surface in self.surfaces]
         if self.obstacles:
-            found["obstacles"] = [obstacle.parameters() for obstacle in self.obstacles]
-        return found
+            parameters["obstacles"] = [obstacle.parameters() for obstacle in self.obstacles]
+        return parameters
 
 
 def _looking(orientation: NDArray[np.float64]) -> ParameterValue:
-    """Orientation by name, or as rows of a matrix."""
+    """Orientation as a name, or as the rows of a matrix."""
     names = (name for name, one in ORIENTATIONS.items() if np.array_equal(one, orientation))
     return next(names, None) or orientation.tolist()

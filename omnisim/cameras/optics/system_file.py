@@ -34,24 +34,24 @@ _Looking = Annotated[
 
 
 class CameraTable(AlignmentTable):
-    """The central camera behind the surfaces.
+    """Central camera behind the surfaces.
 
-    Either a model with its own parameters as further keys, or a calibration file.
+    It is either a model with its parameters as additional keys, or a calibration file.
     """
 
     model: str | None = None
-    """Name of the camera model; its parameters are further keys of this table."""
+    """Name of the camera model; its parameters are additional keys of this table."""
     calibration: str | None = None
-    """Calibration file, relative to this file, in place of model."""
+    """Calibration file, relative to this file, instead of model."""
     camera: str | None = None
-    """Name of a camera in the calibration file; left out: the first."""
+    """Name of a camera in the calibration file; default: the first."""
 
     def make_camera(self, source: str, key: str) -> CentralCamera:
-        """The camera.
+        """Build the camera.
 
         Args:
-            source: names the file in messages.
-            key: of this table in it.
+            source: file name, for messages.
+            key: key of this table in the file.
 
         Raises:
             SensorFileError: naming the key and what was expected.
@@ -60,15 +60,15 @@ class CameraTable(AlignmentTable):
         if self.calibration is not None:
             if self.model is not None or extra:
                 other = "model" if self.model is not None else min(extra)
-                words = "calibration has it: expected one of them"
-                raise SensorFileError(f"{source}: {key}.{other}: {words}")
+                message = "calibration has it: expected one of them"
+                raise SensorFileError(f"{source}: {key}.{other}: {message}")
             from omnisim.cameras.calibration import (
-                load_calibration,  # only who asks needs the formats
+                load_calibration,  # loads the formats only when needed
             )
 
             try:
-                found = load_calibration(Path(source).parent / self.calibration)
-                return found.camera(self.camera).camera
+                calibration = load_calibration(Path(source).parent / self.calibration)
+                return calibration.camera(self.camera).camera
             except CalibrationError as reason:
                 raise SensorFileError(f"{source}: {key}.calibration: {reason}") from None
         parameters = {"model": self.model, **extra}
@@ -82,16 +82,16 @@ class CameraTable(AlignmentTable):
 
 
 class ObstacleTable(Table):
-    """An opaque cylinder in the rays' way: a stem, a needle, or the camera's own body."""
+    """Opaque cylinder in the path of rays: a stem, a needle, or the camera's own body."""
 
     name: str = "obstacle"
     """Name in messages."""
     begin_m: Point
-    """Middle of one end, meters in the system's frame."""
+    """Center of one end, meters in the system's frame."""
     end_m: Point
-    """Middle of the other end."""
+    """Center of the other end."""
     radius_m: Length
-    """Meters."""
+    """Radius in meters."""
 
     @model_validator(mode="after")
     def _has_length(self) -> ObstacleTable:
@@ -101,20 +101,20 @@ class ObstacleTable(Table):
 
 
 class OpticsFile(Table):
-    """A whole optics file."""
+    """A complete optics file."""
 
     medium: MediumKey = "air"
-    """Medium around the camera; a number is a refractive index, three are those of R, G and B."""
+    """Medium around the camera: a name, a refractive index, or three indices for R, G and B."""
     looking: _Looking | None = None
     """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
-    left out: up into a mirror, else as the camera itself."""
+    default: up into a mirror, else as the camera itself."""
     origin_m: Point = (0.0, 0.0, 0.0)
-    """Origin of the sensor's frame, meters in the system's; by default the camera's pinhole."""
+    """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
     color: Literal["R", "G", "B"] | None = None
-    """Primary whose wavelength is refracted; left out: helium's d line."""
+    """Primary whose wavelength is refracted; default: helium's d line."""
     chromatic: Flag = False
-    """Draw red, green and blue each by rays of its own wavelength: three times the work. Ground
-    truth is that of green."""
+    """Render red, green and blue along rays of their own wavelengths, at three times the cost.
+    Ground truth uses green."""
     camera: CameraTable
     surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
     obstacles: Annotated[tuple[ObstacleTable, ...], Field(max_length=64)] = ()
@@ -123,7 +123,7 @@ class OpticsFile(Table):
         """Rotation (3, 3) of `looking`, or None; `where` names the key in messages.
 
         Raises:
-            SensorFileError: a matrix that is no rotation.
+            SensorFileError: the matrix is not a rotation.
         """
         if self.looking is None or isinstance(self.looking, str):
             return None if self.looking is None else ORIENTATIONS[self.looking]
@@ -134,10 +134,10 @@ class OpticsFile(Table):
 
 
 def read_optics_file(path: str | Path) -> OpticalSystem:
-    """Read an optical system, from an optics file or from a sensor file with `[optics]`.
+    """Read an optical system from an optics file or from a sensor file with `[optics]`.
 
     Raises:
-        SensorFileError: naming file, key, value and what was expected.
+        SensorFileError: naming file, key, value and the expected value.
     """
     if Path(path).suffix.lower() == ".csv":
         raise SensorFileError(
@@ -156,15 +156,15 @@ def read_optics_file(path: str | Path) -> OpticalSystem:
 
 
 def parse_optics(table: Mapping[str, Any], source: str = "optics", at: str = "") -> OpticalSystem:
-    """Make the optical system of a table with the keys of an optics file.
+    """Build the optical system from a table with the keys of an optics file.
 
     Args:
-        table: as a system's `parameters()`, or as an optics file.
-        source: names the file in messages; paths are relative to its folder.
-        at: key of the table in it; empty: the file itself.
+        table: a system's `parameters()`, or the content of an optics file.
+        source: file name, for messages; paths are relative to its folder.
+        at: key of the table in the file; empty: the file itself.
 
     Raises:
-        SensorFileError: naming `source`, key, value and what was expected.
+        SensorFileError: naming `source`, key, value and the expected value.
     """
     if table.get("model") == OpticalSystem.model_name:
         table = {key: value for key, value in table.items() if key != "model"}
@@ -197,22 +197,22 @@ def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
 
 
 def input_files(path: Path) -> dict[str, Path]:
-    """Files that `read_optics_file` reads profiles from, and the file itself, for messages.
+    """The optics file and the profile files that it refers to, by their names in messages.
 
     Raises:
         SensorFileError: the file cannot be read.
     """
-    found = {"the optics file": path}
+    files = {"the optics file": path}
     table = read_tables(path, SensorFileError)
     in_sensor = table.get("optics")
     if "surfaces" not in table and isinstance(in_sensor, dict):
         table = in_sensor
         if isinstance(in_sensor.get("file"), str):
             path = path.parent / in_sensor["file"]
-            found["the sensor's optics file"] = path
+            files["the sensor's optics file"] = path
             table = read_tables(path, SensorFileError)
     surfaces = table.get("surfaces")
     for number, surface in enumerate(surfaces if isinstance(surfaces, list) else []):
         if isinstance(surface, dict) and isinstance(surface.get("file"), str):
-            found[f"the profile of surfaces.{number}"] = path.parent / surface["file"]
-    return found
+            files[f"the profile of surfaces.{number}"] = path.parent / surface["file"]
+    return files

@@ -14,14 +14,14 @@ from omnisim.cameras.optics.surface import Rod, Surface
 
 
 class Fate(IntEnum):
-    """End of a ray on its way from the camera."""
+    """Result of tracing a ray from the camera."""
 
-    SEEN = 0  # it leaves the system
+    SEEN = 0  # leaves the system
     OUTSIDE = 1  # the pixel is outside the camera's own domain
-    MISSED = 2  # it passes a surface
-    RIM = 3  # it passes a surface outside its rim, or through its hole
-    TOTAL_REFLECTION = 4  # a boundary reflects all of it
-    SHADOWED = 5  # a mirror, its rim or an obstacle is in its way
+    MISSED = 2  # misses a surface
+    RIM = 3  # passes outside a surface's rim, or through its hole
+    TOTAL_REFLECTION = 4  # is totally reflected at a boundary
+    SHADOWED = 5  # is blocked by a mirror, its rim or an obstacle
 
 
 class TracedRays(NamedTuple):
@@ -30,15 +30,15 @@ class TracedRays(NamedTuple):
     origins_m: Floats  # (..., 3): on the last surface
     directions: Floats  # (..., 3), unit
     valid: NDArray[np.bool_]  # (...,)
-    fates: NDArray[np.uint8]  # (...,) of `Fate`
+    fates: NDArray[np.uint8]  # (...,) values of `Fate`
 
 
 class Paths(NamedTuple):
-    """Ways of rays through a system."""
+    """Paths of rays through a system."""
 
     points_m: Floats  # (surfaces + 1, n, 3): the camera, and the hit on each surface
-    directions: Floats  # (n, 3), unit: behind the last surface
-    fates: NDArray[np.uint8]  # (n,) of `Fate`
+    directions: Floats  # (n, 3), unit: beyond the last surface
+    fates: NDArray[np.uint8]  # (n,) values of `Fate`
 
 
 def trace(
@@ -50,15 +50,15 @@ def trace(
     fates: NDArray[np.uint8],
     can_block: bool = True,
 ) -> Paths:
-    """Trace rays (n, 3) from a camera; those whose fate is known already have NaN points.
+    """Trace rays (n, 3) from a camera; rays with another fate than SEEN get NaN points.
 
     Args:
         surfaces: in the order of the rays from the camera.
-        indices: (surfaces + 1) refractive indices between them.
+        indices: (surfaces + 1) refractive indices between the surfaces.
         obstacles: opaque parts.
-        origins_m, directions: of the rays, system frame.
-        fates: (n,) of `Fate`: SEEN for those to trace.
-        can_block: mirrors and obstacles in the way of other rays shadow them.
+        origins_m, directions: (n, 3) rays, system frame.
+        fates: (n,) values of `Fate`; only rays with SEEN are traced.
+        can_block: True if mirrors and obstacles block rays that pass them.
     """
     points = np.full((len(surfaces) + 1, len(origins_m), 3), np.nan)
     points[0] = origins_m
@@ -89,26 +89,26 @@ def trace(
 
 
 def deflected(normals: Floats, directions: Floats, is_mirror: bool, ratio: float = 1.0) -> Floats:
-    """Directions (n, 3) behind a surface; NaN where a boundary reflects totally.
+    """Directions (n, 3) beyond a surface; NaN where a boundary reflects totally.
 
     Args:
-        normals: (n, 3) unit, where they meet it.
-        directions: (n, 3) before it.
-        is_mirror: reflects, or else refracts.
-        ratio: refractive index before a boundary, over that behind it.
+        normals: (n, 3) unit normals where rays meet the surface.
+        directions: (n, 3) directions before the surface.
+        is_mirror: True: reflect, False: refract.
+        ratio: refractive index before a boundary over the index beyond it.
     """
     along = np.einsum("nj,nj->n", directions, normals)[:, None]
-    found: Floats
+    outgoing: Floats
     if is_mirror:
-        found = directions - 2.0 * along * normals
+        outgoing = directions - 2.0 * along * normals
     else:
         normals = np.where(along > 0.0, normals, -normals)
         cosine = np.abs(along)
         squared = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
         root = np.sqrt(np.where(squared >= 0.0, squared, np.nan))
-        found = ratio * directions + (root - ratio * cosine) * normals
-    found /= np.linalg.norm(found, axis=1, keepdims=True)
-    return found
+        outgoing = ratio * directions + (root - ratio * cosine) * normals
+    outgoing /= np.linalg.norm(outgoing, axis=1, keepdims=True)
+    return outgoing
 
 
 def _blocked(
@@ -119,7 +119,7 @@ def _blocked(
     directions: Floats,
     lengths_m: Floats,
 ) -> NDArray[np.bool_]:
-    """Mask (n,) of the ways to surface `number` that an obstacle or another mirror is in."""
+    """Mask (n,) of path segments to surface `number` that are blocked."""
     blocked = np.zeros(len(origins_m), dtype=np.bool_)
     ends_m = np.where(np.isfinite(lengths_m), (1.0 - 1e-9) * lengths_m, np.inf)
     for obstacle in obstacles:

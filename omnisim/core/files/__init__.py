@@ -1,1 +1,1 @@
-"""Files: images, TOML, CSV and NPZ, written whole or not at all, and their digests."""
+"""File access: images, TOML, CSV and NPZ, written atomically, and file digests."""

@@ -1,4 +1,4 @@
-"""Atomic writing of files and folders, and checks of their paths."""
+"""Atomic writing of files and folders, and validation of their paths."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pathlib import Path
 
 from omnisim.core.errors import OutputError
 
-partials: set[Path] = set()  # being written: who ends the process at once removes them
+partials: set[Path] = set()  # being written; code that kills the process removes them first
 
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """Yield a name beside `path` to write to; at the end of the block it becomes `path`.
+    """Yield a temporary name beside `path` to write to; it becomes `path` at the end of the block.
 
-    When the block fails nothing is left, and what was at `path` before stays as it was.
+    If the block fails, the temporary file is removed and `path` stays unchanged.
 
     Raises:
         OutputError: the file cannot be written.
@@ -36,13 +36,13 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def atomic_folder(path: Path) -> Iterator[Path]:
-    """Yield a new folder of the same name to fill; at the end of the block it becomes `path`.
+    """Yield a new folder of the same name to fill; it becomes `path` at the end of the block.
 
-    It is inside a hidden folder beside `path`, so that files which carry their folder's name have
-    the right one. When the block fails nothing is left.
+    It is created inside a hidden folder beside `path`, so that files that include their folder's
+    name in their own contain the final name. If the block fails, everything is removed.
 
     Raises:
-        OutputError: a file cannot be written, or something is at `path` at the end.
+        OutputError: a file cannot be written, or `path` exists at the end.
     """
     target = path.resolve()
     partial = _partial_beside(target)
@@ -58,10 +58,10 @@ def atomic_folder(path: Path) -> Iterator[Path]:
 
 
 def check_new_folder(path: Path) -> None:
-    """Check that a folder can be made, before the work is done.
+    """Check that a folder can be created, before the work is done.
 
     Raises:
-        OutputError: something is there, or its parent is missing or cannot be written.
+        OutputError: the folder exists, or its parent is missing or not writable.
     """
     try:
         if path.exists() or path.is_symlink():
@@ -69,7 +69,7 @@ def check_new_folder(path: Path) -> None:
         if not path.name:
             raise OutputError(f"{path}: expected the name of a new folder")
         _check_target(path, may_make_folder=False)
-    except OSError as reason:  # a name too long, a folder without permission
+    except OSError as reason:  # the name is too long, or permission is missing
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
@@ -80,7 +80,7 @@ def remove_partials() -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8: all of it, or nothing.
+    """Write a UTF-8 text file atomically.
 
     Raises:
         OutputError: the file cannot be written.
@@ -93,25 +93,25 @@ def check_target(path: Path, may_make_folder: bool = False) -> None:
     """Check that a file can be written, before the work is done.
 
     Args:
-        path: file that is going to be written.
-        may_make_folder: its folder is going to be made where it is not there yet.
+        path: file to be written.
+        may_make_folder: True if the file's folder will be created if it is missing.
 
     Raises:
-        OutputError: the folder is not there or cannot be written, or `path` is a folder, a device
-            or a pipe.
+        OutputError: the folder is missing or not writable, or `path` is a folder, a device or a
+            pipe.
     """
     try:
         _check_target(path, may_make_folder)
-    except OSError as reason:  # a name too long, a folder without permission
+    except OSError as reason:  # the name is too long, or permission is missing
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
 def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path | None]) -> None:
-    """Refuse to write one file twice, or over one that is read.
+    """Reject writing one file twice, or overwriting an input file.
 
     Args:
-        writes: files that are going to be written, by what a message calls them; None: is not.
-        reads: files that are read, in the same way.
+        writes: output files, by their name in messages; None: not written.
+        reads: input files, by their name in messages; None: not read.
 
     Raises:
         OutputError: two of them are the same file.
@@ -127,10 +127,10 @@ def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path |
 
 
 def check_suffix(path: Path, *suffixes: str) -> None:
-    """Refuse a path with another suffix than the formats': it may be another file's.
+    """Reject a path whose suffix may belong to another format.
 
     Raises:
-        OutputError: another suffix.
+        OutputError: the suffix is not one of `suffixes`.
     """
     if path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: expected a name that ends in {' or '.join(suffixes)}")

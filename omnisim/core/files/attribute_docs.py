@@ -1,4 +1,4 @@
-"""Documentation of attributes: the string below a field in its class's source."""
+"""Attribute documentation: the string below a field in the source of its class."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 
 
 def attribute_docs(model: type) -> dict[str, str]:
-    """Strings below the fields of a class and of its bases, in one line each, by field name."""
+    """Strings below the fields of a class and its bases, each in one line, by field name."""
     docs: dict[str, str] = {}
     for kind in reversed(model.__mro__):
         if kind.__module__.startswith("omnisim"):

@@ -1,7 +1,7 @@
-"""Keys of omnisim's TOML files, from the pydantic schemas that check them.
+"""Keys of omnisim's TOML files, from the pydantic schemas that validate them.
 
 A key's help is the string below it in the schema's source, as in any Python class. The reference
-and the controls of the live page are made from the same.
+documentation and the controls of the live page are generated from it.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from typing import Any, NamedTuple, get_args, get_origin
 import annotated_types
 from pydantic.fields import FieldInfo
 
-FAR = 1e9  # of limits that only keep numbers within a float32
+FAR = 1e9  # larger limits only keep numbers within float32
 
 
 class Limit(NamedTuple):
-    """Bound of a number.
+    """Limit of a number.
 
     Attributes:
-        value: the bound.
-        is_open: the number is not the bound itself.
+        value: the limit.
+        is_open: True if the limit itself is excluded.
     """
 
     value: float
@@ -36,7 +36,7 @@ def summary(model: type) -> str:
 
 
 def limits(field: FieldInfo) -> tuple[Limit | None, Limit | None]:
-    """Tightest lower and upper limit of a key; those far beyond any use are left out."""
+    """Tightest lower and upper limit of a key; limits far beyond any use are left out."""
     rules = [*field.metadata, *_rules(field.annotation)]
     low = _tightest(rules, "gt", "ge", is_lower=True)
     high = _tightest(rules, "lt", "le", is_lower=False)
@@ -44,23 +44,23 @@ def limits(field: FieldInfo) -> tuple[Limit | None, Limit | None]:
 
 
 def _tightest(rules: list[Any], strict: str, loose: str, is_lower: bool) -> Limit | None:
-    found = [
+    candidates = [
         Limit(float(limit), attribute == strict)
         for rule in rules
         if isinstance(rule, annotated_types.BaseMetadata)
         for attribute in (strict, loose)
         if (limit := getattr(rule, attribute, None)) is not None
     ]
-    if not found:
+    if not candidates:
         return None
-    tightest = max(found) if is_lower else min(found)
+    tightest = max(candidates) if is_lower else min(candidates)
     if is_lower and 0.0 < tightest.value <= 1.0 / FAR:
         return Limit(0.0, True)
     return tightest if abs(tightest.value) < FAR else None
 
 
 def _rules(annotation: Any) -> Iterator[Any]:
-    """Limits inside a union, such as a number or none."""
+    """Limits inside a union, such as a number or None."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is typing.Annotated:
         for rule in parts[1:]:

@@ -1,6 +1,6 @@
-"""Fingerprints of plain data: equal contents, equal fingerprints.
+"""Fingerprints of plain data: equal contents have equal fingerprints.
 
-What knows what it was made from, by an attribute `given`, counts by that.
+An object with an attribute `given`, which names what it was made from, is fingerprinted by it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 
 
 def fingerprint(*contents: Any) -> str:
-    """SHA-256, shortened to 16 hexadecimal digits, of plain data.
+    """SHA-256 of plain data, shortened to 16 hexadecimal digits.
 
-    Takes dataclasses, tuples, lists, mappings, enums, NumPy arrays, numbers, texts, None.
+    Accepts dataclasses, tuples, lists, mappings, enums, NumPy arrays, numbers, strings and None.
 
     Raises:
-        TypeError: anything else.
+        TypeError: the data has another type.
     """
     digest = hashlib.sha256()
     _feed(digest, contents, {})
@@ -29,13 +29,13 @@ def fingerprint(*contents: Any) -> str:
 
 def _feed(digest: Any, value: Any, seen: dict[int, bytes]) -> None:
     given = getattr(value, "given", None)
-    if given is not None:  # known by what it was made from
+    if given is not None:  # identified by its inputs
         digest.update(f"given {given}".encode())
     elif isinstance(value, np.ndarray):
         digest.update(f"array {value.dtype.str} {value.shape}".encode())
         digest.update(np.ascontiguousarray(value).tobytes())
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        # a texture may be in many materials: its bytes count once
+        # many materials may share a texture: its bytes are hashed once
         if id(value) not in seen:
             inner = hashlib.sha256(type(value).__name__.encode())
             for field in dataclasses.fields(value):

@@ -1,7 +1,7 @@
-"""Image files in and out (the only importer of OpenImageIO).
+"""Reading and writing of image files (the only importer of OpenImageIO).
 
-The camera's parameters and pose travel inside, as one JSON text in ImageDescription, which every
-format here can hold.
+The camera's parameters and pose are stored in the file as one JSON text in ImageDescription, which
+every format here supports.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from omnisim.core.version import __version__
 EIGHT_BIT_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FLOAT_SUFFIXES = (".exr",)
 METADATA_KEY = "ImageDescription"
-# On a mirror's image JPEG artifacts at edges would be mistaken for the camera's: keep them low.
+# In a mirror's image, JPEG artifacts at edges could be mistaken for the camera's: keep them low.
 JPEG_QUALITY, _JPEG_SUBSAMPLING = 95, "4:4:4"
-_PNG_LEVEL = 4  # half the time of the usual 6, for a file 4 % larger
+_PNG_LEVEL = 4  # half the time of the default 6, for a file 4 % larger
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_NO_DATE = ""  # OpenEXR's writer would put the time of day in: equal data are equal bytes
-_MAX_EXACT = 1 << 24  # whole numbers that a float32 holds
-# Longer metadata ends the process in JPEG's writer, and TIFF's reader does not find it.
+_NO_DATE = ""  # OpenEXR's writer would add the time of day: equal data must give equal bytes
+_MAX_EXACT = 1 << 24  # largest integer up to which float32 is exact
+# Longer metadata crashes JPEG's writer, and TIFF's reader does not find it.
 _MAX_TEXT, _SHORT_TEXTS = 65_000, (".jpg", ".jpeg", ".tif", ".tiff")
 _QUIET = threading.RLock()  # held while standard error is discarded
 _KINDS = {
@@ -41,14 +41,14 @@ _KINDS = {
 }  # fmt: skip
 
 Attributes = Mapping[str, str | int | float]
-Metadata = Mapping[str, Any]  # as JSON can hold it
+Metadata = Mapping[str, Any]  # representable in JSON
 
 
 def is_float_format(path: Path) -> bool:
-    """Tell linear float formats from 8-bit ones, by the suffix.
+    """True for linear float formats, False for 8-bit formats, by the suffix.
 
     Raises:
-        OutputError: the suffix is of no format that omnisim writes.
+        OutputError: omnisim cannot write a format with this suffix.
     """
     suffix = path.suffix.lower()
     if suffix not in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
@@ -65,11 +65,11 @@ def write_image(
 ) -> None:
     """Write an image (height, width, 3 or 4): uint8 sRGB, or float32 linear for EXR.
 
-    A fourth channel is alpha; JPEG, which has none, leaves it out. Equal images make equal bytes.
+    A fourth channel is alpha; JPEG has none and drops it. Equal images give equal bytes.
 
     Raises:
-        OutputError: an unknown format, pixels that do not suit it, or a file that cannot be
-            written; nothing is left under `path` then.
+        OutputError: the format is unknown, the pixels do not suit it, or the file cannot be
+            written; then `path` is not created.
     """
     data = image_bytes(path, pixels, metadata, jpeg_quality)
     check_target(path)
@@ -82,10 +82,10 @@ def image_bytes(
     metadata: Metadata | None = None,
     jpeg_quality: int = JPEG_QUALITY,
 ) -> bytes:
-    """Contents of the file that `write_image` writes under `path`, whose suffix is its format.
+    """Bytes of the file that `write_image` writes to `path`, whose suffix sets the format.
 
     Raises:
-        OutputError: an unknown format, or pixels or metadata that do not suit it.
+        OutputError: the format is unknown, or the pixels or metadata do not suit it.
     """
     is_float = is_float_format(path)
     kind = "float32" if is_float else "uint8"
@@ -110,10 +110,10 @@ def image_bytes(
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """An image (height, width, 3 or 4) uint8 sRGB as the bytes of a PNG file.
+    """Encode an image (height, width, 3 or 4) uint8 sRGB as PNG.
 
     Raises:
-        OutputError: pixels of another kind.
+        OutputError: the pixels are of another kind.
     """
     if pixels.dtype != np.uint8 or pixels.ndim != 3:
         raise OutputError(f"PNG: expected (height, width, 3) uint8, got {pixels.shape}")
@@ -127,21 +127,21 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
 def write_numbers(
     path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: Metadata | None = None
 ) -> None:
-    """Write whole numbers, not colors, (height, width) or (height, width, n) as a PNG file.
+    """Write integers that are not colors, (height, width) or (height, width, n), as a PNG file.
 
     Args:
-        path: with the suffix .png.
-        numbers: 8 or 16 bits each.
-        metadata: omnisim's own, as `write_image` has it.
+        path: file with the suffix .png.
+        numbers: integers of 8 or 16 bits.
+        metadata: omnisim's metadata, as in `write_image`.
 
     Raises:
-        OutputError: another suffix, or a file that cannot be written.
+        OutputError: the suffix is wrong, or the file cannot be written.
     """
     check_suffix(path, ".png")
     check_target(path)
     channels = numbers.reshape(*numbers.shape[:2], -1)
     attributes: dict[str, str | int | float] = {"png:compressionLevel": _PNG_LEVEL}
-    if channels.shape[2] == 4:  # the fourth is no alpha that the others were multiplied with
+    if channels.shape[2] == 4:  # the fourth is not an alpha by which the others were multiplied
         attributes["oiio:UnassociatedAlpha"] = 1
     _write(path, channels, attributes, metadata)
 
@@ -150,9 +150,9 @@ class ExrData(NamedTuple):
     """Contents of an EXR file of data.
 
     Attributes:
-        values: (height, width) float32 under each channel's name.
-        metadata: omnisim's own; None where the file has none.
-        attributes: other attributes of the file that are words or numbers.
+        values: (height, width) float32 arrays by channel name.
+        metadata: omnisim's metadata; None if the file has none.
+        attributes: other attributes of the file that are strings or numbers.
     """
 
     values: dict[str, NDArray[np.float32]]
@@ -166,19 +166,19 @@ def write_channels(
     metadata: Metadata | None = None,
     attributes: Attributes | None = None,
 ) -> None:
-    """Write data, not an image, as 32-bit floats of an EXR file, losslessly compressed.
+    """Write data, not an image, as 32-bit floats to an EXR file with lossless compression.
 
     Args:
-        path: with the suffix .exr.
-        channels: (height, width) arrays under their names, "Z" or "direction.X"; booleans become
-            0 and 1, whole numbers have to be exact as floats. Infinities are kept.
-        metadata: omnisim's own, as `write_image` has it.
-        attributes: of the file, as other programs name them.
+        path: file with the suffix .exr.
+        channels: (height, width) arrays by name, such as "Z" or "direction.X". Booleans become 0
+            and 1; integers must be exact as floats. Infinities are kept.
+        metadata: omnisim's metadata, as in `write_image`.
+        attributes: file attributes under the names that other programs use.
 
     Raises:
-        OutputError: another suffix, no channels, arrays of different shapes or with numbers that
-            a float32 does not hold, or a file that cannot be written; nothing is left under
-            `path` then.
+        OutputError: the suffix is wrong, there are no channels, arrays differ in shape or hold
+            numbers that float32 cannot represent, or the file cannot be written; then `path` is not
+            created.
     """
     check_suffix(path, ".exr")
     check_target(path)
@@ -203,24 +203,24 @@ def read_channels(path: Path) -> ExrData:
     """Read an EXR file of data; the first row is at the top.
 
     Raises:
-        OutputError: the file is missing or not one.
+        OutputError: the file is missing or not an EXR.
     """
     spec, pixels = _read(path, oiio.FLOAT)
     with _utf8_header(path):
-        found = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+        attributes = {attribute.name: attribute.value for attribute in spec.extra_attribs}
         names = tuple(spec.channelnames)
-    text = found.pop(METADATA_KEY, None)
+    text = attributes.pop(METADATA_KEY, None)
     return ExrData(
         {name: np.ascontiguousarray(pixels[..., at]) for at, name in enumerate(names)},
         _parse_metadata(text),
-        {key: value for key, value in found.items() if isinstance(value, str | int | float)},
+        {key: value for key, value in attributes.items() if isinstance(value, str | int | float)},
     )
 
 
 def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
-    """Return an image's pixels (height, width, channels), as stored, and omnisim's metadata.
+    """Read an image's stored pixels (height, width, channels), and omnisim's metadata.
 
-    The metadata is None where the image has none of ours.
+    The metadata is None if the image has none from omnisim.
 
     Raises:
         OutputError: the file is missing or not an image.
@@ -234,7 +234,7 @@ def read_radiance(path: Path) -> NDArray[np.float32]:
     """Read the linear RGB (height, width, 3) of a float image, such as .hdr and .exr.
 
     Raises:
-        OutputError: the file is missing, not an image, or has less than three channels.
+        OutputError: the file is missing, not an image, or has fewer than three channels.
     """
     spec, pixels = _read(path, oiio.FLOAT)
     with _utf8_header(path):
@@ -246,10 +246,11 @@ def read_radiance(path: Path) -> NDArray[np.float32]:
 
 
 def write_radiance(path: Path, pixels: NDArray[np.float16]) -> None:
-    """Write linear RGB (height, width, 3) as half floats of an EXR file, losslessly compressed.
+    """Write linear RGB (height, width, 3) as half floats to an EXR file with lossless compression.
 
     Raises:
-        OutputError: another suffix, pixels of another kind, or a file that cannot be written.
+        OutputError: the suffix is wrong, the pixels are of another kind, or the file cannot be
+            written.
     """
     check_suffix(path, ".exr")
     if pixels.dtype != np.float16 or pixels.ndim != 3 or pixels.shape[2] != 3:
@@ -266,12 +267,12 @@ def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> N
     """Encode an image (height, width, 3) sRGB as JPEG, and decode it again.
 
     Args:
-        pixels: the image.
-        quality: 1 to 100, as libjpeg counts.
+        pixels: sRGB image.
+        quality: 1 to 100, on libjpeg's scale.
         subsampling: "4:4:4", "4:2:2" or "4:2:0".
 
     Raises:
-        OutputError: it cannot be encoded.
+        OutputError: the image cannot be encoded.
     """
     data = _encode(Path("camera.jpg"), pixels, _jpeg_attributes(quality, subsampling))
     with _memory_file() as (memory, path):
@@ -310,10 +311,10 @@ def _encode(
     attributes: Attributes,
     channel_names: tuple[str, ...] = (),
 ) -> bytes:
-    """Encode a file (height, width, channels) into memory.
+    """Encode an image (height, width, channels) as a file in memory.
 
-    Some of OpenImageIO's writers do not notice a full disk, and one ends the process. So none of
-    them ever sees a disk: they write to memory, and the bytes are written by us.
+    Some of OpenImageIO's writers do not notice a full disk, and one crashes the process. They
+    therefore write only to memory, and omnisim writes the bytes to disk.
     """
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, _KINDS[pixels.dtype.name])
@@ -335,7 +336,7 @@ def _encode(
 
 @contextmanager
 def _memory_file() -> Iterator[tuple[int, Path]]:
-    """A file in memory: its descriptor, and a path for libraries that want one."""
+    """Create a file in memory: its descriptor, and a path for libraries that need one."""
     memory = os.memfd_create("omnisim image")
     try:
         yield memory, Path(f"/proc/self/fd/{memory}")
@@ -367,7 +368,7 @@ def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec
 
 @contextmanager
 def _utf8_header(path: Path) -> Iterator[None]:
-    """Refuse a header that is not UTF-8, whose words are also in OpenImageIO's messages."""
+    """Reject a header that is not UTF-8, because OpenImageIO quotes it in messages."""
     try:
         yield
     except UnicodeDecodeError:
@@ -376,11 +377,11 @@ def _utf8_header(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Discard standard error, of the process and for some milliseconds: libpng prints to it."""
+    """Discard the process's standard error for some milliseconds, because libpng prints to it."""
     with _QUIET:
         try:
             kept = os.dup(2)
-        except OSError:  # there is none
+        except OSError:  # there is no standard error
             yield
             return
         try:
@@ -394,15 +395,15 @@ def _quiet() -> Iterator[None]:
 
 
 def _check_png(path: Path) -> None:
-    """Refuse a damaged PNG file: libpng reads it without the parts that are, such as metadata."""
+    """Reject a damaged PNG file: libpng would skip damaged blocks, such as metadata."""
     try:
         data = path.read_bytes() if path.suffix.lower() == ".png" else b""
     except OSError:
-        return  # OpenImageIO says why
+        return  # OpenImageIO reports the reason
     if not data.startswith(_PNG_SIGNATURE):
         return
     start, kind = len(_PNG_SIGNATURE), b""
-    while kind != b"IEND":  # its parts: length, kind, contents, checksum of kind and contents
+    while kind != b"IEND":  # blocks: length, kind, contents, checksum of kind and contents
         kind = data[start + 4 : start + 8]
         end = start + 8 + int.from_bytes(data[start : start + 4], "big")
         checksum = data[end : end + 4]
@@ -417,7 +418,7 @@ def _parse_metadata(text: object) -> dict[str, Any] | None:
     try:
         metadata = json.loads(text) if isinstance(text, str) else None
     except (json.JSONDecodeError, RecursionError):
-        return None  # somebody else's description
+        return None  # another program's description
     return metadata if isinstance(metadata, dict) else None
 
 

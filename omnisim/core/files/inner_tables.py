@@ -1,4 +1,4 @@
-"""Tables that the keys of a table hold, by the annotations of its schema."""
+"""Tables nested in the keys of a table, by the annotations of its schema."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pydantic
 
 
 class InnerTable(NamedTuple):
-    """Table that a key holds.
+    """Nested table of a key.
 
     Attributes:
-        model: its schema.
-        is_list: the key holds a list of them.
+        model: schema of the nested table.
+        is_list: True if the key holds a list of such tables.
     """
 
     model: type[pydantic.BaseModel]
@@ -21,19 +21,19 @@ class InnerTable(NamedTuple):
 
 
 def table_in(annotation: Any) -> InnerTable | None:
-    """The table that a key holds, or None."""
+    """Nested table of a key, or None."""
     if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
         return InnerTable(annotation, False)
     is_list = get_origin(annotation) in (tuple, list)
     for part in get_args(annotation):
-        found = table_in(part)
-        if found is not None:
-            return InnerTable(found.model, is_list or found.is_list)
+        table = table_in(part)
+        if table is not None:
+            return InnerTable(table.model, is_list or table.is_list)
     return None
 
 
 def headers_with(model: type[pydantic.BaseModel], key: str, path: str = "") -> Iterator[str]:
-    """Headers of the tables below a table that have a key, such as `[light]` and `[[lamps]]`."""
+    """Headers of nested tables that have a key, such as `[light]` and `[[lamps]]`."""
     for name, field in model.model_fields.items():
         inner = table_in(field.annotation)
         if inner is None:

@@ -1,4 +1,4 @@
-"""NumPy archives (.npz) of others: plain arrays, or an error of one line."""
+"""Reading of external NumPy archives (.npz): plain arrays, or a one-line error."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ def read_arrays(
     expected: str,
     names: Collection[str] | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """Read all arrays of an archive, or those of some names that it has; nothing is unpickled.
+    """Read all arrays of an archive, or those in `names` that it has; nothing is unpickled.
 
     Args:
-        path: of the archive.
-        error: to raise.
-        kind: of archive, for messages.
-        expected: of the file, likewise.
-        names: of the arrays; None: all.
+        path: archive file.
+        error: exception class to raise.
+        kind: kind of archive, for messages.
+        expected: expected content, for messages.
+        names: array names; None: all.
 
     Raises:
-        error: it cannot be read, or is no archive.
+        error: the file cannot be read, or is not an archive.
     """
     note_file(path)
     try:
@@ -42,10 +42,10 @@ def read_arrays(
             )
             arrays = {name: stored[name] for name in wanted}
     except OSError as reason:
-        words = reason.strerror or f"not a {kind}"
-        raise error(f"{path}: cannot be read: {words}: {expected}") from None
-    except Exception:  # NumPy and zipfile raise all kinds of a damaged file
+        message = reason.strerror or f"not a {kind}"
+        raise error(f"{path}: cannot be read: {message}: {expected}") from None
+    except Exception:  # NumPy and zipfile raise many exceptions for a damaged file
         raise error(f"{path}: is no {kind}: {expected}") from None
-    if not all(isinstance(one, np.ndarray) for one in arrays.values()):  # bytes of something else
+    if not all(isinstance(one, np.ndarray) for one in arrays.values()):  # bytes of another file
         raise error(f"{path}: is no {kind}: {expected}")
     return arrays

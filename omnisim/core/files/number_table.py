@@ -1,4 +1,4 @@
-"""Tables of numbers: CSV with nine digits, written block by block."""
+"""Tables of numbers: CSV with nine digits, written in blocks."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from omnisim.core.files.atomic_file import atomic_write
 
-BLOCK = 10_000  # rows at a time, which bounds memory
+BLOCK = 10_000  # rows per block, which bounds memory
 
 
 def write_table(path: Path, columns: str, blocks: Iterable[NDArray[np.float64]]) -> None:
-    """Write blocks (n, columns) below each other: all of them, or nothing.
+    """Write blocks (n, columns) one below the other, atomically.
 
     Raises:
         OutputError: the file cannot be written.

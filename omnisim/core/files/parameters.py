@@ -1,21 +1,21 @@
-"""Parameters, checked alike in files and in Python by their annotations.
+"""Parameters that are validated by their annotations, equally in files and in Python.
 
-A `Table` is a table of a file, which `parse_table` checks. `Parameters` is the base of frozen
-dataclasses that check themselves when they are made:
+A `Table` is a table in a file, validated by `parse_table`. `Parameters` is the base of frozen
+dataclasses that validate themselves on construction:
 
     @dataclass(frozen=True)
     class LaserScanner(Parameters, name="scanner"):
         range_min_m: NotNegative = 0.1
         range_max_m: Positive = 8.19
 
-        def _check(self) -> None:  # what single annotations cannot say
+        def _check(self) -> None:  # rules that single annotations cannot express
             if not self.range_min_m < self.range_max_m:
                 raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
 
     LaserScanner(range_min_m=-1)  # OpticsError: scanner.range_min_m: expected a number ≥ 0, got -1
     parse_table(read, table_of(LaserScanner), SensorFileError, "my.toml")  # my.toml: range_min_m: …
 
-A subclass inherits the name that messages begin with, and extends `_check` by `super()._check()`.
+A subclass inherits the prefix of messages, and extends `_check` through `super()._check()`.
 Numbers are stored as floats and lists as tuples.
 """  # fmt: skip
 
@@ -32,10 +32,10 @@ from pydantic import Field
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.files.table_faults import MIN_POSITIVE, fault_line
 
-MAX_NUMBER = 1e9  # products and quotients of a few stay within float32, as on the GPU
+MAX_NUMBER = 1e9  # products and quotients of a few such numbers fit in float32, as on the GPU
 
-Number = Annotated[float, Field(strict=True)]  # no "11", no true; whole numbers are fine
-IntOrFloat = pydantic.StrictInt | pydantic.StrictFloat  # a number as it was written
+Number = Annotated[float, Field(strict=True)]  # rejects "11" and true; integers are accepted
+IntOrFloat = pydantic.StrictInt | pydantic.StrictFloat  # keeps the type as written
 NotNegative = Annotated[Number, Field(ge=0.0, le=MAX_NUMBER)]
 Positive = Annotated[Number, Field(ge=MIN_POSITIVE, le=MAX_NUMBER)]
 Signed = Annotated[Number, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]
@@ -47,21 +47,21 @@ Length = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Flag = Annotated[bool, Field(strict=True)]
 Name = Annotated[str, Field(min_length=1, strict=True)]
 Point = tuple[Signed, Signed, Signed]
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]  # one word of NumPy's seeds
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]  # one word of a NumPy seed
 LongSeed = Annotated[int, Field(ge=0, lt=2**63, strict=True)]
 
 
 class Table(pydantic.BaseModel):
-    """A table of a file: takes its own keys only, and cannot be changed once read."""
+    """A table in a file: accepts only its own keys, and is immutable once read."""
 
-    synonyms: ClassVar[Mapping[str, str]] = {}  # other programs' names of keys
+    synonyms: ClassVar[Mapping[str, str]] = {}  # names of keys in other programs
 
     model_config = pydantic.ConfigDict(
         extra="forbid",
         frozen=True,
         allow_inf_nan=False,
         str_strip_whitespace=True,
-        defer_build=True,  # until a file is read: of most kinds none ever is
+        defer_build=True,  # until a file is read; most kinds of tables are never needed
     )
 
 
@@ -69,10 +69,10 @@ Model = TypeVar("Model", bound=pydantic.BaseModel)
 
 
 class Parameters:
-    """Base of frozen dataclasses that check their fields against their annotations.
+    """Base of frozen dataclasses that validate their fields against the annotations.
 
     Raises:
-        OpticsError: one line for each fault, naming the key, what was expected and what was got.
+        OpticsError: one line per error, naming the key, the expected value and the actual one.
     """
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
@@ -90,7 +90,7 @@ class Parameters:
         self._check()
 
     def _check(self) -> None:
-        """Refuse values that do not fit each other."""
+        """Reject values that do not fit each other."""
 
     def _error(self, key: str, expected: str) -> OpticsError:
         value = getattr(self, key)
@@ -99,7 +99,7 @@ class Parameters:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy's scalars as Python's numbers, alone or in a list or tuple."""
+    """Convert NumPy scalars to Python numbers, also within a list or tuple."""
     if isinstance(value, np.generic):
         return value.item()
     return tuple(map(_plain, value)) if isinstance(value, list | tuple) else value
@@ -109,7 +109,7 @@ _TABLES: dict[type[Parameters], type[Table]] = {}
 
 
 def table_of(kind: type[Parameters]) -> type[Table]:
-    """The table of a file with the fields of a parameter class, without its `_check`."""
+    """Schema of a file's table with the fields of a parameter class, without its `_check`."""
     if kind not in _TABLES:
         _TABLES[kind] = _make_table(kind)
     return _TABLES[kind]
@@ -125,7 +125,7 @@ def _make_table(kind: type[Parameters]) -> type[Table]:
 
 
 def described(expected: str) -> pydantic.WrapValidator:
-    """One message for all faults of a union, such as `Literal["auto"] | Number`."""
+    """Validator with one message for all errors of a union, such as `Literal["auto"] | Number`."""
 
     def check(value: Any, parse: pydantic.ValidatorFunctionWrapHandler) -> Any:
         try:
@@ -143,17 +143,17 @@ def parse_table(
     source: str = "",
     at: str = "",
 ) -> Model:
-    """Check `data` against `model`.
+    """Validate `data` against `model`.
 
     Args:
         data: keys and values.
-        model: what they are checked against.
-        error: raised where they do not fit.
-        source: names the file in messages.
+        model: schema.
+        error: exception class to raise for invalid data.
+        source: file name, for messages.
         at: key of the table in its file; empty: the file itself.
 
     Raises:
-        error: one line for each fault.
+        error: one line per error in the data.
     """
     try:
         return model.model_validate(data)
@@ -164,7 +164,7 @@ def parse_table(
         "\n".join(
             (f"{source}: " if source else "") + fault_line(fault, model, at)
             for fault in faults
-            # faulty items of a list do not count as items
+            # invalid items of a list are not counted as items
             if not (fault["type"] == "too_short" and _has_inner(keys, fault["loc"]))
         )
     )

@@ -1,7 +1,7 @@
-"""Files that something is made from, recorded while they are read: its identity on any machine.
+"""Record of the input files that are read: identifies a result on any machine.
 
-Computed numbers differ in their last bit between processors, so identity is a digest of what was
-given: bytes of files, keys and values of tables, options.
+The last bits of computed numbers differ between processors. Identity is therefore a digest of the
+inputs: bytes of files, keys and values of tables, options.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-VERSION = 1  # of what is recorded: another one makes other digests
+VERSION = 1  # of the record; a new version gives new digests
 
 
 class Sources:
@@ -26,19 +26,19 @@ class Sources:
     def digest(self, root: Path) -> str:
         """SHA-256 (64 hexadecimal digits) of all files, by their paths relative to a folder.
 
-        A file outside of the folder counts by the names of itself and of its own folder: where
-        this machine keeps it makes no difference.
+        A file outside the folder is identified by its own name and its folder's name, so its
+        location on the machine does not matter.
         """
         root = root.absolute()
         files = sorted((_label(path, root), digest) for path, digest in self._digests.items())
         return source_digest(VERSION, files)
 
     def add(self, path: Path, digest: str) -> None:
-        """Add a file; the first digest of a path counts."""
+        """Add a file; only the first digest of a path counts."""
         self._digests.setdefault(path.absolute(), digest)
 
     def update(self, other: Sources) -> None:
-        """Add the files of others."""
+        """Add the files of another record."""
         for path, digest in other._digests.items():
             self.add(path, digest)
 
@@ -48,7 +48,7 @@ _recorder: ContextVar[Sources | None] = ContextVar("recorder", default=None)
 
 @contextmanager
 def recorded_sources() -> Iterator[Sources]:
-    """Record the files that are read within the block; an outer block records them, too."""
+    """Record the files that are read within the block; an enclosing block records them, too."""
     sources, outer = Sources(), _recorder.get()
     token = _recorder.set(sources)
     try:
@@ -63,7 +63,7 @@ def read_source(path: Path) -> bytes:
     """Read a file, and record it.
 
     Raises:
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     data = path.read_bytes()
     note_bytes(path, data)
@@ -71,20 +71,20 @@ def read_source(path: Path) -> bytes:
 
 
 def note_bytes(path: Path, data: bytes) -> None:
-    """Record a file by its content."""
+    """Record a file with the given content."""
     recorder = _recorder.get()
     if recorder is not None:
         recorder.add(path, hashlib.sha256(data).hexdigest())
 
 
 def note_file(path: Path) -> None:
-    """Record a file that a library reads by itself; nothing where it cannot be read."""
+    """Record a file that a library reads itself; does nothing if it cannot be read."""
     recorder = _recorder.get()
     if recorder is not None:
         try:
             with path.open("rb") as file:
                 recorder.add(path, hashlib.file_digest(file, "sha256").hexdigest())
-        except OSError:  # which its reader reports
+        except OSError:  # the library reports it
             return
 
 
@@ -96,14 +96,14 @@ def note_sources(sources: Sources) -> None:
 
 
 def note_table(path: Path, table: Mapping[str, Any]) -> None:
-    """Record a file of keys and values: its comments and layout count for nothing."""
+    """Record a file of keys and values; comments and layout do not count."""
     recorder = _recorder.get()
     if recorder is not None:
         recorder.add(path, source_digest(table))
 
 
 def source_digest(*parts: Any) -> str:
-    """SHA-256 (64 hexadecimal digits) of plain values, in the types of JSON and TOML."""
+    """SHA-256 (64 hexadecimal digits) of plain values of JSON and TOML types."""
     text = json.dumps(parts, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 

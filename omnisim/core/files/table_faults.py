@@ -1,4 +1,4 @@
-"""Faults of tables in the words of this project, instead of pydantic's."""
+"""Messages about invalid tables, in omnisim's words instead of pydantic's."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pydantic_core import ErrorDetails
 from omnisim.core.errors import did_you_mean
 from omnisim.core.files.inner_tables import headers_with, table_in
 
-MIN_POSITIVE = 1e-9  # of positive numbers: stands for 0
-_MAX_HEADERS = 3  # of tables that have a key; more are no hint
+MIN_POSITIVE = 1e-9  # lower limit of positive numbers: stands for 0
+_MAX_HEADERS = 3  # number of tables with a key; more are no useful hint
 _RELATIONS = {
     "greater_than": ("a number >", "gt"),
     "greater_than_equal": ("a number ≥", "ge"),
@@ -30,10 +30,10 @@ _KINDS = {
 
 
 def fault_line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> str:
-    """Line for a fault: key, what was expected, and what was got.
+    """Message line for an error: key, expected value and actual value.
 
     Args:
-        fault: of pydantic.
+        fault: error reported by pydantic.
         model: schema of the table.
         at: key of the table in its file; empty: the file itself.
     """
@@ -50,7 +50,7 @@ def fault_line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) ->
 
 
 def _hint(model: type[pydantic.BaseModel], names: list[str]) -> str:
-    """Table that has an unknown key, else the nearest key of its own table."""
+    """Hint at a table that has an unknown key, else at the nearest key of its own table."""
     table = _table_at(model, names[:-1])
     known = list(table.model_fields) if table else []
     word = getattr(table, "synonyms", {}).get(names[-1], names[-1])
@@ -72,7 +72,7 @@ def _hint(model: type[pydantic.BaseModel], names: list[str]) -> str:
 def _expected(
     fault: ErrorDetails, model: type[pydantic.BaseModel], names: list[str], key: str
 ) -> str:
-    """Expected value of a fault; empty: the message says all."""
+    """Expected value in a message; empty if the message is complete without it."""
     kind, message = fault["type"], fault["msg"].removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):
         is_item = bool(names) and names[-1].isdecimal()
@@ -86,9 +86,9 @@ def _expected(
             else ("a list of numbers, [x, y, z]")
         )
     if kind in _RELATIONS:
-        words, name = _RELATIONS[kind]
+        relation, name = _RELATIONS[kind]
         limit = fault["ctx"][name]
-        return "a number > 0" if limit == MIN_POSITIVE else f"{words} {limit:g}"
+        return "a number > 0" if limit == MIN_POSITIVE else f"{relation} {limit:g}"
     if kind in _KINDS:
         return _KINDS[kind]
     begin = r"^(expected|Input should be|(String|Tuple) should have) "
@@ -99,9 +99,9 @@ def _expected(
 
 
 def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydantic.BaseModel] | None:
-    """The table that `names` leads to; None where it cannot be followed."""
+    """Schema of the table at the path `names`, or None if the path cannot be followed."""
     for name in names:
-        if name.isdecimal():  # an index into a list of tables
+        if name.isdecimal():  # index into a list of tables
             continue
         field = model.model_fields.get(name)
         inner = table_in(field.annotation) if field else None
@@ -112,14 +112,14 @@ def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydanti
 
 
 def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
-    """Tell whether `names` leads to a list of tables, whose own keys may be open."""
+    """True if `names` is the path of a list of tables, which may allow any keys."""
     field = model.model_fields.get(names[-1]) if len(names) == 1 else None
     is_open = field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
     return is_open or _table_at(model, names) is not None
 
 
 def _holds_words(model: type[pydantic.BaseModel], names: list[str]) -> bool:
-    """Tell whether `names` leads to a list of words."""
+    """True if `names` is the path of a list of strings."""
     table = _table_at(model, names[:-1])
     field = table.model_fields.get(names[-1]) if table else None
     return field is not None and _are_words(field.annotation)

@@ -1,4 +1,4 @@
-"""TOML files as checked tables, with errors that name file, key, value and what was expected."""
+"""TOML files as validated tables; errors name file, key, value and the expected value."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ from omnisim.core.files.sources import note_table
 
 
 def read_toml(path: Path, model: type[Model], error: type[OmnisimError]) -> Model:
-    """Read `path` as `model`.
+    """Read `path` and validate it against `model`.
 
     Raises:
-        error: the file cannot be read, is not TOML, or does not fit the model; one line for each
-            fault.
+        error: the file cannot be read, is not TOML, or does not fit the model; one line per error.
     """
     return parse_table(read_tables(path, error), model, error, str(path))
 
 
 def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
-    """Read all tables of `path`, unchecked.
+    """Read all tables of `path` without validation.
 
     Raises:
         error: the file cannot be read, or is not TOML.
@@ -47,15 +46,15 @@ def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
 
 
 def find_beside(folder: Path, name: str, key: str, error: type[OmnisimError]) -> Path:
-    """Find a file that a TOML names; `key` names file and key in messages.
+    """Find a file named in a TOML file; `key` names file and key in messages.
 
     Raises:
-        error: it is not there, or cannot be read.
+        error: the file is missing, or cannot be read.
     """
     path = folder / name
     try:
         is_there = path.is_file()
-    except OSError as reason:  # a name too long, a folder without permission
+    except OSError as reason:  # the name is too long, or permission is missing
         raise error(f"{key} = {name!r}: cannot be read: {reason.strerror}") from None
     if not is_there:
         raise error(f"{key} = {name!r}: no such file beside it")
@@ -63,7 +62,7 @@ def find_beside(folder: Path, name: str, key: str, error: type[OmnisimError]) ->
 
 
 class Comment(str):
-    """Comment among the values of a table to write; its key does not matter."""
+    """Comment among the values of a table to write; its key is ignored."""
 
     __slots__ = ()
 
@@ -73,11 +72,11 @@ _CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
 def toml_text(table: Mapping[str, Any], path: str = "") -> str:
-    """Table as TOML: its values first, then its tables and lists of tables.
+    """Table as TOML text: values first, then nested tables and lists of tables.
 
     Args:
-        table: words, numbers, booleans, lists, tables and comments; None leaves a key out.
-        path: of the table in its file.
+        table: strings, numbers, booleans, lists, tables and comments; a key with None is left out.
+        path: path of the table in its file.
     """
     given = {key: value for key, value in table.items() if value is not None}
     inner = {key: value for key, value in given.items() if _tables_in(value)}

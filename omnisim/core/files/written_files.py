@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def is_written(path: Path) -> bool:
-    """A file is there and not empty."""
+    """True if a file exists and is not empty."""
     try:
         return path.stat().st_size > 0
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Trajectories: poses by time, and their files."""
+"""Trajectories: poses over time, and their files."""
 
 from omnisim.core.trajectories.trajectory import Trajectory, check_continuous
 from omnisim.core.trajectories.trajectory_files import (

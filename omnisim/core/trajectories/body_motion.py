@@ -1,8 +1,8 @@
-"""Motion of a body: where it is at any time, and how fast it moves and turns there.
+"""Motion of a body: its pose, velocity and angular rate at any time.
 
-All that a robot carries asks one motion: images, their shutters, lidars, IMUs, odometry and
-ground truth. Where a plan made the drive it is the plan (`omnisim.robots.planned_motion`); else a
-spline through poses (`spline_motion`).
+All sensors of a robot use the same motion: images and their shutters, lidars, IMUs, odometry and
+ground truth. If a plan made the drive, the plan is the motion (`omnisim.robots.planned_motion`);
+otherwise it is a spline through poses (`spline_motion`).
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 
 class MotionStates(NamedTuple):
-    """States of a body at some times.
+    """States of a body at given times.
 
     Attributes:
-        world_from_base: (n, 4, 4).
-        velocity_mps: (n, 3) of the base's origin, world.
-        acceleration_mps2: (n, 3) of the base's origin, world; where it jumps, that of one side.
-        angular_rate_radps: (n, 3), base.
+        world_from_base: (n, 4, 4) poses.
+        velocity_mps: (n, 3) velocity of the base's origin, world.
+        acceleration_mps2: (n, 3) acceleration of the base's origin, world; one-sided where it
+            jumps.
+        angular_rate_radps: (n, 3) angular rate, base.
     """
 
     world_from_base: NDArray[np.float64]
@@ -30,9 +31,9 @@ class MotionStates(NamedTuple):
     angular_rate_radps: NDArray[np.float64]
 
     def at_mount(self, base_from_mount: NDArray[np.float64]) -> MotionStates:
-        """States of a frame (4, 4) on the body.
+        """States of a frame mounted on the body at `base_from_mount` (4, 4).
 
-        Its acceleration lacks the lever arm's share, which jumps with the turn's acceleration.
+        The acceleration lacks the lever-arm part, which jumps with the angular acceleration.
         """
         lever_m = base_from_mount[:3, 3]
         swing = np.cross(self.angular_rate_radps, lever_m)
@@ -46,7 +47,7 @@ class MotionStates(NamedTuple):
 
 
 class BodyMotion(ABC):
-    """Motion of a body from its start to its end; before and after it rests.
+    """Motion of a body from start to end; before and after, the body rests.
 
     Attributes:
         start_s, end_s: first and last time.
@@ -70,4 +71,4 @@ class BodyMotion(ABC):
 
     @abstractmethod
     def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
-        """States at times (n,) from the start to the end."""
+        """States at times (n,) between start and end."""

@@ -1,7 +1,7 @@
 """Wheel odometry: distances and turns, step by step.
 
-Between two readings the robot is taken to follow an arc, with a line and a turn on the spot as
-its limits. Dead reckoning follows the same arcs, exactly.
+Between two readings the robot is assumed to follow an arc, whose limits are a straight line and a
+turn on the spot. Dead reckoning follows the same arcs exactly.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from omnisim.core.trajectories.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """Errors of wheel readings; by default none.
+    """Errors of wheel readings; zero by default.
 
-    The noise is a random walk: its variance grows with the way, so that cutting the way into more
-    steps changes nothing. All values are our assumptions: nothing is published for the
-    paper's robots.
+    The noise is a random walk: its variance grows with distance, so it does not depend on the
+    number of steps. All values are assumptions of omnisim: nothing is published for the paper's
+    robots.
 
     Attributes:
-        distance_scale: distance reported for a meter driven (wheels worn smaller: above 1).
-        turn_scale: turn reported for a radian turned. Wheels that skid sideways turn more than the
-            robot does: above 1 on skid steering, by what its calibration has left.
-        drift_radpm: turn reported for each meter driven straight (wheels of unequal size).
-        distance_noise_m_per_sqrt_m: sigma of the distance after 1 m.
-        turn_noise_rad_per_sqrt_m: sigma of the heading after 1 m.
-        turn_noise_rad_per_sqrt_rad: sigma of the heading after a turn of 1 rad.
-        distance_tick_m, turn_tick_rad: step of the counters that are read; 0: none.
+        distance_scale: reported distance per meter driven (above 1 for worn, smaller wheels).
+        turn_scale: reported turn per radian turned. Wheels that skid sideways turn more than the
+            robot: above 1 for skid steering, by the error that calibration leaves.
+        drift_radpm: reported turn per meter driven straight (wheels of unequal size).
+        distance_noise_m_per_sqrt_m: standard deviation of the distance after 1 m.
+        turn_noise_rad_per_sqrt_m: standard deviation of the heading after 1 m.
+        turn_noise_rad_per_sqrt_rad: standard deviation of the heading after a turn of 1 rad.
+        distance_tick_m, turn_tick_rad: resolution of the counters; 0: unlimited.
 
     Raises:
-        TrajectoryError: a value that is not finite, a scale that is not above 0, or a noise or a
-            tick below 0.
+        TrajectoryError: a value is not finite, a scale is not above 0, or a noise or a tick is
+            below 0.
     """
 
     distance_scale: float = 1.0
@@ -53,7 +53,7 @@ class OdometryErrors:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not abs(value) <= 1e3:  # false for NaN, too
+            if not abs(value) <= 1e3:  # also rejects NaN
                 raise TrajectoryError(
                     f"{field.name} = {value}: expected a finite number up to 1000"
                 )
@@ -67,16 +67,16 @@ class OdometryErrors:
 
 @dataclass(frozen=True, eq=False)
 class Odometry:
-    """Readings, and the pose that they are counted from.
+    """Wheel readings, and the pose at the first reading.
 
     Attributes:
-        times_s: (n,) of the readings.
-        distances_m: (n − 1,) along the arc from each reading to the next, negative backwards.
-        turns_rad: (n − 1,) turns along with them; a whole turn and more are possible.
+        times_s: (n,) times of the readings.
+        distances_m: (n − 1,) arc lengths between successive readings, negative backwards.
+        turns_rad: (n − 1,) turns between successive readings; may exceed a full turn.
         start: x and y in meters and yaw in radians at the first reading.
 
     Raises:
-        TrajectoryError: shapes that do not match, or values that are not finite.
+        TrajectoryError: shapes do not match, or values are not finite.
     """
 
     times_s: NDArray[np.float64]
@@ -120,7 +120,7 @@ class Odometry:
         """Trajectory by dead reckoning: level, at z = 0.
 
         Raises:
-            TrajectoryError: times that do not increase.
+            TrajectoryError: times do not increase.
         """
         poses = self.planar_poses
         return Trajectory.on_ground(self.times_s, poses[:, :2], poses[:, 2])
@@ -129,11 +129,11 @@ class Odometry:
 def wheel_readings(truth: Trajectory) -> Odometry:
     """Readings of perfect wheels.
 
-    Each step is taken as an arc; what of it is sideways, no wheel sees. A trajectory whose steps
-    are arcs, lines and turns on the spot is given back by dead reckoning, to rounding.
+    Each step is approximated by an arc; wheels do not measure sideways motion. Dead reckoning
+    restores, up to rounding, a trajectory whose steps are arcs, lines and turns on the spot.
 
     Args:
-        truth: of which x, y and yaw count.
+        truth: true trajectory; only x, y and yaw are used.
     """
     yaw = truth.yaw_rad
     turns = wrap_angles(np.diff(yaw))
@@ -147,27 +147,27 @@ def wheel_readings(truth: Trajectory) -> Odometry:
 def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> Odometry:
     """Simulate wheel readings along a trajectory.
 
-    The noise is NumPy's PCG64, seeded by SeedSequence(seed): two normal numbers a step, in order,
-    so that a longer trajectory begins with the readings of a shorter one. They are scaled by +, −,
-    ×, ÷ and a square root, which IEEE 754 rounds alike everywhere; only the truth's own steps pass
-    through sine, cosine and arctangent, whose last bit may differ between machines.
+    The noise is NumPy's PCG64, seeded by SeedSequence(seed), with two normal numbers per step, in
+    order. A longer trajectory therefore begins with the readings of a shorter one. The numbers are
+    scaled by +, −, ×, ÷ and a square root, which IEEE 754 rounds identically everywhere. Only the
+    true steps pass through sine, cosine and arctangent, whose last bit may differ between machines.
 
     Args:
-        truth: of which x, y and yaw count.
-        errors: of the wheels.
+        truth: true trajectory; only x, y and yaw are used.
+        errors: errors of the wheels.
         seed: 0 or above.
 
     Raises:
-        TrajectoryError: a negative seed.
+        TrajectoryError: the seed is negative.
     """
     return with_errors(wheel_readings(truth), errors, seed)
 
 
 def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
-    """Add the errors of the wheels to readings, as `simulate_odometry` does.
+    """Add wheel errors to readings, as `simulate_odometry` does.
 
     Raises:
-        TrajectoryError: a negative seed.
+        TrajectoryError: the seed is negative.
     """
     if seed < 0:
         raise TrajectoryError(f"seed {seed}: expected 0 or above")
@@ -191,7 +191,7 @@ def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
 
 
 def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
-    """Increments (n,) as a counter has them: it is the sum that is rounded, so nothing piles up."""
+    """Quantize increments (n,) as a counter does: the sum is rounded, so errors do not add up."""
     if tick == 0.0:
         return increments
     counts = np.rint(np.cumsum(increments) / tick)
@@ -199,5 +199,5 @@ def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64
 
 
 def _chord_per_arc(turns_rad: ArrayLike) -> NDArray[np.float64]:
-    """Straight distance for each meter along arcs of given turns: sin(turn / 2) / (turn / 2)."""
+    """Chord length per meter of arc, for given turns: sin(turn / 2) / (turn / 2)."""
     return np.sinc(np.asarray(turns_rad) / (2.0 * math.pi))

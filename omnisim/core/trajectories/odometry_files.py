@@ -1,7 +1,7 @@
-"""Odometry from files and into files: a CSV of readings, and of the poses by dead reckoning.
+"""Odometry files: a CSV of readings, and of poses by dead reckoning.
 
-Columns: `t_s,distance_m,turn_rad,x_m,y_m,yaw_rad`. Distance and turn are those since the line
-before, 0 in the first one. Numbers have nine digits after the point.
+The columns are `t_s,distance_m,turn_rad,x_m,y_m,yaw_rad`. Distance and turn are counted from the
+previous line, and are 0 in the first. Numbers have nine digits after the point.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.trajectory_files import write_lines
 
 COLUMNS = ["t_s", "distance_m", "turn_rad", "x_m", "y_m", "yaw_rad"]
-# A line's pose must follow from the one before by its reading, but for what printing rounds.
+# A pose must follow from the previous one by the reading, up to the rounding of printed numbers.
 AGREEMENT = 1e-8
 
 
 def write_odometry(path: Path, odometry: Odometry) -> None:
-    """Write readings and dead-reckoned poses: all of them, or nothing.
+    """Write readings and dead-reckoned poses atomically.
 
     Raises:
-        TrajectoryError: times that nanoseconds cannot tell from each other.
+        TrajectoryError: times are equal when printed in nanoseconds.
         OutputError: the file cannot be written.
     """
     check_printed_times(odometry.times_s)
@@ -38,16 +38,16 @@ def write_odometry(path: Path, odometry: Odometry) -> None:
 
 
 def read_odometry(path: Path) -> Odometry:
-    """Read what `write_odometry` writes.
+    """Read a file written by `write_odometry`.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and expected; also where poses do
+        TrajectoryError: naming file, line, the actual value and the expected one; also if poses do
             not follow from the readings.
     """
     table = read_text_table(path)
     if table.lines[0].cells != COLUMNS:
-        found = ",".join(table.lines[0].cells)
-        raise table.fault(table.lines[0], f"header {found[:60]!r}: expected {','.join(COLUMNS)}")
+        columns = ",".join(table.lines[0].cells)
+        raise table.fault(table.lines[0], f"header {columns[:60]!r}: expected {','.join(COLUMNS)}")
     table = table.without_header()
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])

@@ -1,14 +1,14 @@
 """Smooth motion through poses: cubic splines, clamped at both ends and wherever the body rests.
 
-The velocity at an end is that of a parabola through the last three poses there: of constant
-acceleration, so that a recording which begins at rest begins at rest here, and one that begins on
-the move does not brake first. A step without motion is rest: the motion on either side of it ends
-there with no velocity, and does not swing about the place. Places and turns are taken apart: a body
-that turns on the spot stays on it.
+The velocity at an end is that of a parabola, with constant acceleration, through the three
+outermost poses. A recording that begins at rest therefore begins at rest here, and one that begins
+in motion does not brake first. A step without motion is rest: the motion on either side ends there
+with zero velocity and does not overshoot. Positions and rotations are separate: a body that turns
+on the spot stays in place.
 
 Source: de Boor, "A Practical Guide to Splines" (1978): clamped cubic splines. Rotations are cubic
-in the rotation vector from each pose to the next, with rates that do not jump: Kang and Park,
-"Cubic spline algorithms for orientation interpolation", IJNME 46 (1999), without its iteration.
+in the rotation vector from each pose to the next, with continuous rates: Kang and Park, "Cubic
+spline algorithms for orientation interpolation", IJNME 46 (1999), without its iteration.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
 from omnisim.core.trajectories.trajectory import Trajectory
 
-REST = 1e-8  # meters and radians in a step: files print nine digits
-SMALL_RAD = 1e-4  # below, series of angles are exact to rounding
+REST = 1e-8  # meters and radians per step: files print nine digits
+SMALL_RAD = 1e-4  # below it, power series of angles are exact up to rounding
 
 
 class SplineMotion(BodyMotion):
     """Smooth motion through the poses of a trajectory.
 
     Args:
-        trajectory: a single pose is at rest.
-        from_rest: it begins and ends at rest, whatever its poses say.
+        trajectory: poses and times; a single pose is at rest.
+        from_rest: True if the motion begins and ends at rest, whatever the poses suggest.
     """
 
     def __init__(self, trajectory: Trajectory, from_rest: bool = False):
@@ -80,18 +80,18 @@ def _slopes(
             finish = -_end_slope(-times[::-1], own[::-1])
         spline = scipy.interpolate.CubicSpline(times, own, bc_type=((1, begin), (1, finish)))
         slopes[part] = spline(times, 1)
-        slopes[[first, end]] = begin, finish  # to the last bit
+        slopes[[first, end]] = begin, finish  # exact to the last bit
     return slopes
 
 
 def _moving(moves: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First and last pose of each run of steps (n,) that move."""
+    """Index of the first and the last pose of each run of moving steps (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(((False,), moves, (False,))).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def _end_slope(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Slope (3,) at the first of values (n, 3); 0 where it would point away from the next one."""
+    """Slope (3,) at the first of values (n, 3); 0 if it would point away from the next value."""
     chords = np.diff(values[:3], axis=0) / np.diff(times_s[:3])[:, None]
     if len(chords) == 1:
         only: NDArray[np.float64] = chords[0]
@@ -104,11 +104,11 @@ def _end_slope(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDA
 def _rotation_vectors(
     times_s: NDArray[np.float64], vectors: NDArray[np.float64], rates: NDArray[np.float64]
 ) -> scipy.interpolate.PPoly:
-    """Rotation vectors since the pose before, as cubics of time.
+    """Rotation vectors relative to the previous pose, as cubics of time.
 
     Args:
-        times_s: (n,) of the poses.
-        vectors: (n − 1, 3) from each pose to the next.
+        times_s: (n,) times of the poses.
+        vectors: (n − 1, 3) rotation vectors from each pose to the next.
         rates: (n, 3) angular rates at the poses, body.
     """
     steps_s = np.diff(times_s)[:, None]
@@ -132,7 +132,7 @@ def _body_rates(vectors: NDArray[np.float64], slopes: NDArray[np.float64]) -> ND
 
 
 def _vector_rates(vectors: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Slopes (n, 3) of rotation vectors (n, 3) with angular rates (n, 3), body: the inverse."""
+    """Slopes (n, 3) of rotation vectors (n, 3) with angular rates (n, 3), body."""
     angle = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), SMALL_RAD)
     twice = 1.0 / angle**2 - 1.0 / (2.0 * angle * np.tan(0.5 * angle))
     once = np.cross(vectors, rates)

@@ -18,20 +18,20 @@ from omnisim.core.poses import (
 )
 from omnisim.core.short_repr import counted, short_repr
 
-MAX_S = 1e12  # some 30 000 years: a stamp beyond is in another unit
+MAX_S = 1e12  # about 30 000 years: a larger timestamp is in another unit
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses in the order in which they are taken. Its arrays are copies and cannot be written to.
+    """Poses in temporal order. The arrays are read-only copies.
 
     Attributes:
-        times_s: (n,), n ≥ 1, strictly increasing.
-        world_from_base: (n, 4, 4).
+        times_s: (n,) times, n ≥ 1, strictly increasing.
+        world_from_base: (n, 4, 4) poses.
 
     Raises:
-        TrajectoryError: shapes that do not match, no pose, a value that is not finite, times that
-            do not increase, or a pose that scales or mirrors; names the first one.
+        TrajectoryError: shapes do not match, there is no pose, a value is not finite, times do not
+            increase, or a pose scales or mirrors; names the first such pose.
     """
 
     times_s: NDArray[np.float64]
@@ -60,12 +60,12 @@ class Trajectory:
         """Build a level trajectory at z = 0.
 
         Args:
-            times_s: (n,).
+            times_s: (n,) times.
             positions_m: (n, 2), x and y in the world.
-            yaw_rad: (n,).
+            yaw_rad: (n,) headings.
 
         Raises:
-            TrajectoryError: as the constructor.
+            TrajectoryError: for the same reasons as the constructor.
         """
         return cls(np.asarray(times_s, dtype=np.float64), poses_on_ground(positions_m, yaw_rad))
 
@@ -87,9 +87,10 @@ class Trajectory:
         return yaw_from_rotation(self.world_from_base)
 
     def pose_at(self, time_s: float) -> NDArray[np.float64]:
-        """Interpolate the pose (4, 4) at a time; at rest before the first and after the last.
+        """Interpolate the pose (4, 4) at a time; it is constant before the first and after the
+        last.
 
-        For legs and turns on the spot, straight and even interpolation is the true path.
+        For straight legs and turns on the spot, linear interpolation is the true path.
         """
         times, poses = self.times_s, self.world_from_base
         step = int(np.searchsorted(times, time_s, side="right")) - 1
@@ -102,12 +103,12 @@ class Trajectory:
 
     @property
     def step_lengths_m(self) -> NDArray[np.float64]:
-        """Straight distances (n − 1,) from each pose to the next."""
+        """Straight distances (n − 1,) between successive poses."""
         return step_lengths_m(self.world_from_base)
 
     @property
     def path_length_m(self) -> float:
-        """Sum of the steps' lengths."""
+        """Sum of the step lengths."""
         return float(np.sum(self.step_lengths_m))
 
     @property
@@ -116,7 +117,7 @@ class Trajectory:
         return float(self.times_s[-1] - self.times_s[0])
 
     def jumps(self, limit_m: float, max_speed_mps: float | None = None) -> NDArray[np.intp]:
-        """Indices k of the steps, from pose k to k + 1, that are longer or faster than allowed."""
+        """Indices k of steps, from pose k to k + 1, that are longer or faster than allowed."""
         lengths = self.step_lengths_m
         far = lengths > limit_m
         if max_speed_mps is not None:
@@ -131,17 +132,17 @@ def check_continuous(
     max_speed_mps: float | None = None,
     lines: ArrayLike | None = None,
 ) -> None:
-    """Refuse a trajectory that jumps.
+    """Reject a trajectory that jumps.
 
     Args:
-        trajectory: what is checked.
-        limit_m: longest step allowed; infinity when only the speed matters.
-        source: what the trajectory is called in the message, such as its file.
-        max_speed_mps: highest mean speed over a step, or None: any.
-        lines: (n,) line of each pose in the file, where there is one.
+        trajectory: trajectory to check.
+        limit_m: longest step allowed; infinity if only the speed matters.
+        source: name of the trajectory in messages, such as its file.
+        max_speed_mps: highest mean speed allowed over a step, or None for any.
+        lines: (n,) line of each pose in the file, if there is a file.
 
     Raises:
-        TrajectoryError: naming the first jump, its size and what is allowed.
+        TrajectoryError: naming the first jump, its size and the limit.
     """
     jumps = trajectory.jumps(limit_m, max_speed_mps)
     if not len(jumps):
@@ -165,7 +166,7 @@ def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.fl
             f"trajectory: expected positions (n, 2) and headings (n,), got {positions.shape} and "
             f"{yaw.shape}"
         )
-    if not np.all(np.abs(yaw) < MAX_M):  # false for NaN, too
+    if not np.all(np.abs(yaw) < MAX_M):  # also rejects NaN
         raise TrajectoryError("trajectory: expected headings that are finite numbers in radians")
     level = np.column_stack((positions, np.zeros(len(yaw))))
     return pose_from_rotation(rotation_from_yaw(yaw), level)
@@ -179,12 +180,12 @@ def step_lengths_m(world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def check_poses(poses: NDArray[np.float64]) -> None:
-    """Refuse poses (n, 4, 4) that are not rotations and translations.
+    """Reject poses (n, 4, 4) that are not rotations and translations.
 
     Raises:
         TrajectoryError: naming the first such pose.
     """
-    finite = np.all(np.abs(poses) < MAX_M, axis=(1, 2))  # false for NaN, too
+    finite = np.all(np.abs(poses) < MAX_M, axis=(1, 2))  # also rejects NaN
     if not np.all(finite):
         raise TrajectoryError(f"trajectory: pose {np.argmin(finite)}: expected finite numbers")
     proper = is_pose(poses)

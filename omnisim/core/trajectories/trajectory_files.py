@@ -1,4 +1,4 @@
-"""Trajectories from files and into files: TUM, KITTI, EuRoC, and our own CSV (`formats/`)."""
+"""Trajectory files: TUM, KITTI, EuRoC, and omnisim's own CSV (`formats/`)."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from omnisim.core.trajectories.trajectory import Trajectory, check_continuous
 
 
 class TrajectoryFormat(Protocol):
-    """Module of a format."""
+    """Interface of a format module."""
 
     def read(self, table: TextTable) -> ParsedTrajectory:
-        """Read a table."""
+        """Read the poses of a table."""
 
     def lines(self, trajectory: Trajectory) -> Iterator[str]:
-        """Lines of a file."""
+        """Lines of a trajectory file."""
 
 
 FORMATS: dict[str, TrajectoryFormat] = {"tum": tum, "kitti": kitti, "euroc": euroc, "csv": pose_csv}
-# The base takes the camera's place: files do not say where it is mounted.
+# The base stands in for the camera: files do not say where it is mounted.
 _FROM_KITTI = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
 WANTED = (
     f"expected 8 columns between blanks (TUM), 12 (KITTI), 17 between commas (EuRoC), "
@@ -48,15 +48,15 @@ WANTED = (
 def parse_trajectory(
     path: Path, format_name: str | None = None, axes: Axes | None = None
 ) -> ParsedTrajectory:
-    """Read the poses of a file, and its times where it has any.
+    """Read the poses of a file, and its times if it has them.
 
     Args:
-        path: the file.
-        format_name: one of `FORMATS`, or None: by the file's suffix and columns.
-        axes: of the file's poses, or None: KITTI's in a KITTI file, the world's in others.
+        path: trajectory file.
+        format_name: one of `FORMATS`, or None to detect it from the file's suffix and columns.
+        axes: axes of the poses in the file; None: KITTI's for a KITTI file, the world's otherwise.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and expected.
+        TrajectoryError: naming file, line, the actual value and the expected one.
     """
     table = read_text_table(path)
     name = _known(format_name) if format_name else _format_of(path, table)
@@ -76,17 +76,17 @@ def read_trajectory(
     format_name: str | None = None,
     axes: Axes | None = None,
 ) -> Trajectory:
-    """Read a trajectory.
+    """Read a trajectory file.
 
     Args:
-        path: the file.
-        rate_hz: poses a second, for a file without times.
-        max_step_m, max_speed_mps: what is farther or faster from one pose to the next is a jump.
-        format_name: one of `FORMATS`, or None: by the file's suffix and columns.
-        axes: of the file's poses, or None: by the format's convention.
+        path: trajectory file.
+        rate_hz: poses per second, for a file without times.
+        max_step_m, max_speed_mps: limits between successive poses; a larger step is a jump.
+        format_name: one of `FORMATS`, or None to detect it from the file's suffix and columns.
+        axes: axes of the poses in the file; None: the format's convention.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and expected.
+        TrajectoryError: naming file, line, the actual value and the expected one.
     """
     recording = parse_trajectory(path, format_name, axes)
     trajectory = recording.trajectory(rate_hz)
@@ -102,16 +102,16 @@ def write_trajectory(
     format_name: str | None = None,
     axes: Axes | None = None,
 ) -> None:
-    """Write a trajectory: all of it, or nothing.
+    """Write a trajectory file atomically.
 
     Args:
-        path: the file.
-        trajectory: what is written.
-        format_name: one of `FORMATS`, or None: by the suffix, .tum, .kitti, or .csv for our own.
-        axes: of the file's poses, or None: by the format's convention, as in reading.
+        path: output file.
+        trajectory: trajectory to write.
+        format_name: one of `FORMATS`; None: by the suffix .tum, .kitti, or .csv for omnisim's own.
+        axes: axes of the poses in the file; None: the format's convention, as in reading.
 
     Raises:
-        TrajectoryError: no such format, or a suffix that names none.
+        TrajectoryError: the format is unknown, or the suffix names none.
         OutputError: the file cannot be written.
     """
     name = format_name or path.suffix.lower().removeprefix(".")
@@ -127,7 +127,7 @@ def write_trajectory(
 
 
 def write_lines(path: Path, lines: Iterable[str]) -> None:
-    """Write a text file of lines: all of it, or nothing.
+    """Write lines to a text file atomically.
 
     Raises:
         OutputError: the file cannot be written.
@@ -143,7 +143,7 @@ def _known(name: str) -> str:
 
 
 def _known_axes(axes: Axes | None, format_name: str) -> Axes:
-    """Axes of a file of a format: as given, or by the format's convention."""
+    """Axes of a file: the given axes, or those of the format's convention."""
     if axes is None:
         return "kitti" if format_name == "kitti" else "world"
     if axes not in get_args(Axes):
@@ -156,7 +156,7 @@ def _known_axes(axes: Axes | None, format_name: str) -> Axes:
 def _change_axes(
     poses: NDArray[np.float64], new_from_old: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Change the axes of poses (n, 4, 4) and of their frame, exactly, without rounding."""
+    """Change the axes of poses (n, 4, 4) and of their frame, without rounding errors."""
     changed: NDArray[np.float64] = new_from_old @ poses @ inverse(new_from_old)
     return changed
 

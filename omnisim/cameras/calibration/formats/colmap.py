@@ -99,13 +99,13 @@ class Colmap(Format[ColmapLens]):
         """Parse one camera per line."""
         cameras = []
         for number, line in enumerate(text.splitlines(), start=1):
-            words = line.split()
-            if not words or words[0].startswith("#"):
+            cells = line.split()
+            if not cells or cells[0].startswith("#"):
                 continue
             place = f"{source}: line {number}"
-            if len(words) < 5:
+            if len(cells) < 5:
                 raise unexpected(place, LINE, line)
-            name, model, *numbers = words
+            name, model, *numbers = cells
             check_choice(model, MODELS, f"{place}: MODEL")
             width, height = (parse_size(word, place) for word in numbers[:2])
             values = [parse_number(word, place) for word in numbers[2:]]

@@ -26,7 +26,7 @@ NO_SKEW: Fixed = {"skew_px": 0.0}  # drops skew and k3, which most formats lack
 
 
 class MetadataPlace(Enum):
-    """Place of omnisim's metadata in a format; see `omnisim.cameras.calibration.metadata`."""
+    """Location of omnisim's metadata in a format; see `omnisim.cameras.calibration.metadata`."""
 
     LINES = "# omnisim {…}"
     XML = "<!-- omnisim {…} -->"
@@ -137,7 +137,7 @@ def error_context(source: str) -> Iterator[None]:
         with np.errstate(all="ignore"):
             yield
     except OpticsError as reason:
-        words = str(reason).removeprefix("camera: ")
-        raise CalibrationError(f"{source}: {words}") from None
+        message = str(reason).removeprefix("camera: ")
+        raise CalibrationError(f"{source}: {message}") from None
     except (ArithmeticError, ValueError, np.linalg.LinAlgError) as reason:
         raise CalibrationError(f"{source}: expected numbers of a camera: {reason}") from None

@@ -1,1 +1,1 @@
-"""Calibration of optical systems from images of boards."""
+"""Calibration of optical systems from images of calibration boards."""

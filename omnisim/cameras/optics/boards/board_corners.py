@@ -1,7 +1,7 @@
 """Corners of flat calibration boards in images, and their files.
 
-A CSV file with the columns image, x_m, y_m, u_px, v_px: the number of the image, the corner on
-the board, and where the image has it.
+A CSV file has the columns image, x_m, y_m, u_px, v_px: the image number, the corner's position on
+the board, and its position in the image.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories.formats.text_table import read_text_table
 
 COLUMNS = ("image", "x_m", "y_m", "u_px", "v_px")
-MIN_CORNERS = 6  # of a board, for its pose
+MIN_CORNERS = 6  # per board, to determine its pose
 
 
 @dataclass(frozen=True, eq=False)
 class BoardCorners:
-    """Corners of the board in one image.
+    """Board corners in one image.
 
     Attributes:
-        points_m: (n, 2) on the board, which is flat.
-        pixels_px: (n, 2) in the image.
+        points_m: (n, 2) positions on the flat board.
+        pixels_px: (n, 2) positions in the image.
 
     Raises:
-        OpticsError: too few, or of other shapes.
+        OpticsError: there are too few corners, or the shapes are wrong.
     """
 
     points_m: Floats
@@ -51,17 +51,17 @@ class BoardCorners:
 
 
 def read_corners(path: Path) -> list[BoardCorners]:
-    """Read the corners of a file, image by image.
+    """Read the corners of each image from a file.
 
     Raises:
-        OpticsError: naming file, line, what was found and expected.
+        OpticsError: naming file, line, the actual value and the expected one.
     """
     try:
         table = read_text_table(path)
         names = table.lines[0].cells
         if sorted(names) != sorted(COLUMNS):
-            words = f"expected the columns {','.join(COLUMNS)}, got {','.join(names)}"
-            raise OpticsError(f"{path}: {words}")
+            message = f"expected the columns {','.join(COLUMNS)}, got {','.join(names)}"
+            raise OpticsError(f"{path}: {message}")
         numbers = table.without_header().numbers(names)
     except TrajectoryError as reason:
         raise OpticsError(str(reason)) from None
@@ -77,7 +77,7 @@ def read_corners(path: Path) -> list[BoardCorners]:
 
 
 def write_corners(path: Path, boards: Sequence[BoardCorners]) -> None:
-    """Write corners.
+    """Write corners to a CSV file.
 
     Raises:
         OutputError: the file cannot be written.

@@ -1,9 +1,9 @@
-"""Pose of a board from the rays of its corners: a first one, and how corners move with it."""
+"""Pose of a board from the rays of its corners: an initial pose, and its derivatives."""
 
 from __future__ import annotations
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # its submodules load on first use
 
 from omnisim.cameras.optics.boards.board_corners import MIN_CORNERS, BoardCorners
 from omnisim.cameras.optics.shapes.shape import Floats
@@ -15,15 +15,15 @@ def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) 
     """Pose (4, 4) of a board in the sensor's optical frame, as if all rays met in one point.
 
     Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
-    with unit directions in place of the image's coordinates.
+    with unit directions instead of image coordinates.
 
     Raises:
-        OpticsError: too few corners where the system sees anything.
+        OpticsError: the system sees too few of the corners.
     """
     rays = system.rays(board.pixels_px)
     if rays.valid.sum() < MIN_CORNERS:
-        words = f"expected at least {MIN_CORNERS} corners where the optics see anything"
-        raise OpticsError(f"corners: {words}, got {rays.valid.sum()}")
+        message = f"expected at least {MIN_CORNERS} corners where the optics see anything"
+        raise OpticsError(f"corners: {message}, got {rays.valid.sum()}")
     directions, points_m = rays.directions[rays.valid], board.points_m[rays.valid]
     plane = np.column_stack((points_m, np.ones(len(points_m))))
     # d × (H p) = 0
@@ -42,7 +42,7 @@ def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) 
 
 
 def moved_pose(pose: Floats, move: Floats) -> Floats:
-    """Pose (4, 4) after a move (6,): a rotation vector about its own origin, and a shift."""
+    """Pose (4, 4) after a move (6,): a rotation vector about its origin, and a translation."""
     moved = pose.copy()
     moved[:3, :3] = scipy.spatial.transform.Rotation.from_rotvec(move[:3]).as_matrix()
     moved[:3, :3] @= pose[:3, :3]
@@ -51,7 +51,7 @@ def moved_pose(pose: Floats, move: Floats) -> Floats:
 
 
 def move_jacobians(pose: Floats, move: Floats, points_m: Floats) -> Floats:
-    """Derivatives (n, 3, 6) of points (n, 3) of a moved board by the move.
+    """Derivatives (n, 3, 6) of the points (n, 3) of a moved board with respect to the move.
 
     Source: the left Jacobian of SO(3), Barfoot, State Estimation for Robotics (2017), 7.77.
     """
@@ -67,5 +67,5 @@ def move_jacobians(pose: Floats, move: Floats, points_m: Floats) -> Floats:
 
 def _cross_matrices(vectors: Floats) -> Floats:
     """Matrices (..., 3, 3) whose product with a vector is the cross product."""
-    found: Floats = np.cross(np.eye(3), vectors[..., None, :])
-    return found
+    matrices: Floats = np.cross(np.eye(3), vectors[..., None, :])
+    return matrices

@@ -1,7 +1,7 @@
-"""Calibration of an optical system's own parameters from the corners of a board in images.
+"""Calibration of an optical system's parameters from board corners in images.
 
-Least squares of the reprojection errors, with the exact inverse and exact derivatives: a pixel
-moves with its point (`pixel_jacobians`), and against the motion of its own ray at that point.
+It minimizes squared reprojection errors with the exact inverse and exact derivatives: a pixel moves
+with its point (`pixel_jacobians`), and against the motion of its own ray at that point.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
@@ -24,22 +24,22 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.core.errors import OmnisimError, OpticsError
 
-_STEP = 1e-6  # of a parameter, or of 1 where it is less
-_SINGULAR = 1e-7  # least singular value of the scaled Jacobian, as a share of the largest
-_UNSEEN_PX = 1e-4  # by which a parameter moves corners, if it grows by 1 or doubles
-_SHARE = 0.1  # of a direction that the corners do not tell: a parameter that is part of it
+_STEP = 1e-6  # relative to a parameter, absolute for parameters below 1
+_SINGULAR = 1e-7  # smallest singular value of the scaled Jacobian, as a share of the largest
+_UNSEEN_PX = 1e-4  # corner motion when a parameter grows by 1 or doubles; below it is unseen
+_SHARE = 0.1  # component of an undetermined direction above which a parameter is part of it
 _MAX_STEPS = 100
-_WIDER = 1.1  # a rim that a step moves must not hide corners
+_WIDER = 1.1  # widens rims, so that a step that moves a rim hides no corner
 
 
 @dataclass(frozen=True, eq=False)
 class FittedParameter:
-    """A parameter of the system as the corners have it.
+    """A system parameter fitted to the corners.
 
     Attributes:
-        name: its key.
-        before, value: in the file, and fitted.
-        sigma: standard deviation, of independent errors as large as the residuals.
+        name: key of the parameter.
+        before, value: value in the file, and fitted value.
+        sigma: standard deviation, for independent errors as large as the residuals.
     """
 
     name: str
@@ -50,15 +50,15 @@ class FittedParameter:
 
 @dataclass(frozen=True, eq=False)
 class SystemCalibration:
-    """An optical system that was fitted to corners.
+    """An optical system fitted to corners.
 
     Attributes:
-        system: the system.
-        table: of its optics file.
-        parameters: that were fitted.
-        poses: (boards, 4, 4) of the boards in the sensor's optical frame.
-        before_px, errors_px: (n, 2) reprojection errors of all corners, with the poses alone
-            fitted, and with the parameters.
+        system: fitted system.
+        table: table of its optics file.
+        parameters: fitted parameters.
+        poses: (boards, 4, 4) poses of the boards in the sensor's optical frame.
+        before_px, errors_px: (n, 2) reprojection errors of all corners after fitting only the
+            poses, and after fitting the parameters too.
     """
 
     system: OpticalSystem
@@ -75,17 +75,17 @@ def calibrate_system(
     boards: Sequence[BoardCorners],
     source: str = "optics",
 ) -> SystemCalibration:
-    """Fit parameters of an optical system, and the poses of the boards.
+    """Fit parameters of an optical system, together with the poses of the boards.
 
     Args:
-        table: of the optics file, near the truth.
-        free: keys of the parameters, see `FreeParameters`; none: the poses alone.
+        table: table of the optics file, close to the true values.
+        free: keys of the free parameters, see `FreeParameters`; empty: fit only the poses.
         boards: corners in the images.
-        source: names the file in messages.
+        source: file name, for messages.
 
     Raises:
-        OpticsError: no board, corners that the system does not see, or parameters that they do
-            not tell apart.
+        OpticsError: there is no board, the system does not see the corners, or the corners do not
+            determine the parameters.
     """
     if not boards:
         raise OpticsError("corners: expected a board, got none")
@@ -96,19 +96,19 @@ def calibrate_system(
     rough = _Problem(fixed, boards, poses).solve()
     if not parameters.names:
         return rough
-    found = _Problem(parameters, boards, rough.poses).solve()
+    fitted = _Problem(parameters, boards, rough.poses).solve()
     return SystemCalibration(
-        found.system,
-        found.table,
-        found.parameters,
-        found.poses,
+        fitted.system,
+        fitted.table,
+        fitted.parameters,
+        fitted.poses,
         rough.errors_px,
-        found.errors_px,
+        fitted.errors_px,
     )
 
 
 class _Problem:
-    """Least squares over the free parameters and a move of each board's pose."""
+    """Least-squares problem in the free parameters and a move of each board's pose."""
 
     def __init__(self, parameters: FreeParameters, boards: Sequence[BoardCorners], poses: Floats):
         self._parameters, self._boards, self._poses = parameters, boards, poses
@@ -119,28 +119,28 @@ class _Problem:
         self._vector, self._predicted, self._errors = np.zeros(0), self._pixels, np.zeros(0)
 
     def solve(self) -> SystemCalibration:
-        """The best of them."""
+        """Minimize the errors."""
         parameters = self._parameters
         start = np.concatenate((parameters.values, np.zeros(6 * len(self._boards))))
-        found = scipy.optimize.least_squares(
+        solution = scipy.optimize.least_squares(
             self.errors, start, self.jacobian, method="lm", x_scale="jac",
             ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=_MAX_STEPS,
         )  # fmt: skip
-        values, moves = self._split(found.x)
-        sigmas = self._sigmas(self.jacobian(found.x), found.fun)
+        values, moves = self._split(solution.x)
+        sigmas = self._sigmas(self.jacobian(solution.x), solution.fun)
         rows = zip(parameters.names, parameters.values, values, sigmas, strict=True)
         return SystemCalibration(
             parameters.system(values),
             parameters.table(values),
             tuple(FittedParameter(name, *map(float, numbers)) for name, *numbers in rows),
             self._moved(moves),
-            found.fun.reshape(-1, 2),
-            found.fun.reshape(-1, 2),
+            solution.fun.reshape(-1, 2),
+            solution.fun.reshape(-1, 2),
         )
 
     def errors(self, vector: Floats) -> Floats:
-        """Errors (2 n,) of all corners in pixels."""
-        if np.array_equal(vector, self._vector):  # as for its Jacobian
+        """Reprojection errors (2 n,) of all corners in pixels."""
+        if np.array_equal(vector, self._vector):  # already computed, for example for the Jacobian
             return self._errors
         values, moves = self._split(vector)
         try:
@@ -148,7 +148,7 @@ class _Problem:
                 self._values, self._system = values, self._open_system(values)
             seen = self._system.pixel_from_point(np.concatenate(self._points(moves)))
         except OmnisimError:
-            return np.full(self._pixels.size, self._lost_px)  # a step too far is taken back
+            return np.full(self._pixels.size, self._lost_px)  # the solver takes back such a step
         valid = seen.valid[:, None]
         self._vector = vector.copy()
         self._predicted = np.where(valid, seen.positions_px, self._pixels)
@@ -157,9 +157,9 @@ class _Problem:
         return self._errors
 
     def jacobian(self, vector: Floats) -> Floats:
-        """Derivatives (2 n, parameters + 6 boards) of the errors; of what is not seen 0."""
+        """Derivatives (2 n, parameters + 6 boards) of the errors; 0 for unseen corners."""
         values, moves = self._split(vector)
-        self.errors(vector)  # its predictions
+        self.errors(vector)  # updates the predictions
         pixels, points = self._predicted, self._points(moves)
         points_m = np.concatenate(points)
         by_point = np.nan_to_num(pixel_jacobians(self._system, pixels, points_m))
@@ -183,7 +183,7 @@ class _Problem:
         return columns.reshape(self._pixels.size, -1)
 
     def _open_system(self, values: Floats) -> OpticalSystem:
-        """System that hides no corner that was seen: with wider rims, without obstacles."""
+        """System that hides no corner seen before: with wider rims and without obstacles."""
         system = self._parameters.system(values)
         surfaces = tuple(
             dataclasses.replace(surface, rim_radius_m=_WIDER * surface.rim_radius_m)
@@ -215,7 +215,7 @@ class _Problem:
         """Standard deviations of the parameters.
 
         Raises:
-            OpticsError: parameters that the corners do not tell apart.
+            OpticsError: the corners do not determine the parameters.
         """
         if self._count == 0:
             return np.zeros(0)
@@ -228,16 +228,16 @@ class _Problem:
             self._check(parts > _SHARE * parts.max())
         freedom = max(len(errors) - len(sizes), 1)
         variances = np.square(directions / sizes[:, None]).sum(axis=0) * (errors @ errors) / freedom
-        found: Floats = (np.sqrt(variances) / scale)[: self._count]
-        return found
+        sigmas: Floats = (np.sqrt(variances) / scale)[: self._count]
+        return sigmas
 
     def _check(self, untold: NDArray[np.bool_]) -> None:
-        """Refuse parameters (n,) that the corners do not tell.
+        """Reject parameters (n,) that the corners do not determine.
 
         Raises:
             OpticsError: naming them.
         """
         if untold.any():
             names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]
-            words = "the corners do not tell, or not apart: expected fewer free parameters"
-            raise OpticsError(f"{', '.join(names)}: {words}")
+            message = "the corners do not tell, or not apart: expected fewer free parameters"
+            raise OpticsError(f"{', '.join(names)}: {message}")

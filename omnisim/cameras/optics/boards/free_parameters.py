@@ -1,4 +1,4 @@
-"""Numbers of an optics file by their keys, which a calibration may change."""
+"""Numbers in an optics file that a calibration may change, addressed by their keys."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.errors import OpticsError
 
-_ZEROS = ("decenter_m", "tilt_deg")  # left out, they are 0
+_ZEROS = ("decenter_m", "tilt_deg")  # 0 if left out
 _Path = tuple[str | int, ...]
 
 
 class FreeParameters:
-    """Numbers of a table with the keys of an optics file.
+    """Numbers in an optics file's table, addressed by keys.
 
-    A key names a number, or a list of which all are meant: `camera.focal_length_px`,
+    A key names a number, or a list to select all its numbers: `camera.focal_length_px`,
     `surfaces.0.decenter_m`, `surfaces.0.tilt_deg.2`.
 
     Args:
-        table: of the optics file.
-        keys: that are free.
-        source: names the file in messages.
+        table: table of the optics file.
+        keys: keys of the free numbers.
+        source: file name, for messages.
 
     Attributes:
-        names: of the numbers, in the order of `values`.
-        values: (n,) in the table.
+        names: keys of the numbers, in the order of `values`.
+        values: (n,) values in the table.
 
     Raises:
-        OpticsError: a key that names no number, or one twice.
+        OpticsError: a key names no number, or a number is named twice.
     """
 
     def __init__(self, table: Mapping[str, Any], keys: Sequence[str], source: str):
@@ -45,8 +45,8 @@ class FreeParameters:
                     raise OpticsError(f"{source}: {key}: expected each number once, got it twice")
                 self._paths.append(path)
         self.names = [".".join(map(str, path)) for path in self._paths]
-        found = [_at(self._table, path) for path in self._paths]
-        self.values: Floats = np.array(found, dtype=np.float64)
+        values = [_at(self._table, path) for path in self._paths]
+        self.values: Floats = np.array(values, dtype=np.float64)
 
     def table(self, values: Floats) -> dict[str, Any]:
         """The file's table with other values (n,)."""
@@ -56,15 +56,15 @@ class FreeParameters:
         return changed
 
     def system(self, values: Floats) -> OpticalSystem:
-        """The optical system with other values (n,).
+        """Build the optical system with other values (n,).
 
         Raises:
-            SensorFileError: a value that the system cannot have.
+            SensorFileError: a value is invalid for the system.
         """
         return parse_optics(self.table(values), self._source)
 
     def _find(self, key: str) -> list[_Path]:
-        """Paths to the numbers of a key; what may be left out of the file is put into it."""
+        """Paths to the numbers of a key; optional keys that are missing are added to the table."""
         path: _Path = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
         for end in (len(path) - 1, len(path) - 2):
             holder = _at(self._table, path[:end]) if end > 0 else None
@@ -74,8 +74,8 @@ class FreeParameters:
         if isinstance(value, list) and value and all(map(_is_number, value)):
             return [(*path, index) for index in range(len(value))]
         if not _is_number(value):
-            words = "no such key" if value is None else f"{value!r:.60}"
-            raise OpticsError(f"{self._source}: {key}: expected a number, got {words}")
+            actual = "no such key" if value is None else f"{value!r:.60}"
+            raise OpticsError(f"{self._source}: {key}: expected a number, got {actual}")
         return [path]
 
 

@@ -1,4 +1,4 @@
-"""Shapes of mirrors and boundaries, surfaces of revolution in their own frames."""
+"""Shapes of mirrors and boundaries: surfaces of revolution in their own frames."""
 
 from omnisim.cameras.optics.shapes.profiles import Asphere, Polynomial, TabulatedProfile
 from omnisim.cameras.optics.shapes.quadrics import Cone, Conic, Hyperbolic, Plane

@@ -1,4 +1,4 @@
-"""Coarse heights of a profile z(r), to find where rays may cross it."""
+"""Coarse height table of a profile z(r), to find where rays may cross it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _STEPS = 1024
 
 
 class HeightTable:
-    """Heights of a profile at equal distances, to find on which side of it points are.
+    """Heights of a profile at equal radial steps, to tell on which side points are.
 
     Args:
-        sag_m: heights at distances from the axis.
-        radius_m: of its box.
+        sag_m: heights at given distances from the axis.
+        radius_m: radius of the table's bounding box.
     """
 
     def __init__(self, sag_m: Callable[[Floats], Floats], radius_m: float):
@@ -27,7 +27,7 @@ class HeightTable:
         self._low, self._high = self._heights.min() - margin, self._heights.max() + margin
 
     def heights_above(self, origins_m: Floats, directions: Floats, lengths: Floats) -> Floats:
-        """Heights above the surface, at lengths (m, n) of rays (n, 3), by linear interpolation."""
+        """Heights above the surface at lengths (m, n) along rays (n, 3), interpolated linearly."""
         x, y, z = (origins_m[:, axis] + lengths * directions[:, axis] for axis in range(3))
         places = np.sqrt(x * x + y * y)
         places *= _STEPS / self._radius_m
@@ -39,7 +39,7 @@ class HeightTable:
         return z
 
     def span(self, origins_m: Floats, directions: Floats) -> tuple[Floats, Floats]:
-        """Lengths (n,) between which rays (n, 3) are in its box; NaN: nowhere."""
+        """Interval of lengths (n,) in which rays (n, 3) are inside the box; NaN: none."""
         low, high = self._low, self._high
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             square = np.sum(directions[:, :2] ** 2, axis=1)

@@ -1,4 +1,4 @@
-"""Profiles z(r) of any form, where rays are cut by bracketing and Newton's method."""
+"""Profiles z(r) of any form, intersected with rays by bracketing and Newton's method."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-import scipy  # its submodules load when first used
+import scipy  # its submodules load on first use
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 from pydantic import Field
@@ -19,14 +19,14 @@ from omnisim.cameras.optics.shapes.shape import Floats, Level, Shape
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Number, Parameters, Signed
 
-_SAMPLES = 25  # along a ray, between which a surface is crossed once at most
+_SAMPLES = 25  # along a ray; between two samples it crosses a surface at most once
 _CONVEXITY_SAMPLES = 2049
-_RAYS_PER_BATCH = 1 << 14  # intermediate arrays stay in the cache
+_RAYS_PER_BATCH = 1 << 14  # keeps intermediate arrays in the cache
 _NEWTON_STEPS = 60
 _ROUNDING = 4e-16  # as a share of a length
-_SLACK = 0.01  # of a step between samples, by which a bracket is wider
-MIN_POINTS, MAX_M = 4, 1e6  # of a table
-_TINY_M = 1e-12  # from the axis, where f'(r)/r becomes f''
+_SLACK = 0.01  # widens a bracket, as a share of the step between samples
+MIN_POINTS, MAX_M = 4, 1e6  # limits of a table
+_TINY_M = 1e-12  # distance from the axis below which f'(r)/r becomes f''
 
 
 class Derivatives(NamedTuple):
@@ -38,26 +38,25 @@ class Derivatives(NamedTuple):
 
 
 class Profile(Shape):
-    """A surface of revolution about its profile z(r)."""
+    """Surface of revolution with the profile z(r)."""
 
     @abstractmethod
     def derivatives(self, radii_m: Floats) -> Derivatives:
-        """Profile at distances from the axis, also somewhat beyond its domain."""
+        """Profile at distances from the axis, also slightly beyond its domain."""
 
     def is_convex(self, radius_m: float) -> bool:
-        """Tell it by its bulge; not, where the radius has no bound."""
+        """True if no sampled slope or curvature is negative; False if the radius is unbounded."""
         return self._bulge(radius_m) > 0
 
     def is_rising(self, radius_m: float) -> bool:
-        """Sign of the slope at samples; not, where the radius has no bound."""
+        """True if no sampled slope is negative; False if the radius is unbounded."""
         if np.isinf(radius_m):
             return False
         radii_m = np.linspace(0.0, radius_m, _CONVEXITY_SAMPLES)
         return bool((self.derivatives(radii_m).slopes >= 0.0).all())
 
     def _bulge(self, radius_m: float) -> int:
-        """Signs of slope and curvature at samples: 1 where all are positive, −1 where all are
-        negative, else 0."""  # fmt: skip
+        """Common sign of sampled slopes and curvatures: 1 or −1, and 0 if they differ."""
         if np.isinf(radius_m):
             return 0
         profile = self.derivatives(np.linspace(0.0, radius_m, _CONVEXITY_SAMPLES))
@@ -65,11 +64,11 @@ class Profile(Shape):
         return int((signs >= 0.0).all()) or -int((signs <= 0.0).all())
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """z(r) in its domain."""
+        """z(r), within its domain."""
         return np.where(radii_m <= self.domain_m, self.derivatives(radii_m).heights_m, np.nan)
 
     def level(self, points_m: Floats) -> Level:
-        """z − z(r)."""
+        """Level function z − z(r)."""
         radii = np.hypot(points_m[:, 0], points_m[:, 1])
         profile = self.derivatives(radii)
         gradients = np.ones_like(points_m)
@@ -77,23 +76,23 @@ class Profile(Shape):
         return Level(points_m[:, 2] - profile.heights_m, gradients)
 
     def hessians(self, points_m: Floats) -> Floats:
-        """Curvature along the meridian, slope over radius across it."""
+        """Hessians from the curvature along the meridian and slope over radius across it."""
         radii = np.hypot(points_m[:, 0], points_m[:, 1])
         profile = self.derivatives(radii)
         across = _over_radius(radii, profile)
         outward = points_m[:, :2] / np.maximum(radii, _TINY_M)[:, None]
-        found = np.zeros((len(points_m), 3, 3))
+        hessians = np.zeros((len(points_m), 3, 3))
         along = (profile.curvatures - across)[:, None, None]
-        found[:, :2, :2] = -along * outward[:, :, None] * outward[:, None, :]
-        found[:, 0, 0] -= across
-        found[:, 1, 1] -= across
-        return found
+        hessians[:, :2, :2] = -along * outward[:, :, None] * outward[:, None, :]
+        hessians[:, 0, 0] -= across
+        hessians[:, 1, 1] -= across
+        return hessians
 
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
         """First two crossings within the radius."""
         batches = range(0, len(origins_m), _RAYS_PER_BATCH)
         bulge, table = self._bulge(radius_m), HeightTable(self.sag_m, radius_m)
-        found = np.full((len(origins_m), 2), np.nan)
+        crossings_m = np.full((len(origins_m), 2), np.nan)
         for rows in (slice(first, first + _RAYS_PER_BATCH) for first in batches):
             near_m, far_m = table.span(origins_m[rows], directions[rows])
             reached = np.flatnonzero(near_m < far_m)  # false for NaN
@@ -102,21 +101,21 @@ class Profile(Shape):
             if bulge:
                 ends = (near_m, far_m), (far_m, near_m)
                 both = [self._approached(o, d, *one, bulge) for one in ends]
-                found[rows][reached] = np.sort(np.stack(both, axis=1), axis=1)
+                crossings_m[rows][reached] = np.sort(np.stack(both, axis=1), axis=1)
             else:
-                found[rows][reached] = self._crossings_between(o, d, near_m, far_m, table)
-        return found
+                crossings_m[rows][reached] = self._crossings_between(o, d, near_m, far_m, table)
+        return crossings_m
 
     def _approached(
         self, origins_m: Floats, directions: Floats, begin_m: Floats, end_m: Floats, bulge: int
     ) -> Floats:
-        """First crossings (n,) from one length to another of a profile that bulges to one side.
+        """First crossings (n,) between two lengths, of a profile that bulges to one side.
 
-        Along a ray, the depth below its surface is a concave function: outside, tangents rise
-        above it, and Newton's method comes to the nearest crossing without passing it. NaN where it
-        begins below the surface, or never crosses it.
+        Along a ray, the depth below the surface is a concave function. Outside, its tangents lie
+        above it, so Newton's method reaches the nearest crossing without passing it. NaN if the
+        interval begins below the surface, or has no crossing.
         """
-        found = np.full(len(begin_m), np.nan)
+        crossings_m = np.full(len(begin_m), np.nan)
         rows, at = np.arange(len(begin_m)), begin_m
         forth, before = np.sign(end_m - begin_m), np.full(len(begin_m), np.nan)
         for number in range(_NEWTON_STEPS):
@@ -127,16 +126,16 @@ class Profile(Shape):
             steps = np.divide(-depths, slopes, out=np.zeros_like(at), where=slopes > 0.0)
             at = at + forth * steps
             inside = forth * (end_m[rows] - at) >= 0.0
-            arrived = inside & (depths >= 0.0) & (number > 0)  # rounding carried it over
+            arrived = inside & (depths >= 0.0) & (number > 0)  # rounding overshot the crossing
             approaches = inside & (depths < 0.0) & (slopes > 0.0)
             moving = _is_moving(steps, before, at)
             arrived |= approaches & ~moving
-            found[rows[arrived]] = at[arrived]
+            crossings_m[rows[arrived]] = at[arrived]
             kept = approaches & moving
             rows, at, before, forth = rows[kept], at[kept], steps[kept], forth[kept]
             if len(rows) == 0:
                 break
-        return found
+        return crossings_m
 
     def _crossings_between(
         self,
@@ -153,8 +152,8 @@ class Profile(Shape):
         self._find_peaks(origins_m, directions, lengths, values)
         below = values > 0.0
         crossed = below[1:] != below[:-1]
-        found = np.full((len(origins_m), 2), np.nan)
-        slack_m = _SLACK * steps_m  # for the table's error
+        crossings_m = np.full((len(origins_m), 2), np.nan)
+        slack_m = _SLACK * steps_m  # covers the error of the table
         for column in range(2):
             rows = np.flatnonzero(crossed.any(axis=0))
             at = crossed[:, rows].argmax(axis=0)
@@ -164,26 +163,28 @@ class Profile(Shape):
             share = first / (first - second)
             starts = lengths[at, rows] + share * (lengths[at + 1, rows] - lengths[at, rows])
             sign = np.where(first > 0.0, -1.0, 1.0)
-            found[rows, column] = self._refined(
+            crossings_m[rows, column] = self._refined(
                 origins_m[rows], directions[rows], bracket, starts, sign
             )
-        return found
+        return crossings_m
 
     def _find_peaks(
         self, origins_m: Floats, directions: Floats, lengths: Floats, values: Floats
     ) -> None:
-        """Replace the sample at each ray's extreme by the peak of the parabola through it.
+        """Replace the extreme sample of each ray by the peak of the parabola through it.
 
-        A ray that cuts the limb of a mirror crosses it twice between two samples.
+        A ray that grazes the limb of a mirror crosses it twice between two samples.
         """
         rows = np.arange(values.shape[1])
         peak = np.clip((values * -np.sign(values[0])).argmax(axis=0), 1, _SAMPLES - 2)
         before, at, after = (values[peak + step, rows] for step in (-1, 0, 1))
         bend = before - 2.0 * at + after
         share = np.divide(before - after, 2.0 * bend, out=np.zeros_like(bend), where=bend != 0.0)
-        there = lengths[peak, rows] + np.clip(share, -0.999, 0.999) * (lengths[1] - lengths[0])
-        lengths[peak, rows] = there
-        values[peak, rows] = self.level(origins_m + there[:, None] * directions).values
+        peak_lengths = lengths[peak, rows] + np.clip(share, -0.999, 0.999) * (
+            lengths[1] - lengths[0]
+        )
+        lengths[peak, rows] = peak_lengths
+        values[peak, rows] = self.level(origins_m + peak_lengths[:, None] * directions).values
 
     def _refined(
         self,
@@ -196,10 +197,10 @@ class Profile(Shape):
         """Roots (n,) by Newton's method inside a shrinking bracket.
 
         Args:
-            origins_m, directions: of the rays (n, 3).
+            origins_m, directions: (n, 3) rays.
             bracket: two lengths (n,) around the root.
-            starts: (n,) between them.
-            sign: (n,) of the values behind the root.
+            starts: (n,) initial lengths inside the bracket.
+            sign: (n,) sign of the values beyond the root.
         """
         low, high = bracket
         lengths = starts.copy()
@@ -224,14 +225,14 @@ class Profile(Shape):
 
 
 def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> NDArray[np.bool_]:
-    """Mask (n,) of Newton's iterations that go on: the next step is as much smaller, squared."""
+    """Mask (n,) of Newton iterations to continue, given that convergence is quadratic."""
     rounding = _ROUNDING * np.abs(lengths)
-    found: NDArray[np.bool_] = (steps > rounding) & ~(steps**3 <= rounding * before**2)
-    return found
+    moving: NDArray[np.bool_] = (steps > rounding) & ~(steps**3 <= rounding * before**2)
+    return moving
 
 
 def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """Power series from r⁰ on, and its first two derivatives."""
+    """Power series from r⁰ upwards, and its first two derivatives."""
     orders = (coefficients, polyder(coefficients), polyder(coefficients, 2))
     heights, slopes, curvatures = (
         np.asarray(polyval(radii_m, order), dtype=np.float64) for order in orders
@@ -240,14 +241,14 @@ def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, F
 
 
 def _over_radius(radii: Floats, profile: Derivatives) -> Floats:
-    """f'(r)/r, whose limit on the axis is f''."""
+    """Ratio f'(r)/r, whose limit on the axis is f''."""
     near = radii < _TINY_M
     return np.where(near, profile.curvatures, profile.slopes / np.where(near, 1.0, radii))
 
 
 @dataclass(frozen=True)
 class Polynomial(Parameters, Profile, name="shape"):
-    """A profile z = Σ aᵢ rⁱ, in meters."""
+    """Profile z = Σ aᵢ rⁱ, in meters."""
 
     shape_name = "polynomial"
     needs_rim = True
@@ -261,12 +262,12 @@ class Polynomial(Parameters, Profile, name="shape"):
 
 @dataclass(frozen=True)
 class Asphere(Parameters, Profile, name="shape"):
-    """An even asphere: a conic and Σ αᵢ r²ⁱ from r⁴ on, in meters."""
+    """Even asphere: a conic plus Σ αᵢ r²ⁱ from r⁴ upwards, in meters."""
 
     shape_name = "asphere"
     needs_rim = True
     radius_m: Signed
-    """Radius of curvature R at the vertex; more than 0: bulges towards the camera."""
+    """Radius of curvature R at the vertex; positive: bulges towards the camera."""
     conic: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
     """Conic constant κ."""
     coefficients: Annotated[tuple[Signed, ...], Field(max_length=16)] = ()
@@ -283,7 +284,7 @@ class Asphere(Parameters, Profile, name="shape"):
         return float(np.sqrt(self.radius_m**2 / (1.0 + self.conic))) if self.conic > -1 else np.inf
 
     def derivatives(self, radii_m: Floats) -> Derivatives:
-        """The conic's, by the root w of 1 − (1 + κ) r²/R², and the polynomial's."""
+        """Derivatives of the polynomial plus those of the conic, by w = √(1 − (1 + κ) r²/R²)."""
         curvature = 1.0 / self.radius_m
         inside = 1.0 - (1.0 + self.conic) * (curvature * radii_m) ** 2
         root = np.sqrt(np.maximum(inside, 1e-12))
@@ -298,15 +299,15 @@ class Asphere(Parameters, Profile, name="shape"):
 
 @dataclass(frozen=True, eq=False)
 class TabulatedProfile(Profile):
-    """A profile through points, by a cubic spline: its curvature is continuous.
+    """Profile through points, by a cubic spline: its curvature is continuous.
 
     Attributes:
-        radii_m: (n,) ascending, from 0.
-        table_heights_m: (n,).
-        pointed: the tip may be a cone's; else the profile is level on its axis.
+        radii_m: (n,) radii, ascending from 0.
+        table_heights_m: (n,) heights.
+        pointed: True if the tip may be conical; False: the profile is level on the axis.
 
     Raises:
-        OpticsError: points that make no profile.
+        OpticsError: the points do not make a profile.
     """
 
     shape_name = "table"
@@ -321,14 +322,14 @@ class TabulatedProfile(Profile):
         if len(heights_m) != len(radii_m):
             words = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
             raise OpticsError(f"{words}, got {len(heights_m)}")
-        if not (np.abs((radii_m, heights_m)) <= MAX_M).all():  # false for NaN, too
+        if not (np.abs((radii_m, heights_m)) <= MAX_M).all():  # also rejects NaN
             raise OpticsError("expected finite numbers in meters")
         if radii_m[0] != 0.0 or not (np.diff(radii_m) > 0.0).all():
             raise OpticsError("r_m: expected numbers that grow from 0")
 
     @cached_property
     def _coefficients(self) -> Floats:
-        """Coefficients of the cubics (4, n − 1), from the cube on."""
+        """Coefficients of the cubics (4, n − 1), highest power first."""
         begin: Literal["not-a-knot", "clamped"] = "not-a-knot" if self.pointed else "clamped"
         ends = self.radii_m, self.table_heights_m
         return scipy.interpolate.CubicSpline(*ends, bc_type=(begin, "not-a-knot")).c

@@ -1,7 +1,7 @@
-"""Contract of a surface's shape.
+"""Interface of a surface's shape.
 
-Frame of a shape: origin at its vertex, z along its axis of revolution, away from a camera that
-looks at it. A mirror that bulges towards that camera has z > 0 off its axis.
+In a shape's frame, the origin is the vertex, and z points along the axis of revolution, away from a
+camera that looks at the shape. A mirror that bulges towards the camera has z > 0 off its axis.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ Floats = NDArray[np.float64]
 
 
 class Level(NamedTuple):
-    """Implicit function of a shape, 0 on its surface."""
+    """Implicit function of a shape: 0 on its surface."""
 
     values: Floats  # (n,)
     gradients: Floats  # (n, 3)
 
 
 class Shape(ABC):
-    """A surface of revolution, unbounded but for its own domain; immutable.
+    """Surface of revolution, bounded only by its own domain; immutable.
 
     Attributes:
-        shape_name: of it in files.
-        tip_radius_m: about the axis, where it has no normal.
-        needs_rim: continues beyond the extent of a real mirror.
+        shape_name: name in files.
+        tip_radius_m: radius about the axis within which it has no normal.
+        needs_rim: True if it continues beyond the extent of a real mirror.
     """
 
     shape_name: ClassVar[str]
@@ -45,7 +45,7 @@ class Shape(ABC):
         return math.inf
 
     def parameters(self) -> CameraParameters:
-        """Name and parameters, as optics files have them."""
+        """Name and parameters, as written in optics files."""
         assert dataclasses.is_dataclass(self)
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         plain = {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
@@ -53,19 +53,19 @@ class Shape(ABC):
 
     @abstractmethod
     def is_convex(self, radius_m: float) -> bool:
-        """Tell whether it bulges towards the camera everywhere within a radius."""
+        """True if it bulges towards the camera everywhere within a radius."""
 
     def is_rising(self, radius_m: float) -> bool:
-        """Tell whether it goes away from the camera, outwards, everywhere within a radius."""
+        """True if it recedes from the camera outwards, everywhere within a radius."""
         return self.is_convex(radius_m)
 
     @abstractmethod
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
-        """Lengths (n, m) of rays (n, 3) to the surface, ascending; NaN: no more of them.
+        """Lengths (n, m) along rays (n, 3) to the surface, ascending; NaN: no further crossing.
 
         Args:
-            origins_m, directions: of the rays, in the shape's frame.
-            radius_m: distance from the axis beyond which hits do not matter.
+            origins_m, directions: (n, 3) rays, in the shape's frame.
+            radius_m: distance from the axis beyond which hits are irrelevant.
         """
 
     @abstractmethod

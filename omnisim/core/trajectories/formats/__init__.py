@@ -1,7 +1,7 @@
 """Formats of trajectory files: one module each, with `read` and `lines`.
 
 Numbers are printed with nine digits after the point: nanometers, nanoseconds, and 1e-9 of a
-quaternion or a degree. What is read back is within half a unit of the last digit; a rotation, whose
-numbers are brought back to length 1, within one and a half. A stamp since 1970 is known to 0.2 µs:
-a float64 of seconds has no more.
+quaternion or a degree. Values read back are within half a unit of the last digit; rotations, whose
+numbers are normalized to length 1, are within one and a half. A timestamp since 1970 has a
+resolution of 0.2 µs, the limit of a float64 in seconds.
 """

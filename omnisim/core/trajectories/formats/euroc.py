@@ -1,7 +1,7 @@
-"""EuRoC: 17 columns between commas: ns, position, quaternion wxyz, velocity, biases of an IMU.
+"""EuRoC: 17 columns separated by commas: ns, position, quaternion wxyz, velocity, IMU biases.
 
-The velocity and the biases are not read. Of a trajectory the velocities of the smooth motion
-through its poses are written, and biases of 0.
+Velocity and biases are not read. For a trajectory, the velocities of the smooth motion through its
+poses are written, and biases of 0.
 Source: EuRoC MAV dataset, state_groundtruth_estimate0/data.csv.
 """
 
@@ -40,10 +40,10 @@ UNITS = ["ns"] + ["m"] * 3 + [""] * 4 + ["m s^-1"] * 3 + ["rad s^-1"] * 3 + ["m 
 
 
 def read(table: TextTable) -> ParsedTrajectory:
-    """Read a table of 17 columns, with a header or without.
+    """Read a table of 17 columns, with or without a header.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and expected.
+        TrajectoryError: naming file, line, the actual value and the expected one.
     """
     if not is_number(table.lines[0].cells[0]):
         table = table.without_header()
@@ -62,7 +62,7 @@ def _stamp(table: TextTable, line: Line) -> int:
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """Lines of a file."""
+    """Lines of a trajectory file."""
     check_printed_times(trajectory.times_s)
     stamps_ns = [round(time_s * 1e9) for time_s in trajectory.times_s.tolist()]
     velocities = SplineMotion(trajectory).at(trajectory.times_s).velocity_mps

@@ -1,7 +1,7 @@
-"""KITTI: the upper three rows of a pose, 12 numbers a line, between blanks; no time.
+"""KITTI: the upper three rows of a pose, 12 numbers per line separated by blanks, without times.
 
-The numbers are read as they are. The benchmark's are a camera's: x right, y down, z ahead; its
-convention is `omnisim.core.trajectories.trajectory_files`'s to apply.
+The numbers are read unchanged. The benchmark's poses are those of a camera: x right, y down, z
+forward; `omnisim.core.trajectories.trajectory_files` applies this convention.
 Source: KITTI odometry benchmark, development kit.
 """
 
@@ -24,7 +24,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 12 columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and expected.
+        TrajectoryError: naming file, line, the actual value and the expected one.
     """
     matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
     return parsed_trajectory(
@@ -33,6 +33,6 @@ def read(table: TextTable) -> ParsedTrajectory:
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """Lines of a file, without times."""
+    """Lines of a trajectory file, without times."""
     for row in trajectory.world_from_base[:, :3].reshape(-1, 12):
         yield " ".join(f"{value:.9f}" for value in row)

@@ -1,4 +1,4 @@
-"""Poses parsed from a trajectory file, with times where it has any."""
+"""Poses parsed from a trajectory file, with times if the file has them."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from omnisim.core.trajectories.trajectory import MAX_S, Trajectory
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3
-# "world": x forward, y left, z up (REP 103); "kitti": x right, y down, z ahead, of the pose at the
-# origin as well as of all others (KITTI odometry benchmark, development kit).
+# "world": x forward, y left, z up (REP 103); "kitti": x right, y down, z forward, for the pose at
+# the origin and for all others (KITTI odometry benchmark, development kit).
 Axes = Literal["world", "kitti"]
 
 
 @dataclass(frozen=True, eq=False)
 class ParsedTrajectory:
-    """Poses of a file, with or without times.
+    """Poses in a file, with or without times.
 
     Attributes:
-        source: the file, for messages.
-        line_numbers: (n,) where in the file each pose is, from 1.
-        times_s: (n,), or None: the file has none.
-        world_from_base: (n, 4, 4).
-        axes: that the file's poses are in; `world_from_base` is in the world's.
-        has_heights: false for poses of a floor plan: x, y and heading.
-        format: name of the file's format.
+        source: file name, for messages.
+        line_numbers: (n,) line of each pose in the file, counted from 1.
+        times_s: (n,) times, or None if the file has none.
+        world_from_base: (n, 4, 4) poses in world axes.
+        axes: axes of the poses in the file.
+        has_heights: False for poses on a floor plan: x, y and heading.
+        format: name of the file format.
     """
 
     source: str
@@ -51,10 +51,10 @@ class ParsedTrajectory:
     format: str = ""
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:
-        """Trajectory at the poses' times, or at `rate_hz` from 0 s on where they have none.
+        """Trajectory at the poses' times; poses without times are spaced at `rate_hz` from 0 s.
 
         Raises:
-            TrajectoryError: neither times nor a rate, or both.
+            TrajectoryError: there are neither times nor a rate, or there are both.
         """
         if rate_hz is None:
             if self.times_s is None:
@@ -76,16 +76,16 @@ def parsed_trajectory(
     positions_m: NDArray[np.float64],
     rotations: NDArray[np.float64],
 ) -> ParsedTrajectory:
-    """Assemble poses that a format's module has read from a table, a line a pose.
+    """Assemble poses that a format module has read from a table, one per line.
 
     Args:
-        table: where it comes from.
-        times_s: (n,), or None.
-        positions_m: (n, 3).
-        rotations: (n, 3, 3).
+        table: table of the file.
+        times_s: (n,) times, or None.
+        positions_m: (n, 3) positions.
+        rotations: (n, 3, 3) rotations.
 
     Raises:
-        TrajectoryError: a position too far away.
+        TrajectoryError: a position is too far away.
     """
     _refuse(
         table,
@@ -99,10 +99,10 @@ def parsed_trajectory(
 
 
 def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (n,) from a table's first column, checked.
+    """Validated times (n,) from a table's first column.
 
     Raises:
-        TrajectoryError: too large, or not increasing.
+        TrajectoryError: times are too large, or do not increase.
     """
     for line, time in zip(table.lines, times_s, strict=True):
         if abs(time) >= MAX_S:
@@ -115,7 +115,7 @@ def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.
     """Rotations (n, 3, 3) from a table's quaternions (n, 4).
 
     Raises:
-        TrajectoryError: one whose length is not 1 but for rounding.
+        TrajectoryError: the length of a quaternion differs from 1 by more than rounding.
     """
     lengths = np.linalg.norm(xyzw, axis=-1)
     _refuse(
@@ -127,10 +127,10 @@ def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.
 
 
 def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotations (n, 3, 3) from a table's matrices, freed from their rounding.
+    """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed.
 
     Raises:
-        TrajectoryError: one that is not a rotation but for rounding.
+        TrajectoryError: a matrix differs from a rotation by more than rounding.
     """
     _refuse(
         table,

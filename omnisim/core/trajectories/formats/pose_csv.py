@@ -1,9 +1,8 @@
-"""Our own CSV: a header, then a pose a line; the columns in any order.
+"""omnisim's own CSV: a header, then one pose per line; the columns are in any order.
 
-`x_m` and `y_m` must be there. `z_m`, `roll_deg` and `pitch_deg` are 0 where they are not; without
-any of them the poses are those of a floor plan. Without
-`yaw_deg` the robot looks along its path: to the next pose that is elsewhere, at the end as before.
-Without `t_s` the poses have no times.
+`x_m` and `y_m` are required. `z_m`, `roll_deg` and `pitch_deg` default to 0; without all three, the
+poses lie on a floor plan. Without `yaw_deg` the robot looks along its path, towards the next
+distinct position, and at the end it keeps its heading. Without `t_s` the poses have no times.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table whose first line names its columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and expected.
+        TrajectoryError: naming file, line, the actual value and the expected one.
     """
     names = _header(table)
     table = table.without_header()
@@ -64,9 +63,9 @@ def _header(table: TextTable) -> list[str]:
 
 
 def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Headings (n,) in radians along a path (n, 2): to the next position that is another one.
+    """Headings (n,) in radians along a path (n, 2), towards the next distinct position.
 
-    The last ones keep the heading before; where all are the same it is 0.
+    The last positions keep the previous heading; it is 0 if all positions are equal.
     """
     steps = np.diff(positions_m, axis=0)
     moving = np.flatnonzero(np.any(steps != 0.0, axis=1))
@@ -79,7 +78,7 @@ def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """Lines of a file, with all columns."""
+    """Lines of a trajectory file, with all columns."""
     check_printed_times(trajectory.times_s)
     yield ",".join(COLUMNS)
     angles = roll_pitch_yaw_from_rotation(trajectory.world_from_base[:, :3, :3])

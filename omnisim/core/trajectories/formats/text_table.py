@@ -1,4 +1,4 @@
-"""Files of numbers in lines, with errors that name file, line, what was found and expected."""
+"""Text files with numbers in lines; errors name file, line, the actual and the expected value."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from omnisim.core.files.sources import read_source
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
-MAX_NUMBER = 1e20  # any stamp in nanoseconds is below it, and squares of it do not overflow
+MAX_NUMBER = 1e20  # above any timestamp in nanoseconds; squares do not overflow
 MAX_QUOTE = 40
 
 
 @dataclass(frozen=True)
 class Line:
-    """Line of a file: its number, from 1, and its cells."""
+    """Line of a file: its number, counted from 1, and its cells."""
 
     number: int
     cells: list[str]
@@ -28,12 +28,12 @@ class Line:
 
 @dataclass(frozen=True)
 class TextTable:
-    """Lines of a file that are neither empty nor comments.
+    """Lines of a file, without empty lines and comments.
 
     Attributes:
-        source: the file, for messages.
-        lines: with their cells; at least one.
-        separator: "," or None: blanks.
+        source: file name, for messages.
+        lines: lines with their cells; at least one.
+        separator: "," or None for blanks.
     """
 
     source: str
@@ -45,10 +45,10 @@ class TextTable:
         return TrajectoryError(f"{self.source}:{line.number}: {words}")
 
     def without_header(self) -> TextTable:
-        """Drop the first line.
+        """Table without its first line.
 
         Raises:
-            TrajectoryError: nothing is left.
+            TrajectoryError: no line is left.
         """
         if len(self.lines) == 1:
             raise TrajectoryError(
@@ -60,10 +60,10 @@ class TextTable:
         """All cells (lines, columns) as finite numbers.
 
         Args:
-            names: of the columns; as many are wanted in each line.
+            names: column names; each line must have one cell per name.
 
         Raises:
-            TrajectoryError: another number of columns, or a cell that is not a number.
+            TrajectoryError: a line has another number of columns, or a cell is not a number.
         """
         return np.array([self._row(line, names) for line in self.lines], dtype=np.float64)
 
@@ -90,23 +90,23 @@ class TextTable:
         raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
 
     def check_times(self, times_s: NDArray[np.float64], printed: list[str]) -> None:
-        """Refuse times (lines,) that do not increase; `printed` is how the file has them."""
+        """Reject times (lines,) that do not increase; `printed` holds their text in the file."""
         later = np.diff(times_s) > 0.0
         if not np.all(later):
             k = int(np.argmin(later))
-            words = "repeats" if times_s[k + 1] == times_s[k] else "is before"
+            relation = "repeats" if times_s[k + 1] == times_s[k] else "is before"
             raise self.fault(
                 self.lines[k + 1],
-                f"time {printed[k + 1]} {words} {printed[k]} of line {self.lines[k].number}: "
+                f"time {printed[k + 1]} {relation} {printed[k]} of line {self.lines[k].number}: "
                 "expected times that increase",
             )
 
 
 def read_text_table(path: Path) -> TextTable:
-    """Read a text file of lines with cells between commas or blanks; `#` starts a comment line.
+    """Read a text file with cells separated by commas or blanks; `#` starts a comment line.
 
     Raises:
-        TrajectoryError: it cannot be read, is not text, or has no line but comments.
+        TrajectoryError: the file cannot be read, is not text, or has only comments.
     """
     try:
         text = read_source(path).decode("utf-8-sig")
@@ -126,20 +126,20 @@ def read_text_table(path: Path) -> TextTable:
 
 
 def is_number(cell: str) -> bool:
-    """A cell is a number, finite or not, and not a word."""
+    """True if a cell is a number, finite or not."""
     return bool(NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
 
 
 def quote(text: str) -> str:
-    """Text for a message of one line."""
+    """Quote text for a one-line message."""
     return text if len(text) <= MAX_QUOTE else text[:MAX_QUOTE] + "…"
 
 
 def check_printed_times(times_s: NDArray[np.float64]) -> None:
-    """Refuse times (n,) that would be the same once printed to the nanosecond.
+    """Reject times (n,) that become equal when printed to the nanosecond.
 
     Raises:
-        TrajectoryError: naming the first two.
+        TrajectoryError: naming the first two equal times.
     """
     same = np.diff(np.rint(times_s * 1e9)) <= 0.0
     if np.any(same):

@@ -1,4 +1,4 @@
-"""TUM: `t x y z qx qy qz qw` in seconds and meters, between blanks.
+"""TUM: `t x y z qx qy qz qw` in seconds and meters, separated by blanks.
 
 Source: TUM RGB-D benchmark, file formats.
 """
@@ -26,7 +26,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 8 columns.
 
     Raises:
-        TrajectoryError: naming file, line, what was found and expected.
+        TrajectoryError: naming file, line, the actual value and the expected one.
     """
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])
@@ -36,7 +36,7 @@ def read(table: TextTable) -> ParsedTrajectory:
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:
-    """Lines of a file."""
+    """Lines of a trajectory file."""
     check_printed_times(trajectory.times_s)
     yield "# " + " ".join(COLUMNS)
     quaternions = quaternion_from_rotation(trajectory.world_from_base[:, :3, :3])
