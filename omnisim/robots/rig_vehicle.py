@@ -1,4 +1,4 @@
-"""Rigs as vehicles: cameras on a body that is moved along poses, without a robot."""
+"""Rigs as vehicles: cameras on a body that follows given poses, without a robot."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from omnisim.sensors.sensor_names import folder_name
 
 
 def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None) -> Vehicle:
-    """Vehicle of a rig: invisible, without wheels; its base is the rig's body.
+    """Build the vehicle of a rig: invisible, without wheels; its base is the rig's body.
 
     Args:
-        name: of the vehicle.
+        name: name of the vehicle.
         rig: cameras and their poses on the body.
-        sensors: of the cameras; by default each camera exactly as its model has it.
+        sensors: sensor per camera; None: the rig's camera models with default settings.
 
     Raises:
-        CalibrationError: two cameras whose folders would have the same name.
+        CalibrationError: two cameras have the same folder name.
     """
     if sensors is None:
         sensors = [OmniCamera(camera.model, polygons=None) for camera in rig.cameras]

@@ -1,4 +1,4 @@
-"""Vehicles: robots with their bodies and sensors, ready to be driven through a scene."""
+"""Vehicles: robots with their bodies and sensors, ready to drive through a scene."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ from omnisim.sensors.sensor_registry import parse_mounts, sensor_source
 from omnisim.sensors.triggers import sensor_rates
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
-_PLACES = "source", "folder"  # of a robot file on this machine
+_PLACES = "source", "folder"  # where the robot file is on this machine
 
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """Robot with its body and its sensors.
+    """Robot with its body and sensors.
 
     Attributes:
-        name: short, as in file names.
-        title: what people call it.
-        body: in the base frame, or None: invisible.
-        kinematics: its limits, or None: unknown.
-        odometry: the errors of its wheels.
-        footprint: about its base, or None: unknown.
-        sensors: in the order of the robot file.
-        given: digest of what it was made from; None: known by its own content.
+        name: short name for file names.
+        title: display name.
+        body: geometry in the base frame; None: invisible.
+        kinematics: limits of the robot; None: unknown.
+        odometry: errors of the wheel odometry.
+        footprint: footprint around the base; None: unknown.
+        sensors: sensors in the order of the robot file.
+        given: digest of the source files; None: identified by its own content.
     """
 
     name: str
@@ -68,26 +68,26 @@ class Vehicle:
 
     @classmethod
     def load(cls, source: str | Path) -> Vehicle:
-        """Load the vehicle of a robot file, of a folder with one, or of a built-in name.
+        """Load the vehicle of a robot file, a folder with one, or a built-in name.
 
         Raises:
-            RobotFileError: naming file, sensor or key, and what was expected.
-            SensorFileError: naming the sensor file, key, value and what was expected.
+            RobotFileError: names file and sensor or key, and what was expected.
+            SensorFileError: names the sensor file and key, the actual value and the expected one.
         """
         return cls.from_robot(load_robot(source))
 
     @classmethod
     def from_robot(cls, robot: Robot, cameras: Mapping[str, OmniCamera] = {}) -> Vehicle:
-        """Build what a robot file describes.
+        """Build the vehicle that a robot file describes.
 
         Args:
-            robot: of a robot file, or of an import.
-            cameras: by the names of sensors, instead of those of sensor files.
+            robot: contents of a robot file, or an imported robot.
+            cameras: cameras by sensor name, which replace those of sensor files.
 
         Raises:
-            RobotFileError: a file that is missing or no body, a sensor that cannot be, that stands
-                inside the body, or that hides what the body does not have.
-            SensorFileError: naming the sensor file, key, value and what was expected.
+            RobotFileError: a file is missing or is not a body, a sensor is invalid or inside the
+                body, or a sensor hides a node that the body lacks.
+            SensorFileError: names the sensor file and key, the actual value and the expected one.
         """
         with recorded_sources() as sources:
             vehicle = cls._of(robot, cameras)
@@ -131,27 +131,27 @@ class Vehicle:
 
     @property
     def cameras(self) -> tuple[MountedCamera, ...]:
-        """Its omnidirectional cameras."""
+        """Omnidirectional cameras of the vehicle."""
         return tuple(each for each in self.sensors if isinstance(each, MountedCamera))
 
     @property
     def scanners(self) -> tuple[MountedScanner, ...]:
-        """Its planar laser scanners."""
+        """Planar laser scanners of the vehicle."""
         return tuple(each for each in self.sensors if isinstance(each, MountedScanner))
 
     def camera(self, name: str | None = None) -> MountedCamera:
-        """Camera of a name; without one, the first.
+        """Camera of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: there is none.
+            RobotFileError: no such camera.
         """
         return _named(self.cameras, name, f"robot {self.name!r}: camera")
 
     def scanner(self, name: str | None = None) -> MountedScanner:
-        """Laser scanner of a name; without one, the first.
+        """Laser scanner of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: there is none.
+            RobotFileError: no such scanner.
         """
         return _named(self.scanners, name, f"robot {self.name!r}: scanner")
 
@@ -163,16 +163,16 @@ class Vehicle:
         degradation: Degradation | None = None,
         quality: str | None = None,
     ) -> Vehicle:
-        """Copy with other camera settings; by default they stay as they are.
+        """Copy with other camera settings; settings that are left out keep their values.
 
         Args:
-            size_px: pixels of the shorter side.
-            polygons: of the mirror's mesh, or "auto"; None: exact.
-            degradation: of all cameras.
-            quality: "fast", "default" or "fine".
+            size_px: length of the shorter image side, px; None: unchanged.
+            polygons: polygon count of the mirror's mesh, or "auto"; None: exact mirror.
+            degradation: degradation of all cameras; None: unchanged.
+            quality: "fast", "default" or "fine"; None: unchanged.
 
         Raises:
-            OpticsError: an impossible size, polygon count or quality.
+            OpticsError: an invalid size, polygon count or quality.
         """
         sensors: list[MountedSensor] = []
         for mounted in self.sensors:
@@ -196,7 +196,7 @@ class Vehicle:
         return changed.identified(source_digest(self.given, settings))
 
     def identified(self, given: str) -> Vehicle:
-        """The same vehicle, known by a digest of what it was made from."""
+        """Copy of the vehicle, identified by a digest of its source files."""
         vehicle = copy.copy(self)
         object.__setattr__(vehicle, "given", given)
         return vehicle
@@ -220,12 +220,12 @@ def _load_body(robot: Robot) -> Scene | None:
         folders = [robot.folder / name for name in robot.resources]
         read = read_scene(path, resources=folders, animation="none")
         if is_mjcf(path):
-            from omnisim.scene.formats.mjcf.robot_body import without_world  # of an extra
+            from omnisim.scene.formats.mjcf.robot_body import without_world  # needs an extra
 
             read = without_world(read, path)
         body = _moved(read, robot.body_offset_m)
-        # images and fingerprints name the body: not by where this machine has it; it is no scene
-        # to look around in, and has its middle for a start
+        # Fingerprints contain the body's name but not its path on this machine. A body needs no
+        # start pose to look around from, so it starts at its center.
         start = default_start(body.bounds_m())
         return body.altered("", name=robot.body, start=start)
     except SceneError as reason:
@@ -234,7 +234,7 @@ def _load_body(robot: Robot) -> Scene | None:
 
 
 def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
-    """Body by an offset."""
+    """Translate a body by an offset."""
     if not any(offset_m):
         return body
     base_from_file = pose_from_rotation(np.eye(3), offset_m)
@@ -258,7 +258,7 @@ def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:
 
 
 def _check_outside(body: Scene | None, mounted: MountedSensor, where: str) -> None:
-    """Refuse a sensor inside a part that it does not hide."""
+    """Raise an error if a sensor is inside a part of the body that it does not hide."""
     if body is None:
         return
     around = enclosing_nodes(body, mounted.origin_m, mounted.near_m, mounted.hides)

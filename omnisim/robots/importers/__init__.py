@@ -1,1 +1,1 @@
-"""Robots out of models of other simulators: what their robot files have in common."""
+"""Importers of robot models from other simulators, and the robot files they write."""

@@ -1,4 +1,4 @@
-"""Importers of robots, by the formats of their models."""
+"""Importers of robots, selected by file format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from omnisim.robots.vehicle import Vehicle
 
 Resources = Sequence[str | Path]
 
-# Drives of robot files import none of the formats.
+# Imported on demand: robot files need none of the formats.
 
 
 def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
@@ -39,7 +39,7 @@ def _import_mjcf(path: Path, name: str | None, resources: Resources) -> Imported
         return _import_urdf(path, name, resources)
     _check_no_name(path, name)
     require_extra("mujoco", str(path))
-    from omnisim.robots.importers.mjcf_robot import import_mjcf  # of the extra
+    from omnisim.robots.importers.mjcf_robot import import_mjcf  # needs the extra
 
     return import_mjcf(path, resources)
 
@@ -55,15 +55,15 @@ SUFFIXES = tuple(_IMPORTERS)
 
 
 def import_model(path: Path, name: str | None = None, resources: Resources = ()) -> ImportedRobot:
-    """Import the robot of a model.
+    """Import the robot of a model file.
 
     Args:
-        path: of one of `SUFFIXES`.
-        name: of the model, in a file of several.
-        resources: folders of models and packages that it names.
+        path: model file with one of the `SUFFIXES`; any other suffix is read as MJCF.
+        name: name of the model, for a file with several.
+        resources: folders of referenced models and packages.
 
     Raises:
-        RobotFileError: no such file or model, or values that are none.
+        RobotFileError: the file or the model is missing, or a value is invalid.
         OmnisimError: MuJoCo is not installed.
     """
     if not path.is_file():
@@ -77,12 +77,12 @@ def _check_no_name(path: Path, name: str | None) -> None:
 
 
 class LoadedModel(NamedTuple):
-    """Robot of a model, without a robot file.
+    """Robot loaded from a model, without a robot file.
 
     Attributes:
-        robot: of the table that a robot file would have.
-        vehicle: with its body and sensors.
-        notices: one line each.
+        robot: robot as parsed from the equivalent robot file.
+        vehicle: vehicle with its body and sensors.
+        notices: one line per omission or assumption.
     """
 
     robot: Robot
@@ -91,10 +91,10 @@ class LoadedModel(NamedTuple):
 
 
 def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:
-    """Load the robot of a model.
+    """Load a model file as a vehicle.
 
     Raises:
-        OmnisimError: as `import_model` and `Vehicle.from_robot` do.
+        OmnisimError: for the reasons of `import_model` and `Vehicle.from_robot`.
     """
     imported = import_model(path, None, resources)
     robot = imported.robot(path)

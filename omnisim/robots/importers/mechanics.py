@@ -1,4 +1,4 @@
-"""Robots of URDF and MuJoCo: a body, wheels, masses and sensors."""
+"""Conversion of URDF and MuJoCo robots: body, wheels, masses and sensors."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSenso
 from omnisim.robots.importers.wheels import Wheel, drive_of
 from omnisim.scene import Scene
 
-CLEARANCE = 0.25  # of a wheel's diameter: what it climbs
+CLEARANCE = 0.25  # ground clearance as a share of the wheel diameter
 
 
 class Mechanics(NamedTuple):
-    """Robot of a model at rest, in the file's frame.
+    """Mechanics and sensors of a robot model in its rest pose, in the file's frame.
 
     Attributes:
-        name: of the model.
-        wheels: on joints about y.
-        mass_kg: in all, or 0: unknown.
+        name: name of the model.
+        wheels: wheels on joints about y.
+        mass_kg: total mass; 0: unknown.
         center_m: (3,) center of mass.
-        sensors: with distinct names.
-        limits: keys of `[kinematics]` that the model states.
+        sensors: sensors with unique names.
+        limits: limits that the model states, with the keys of `[kinematics]`.
     """
 
     name: str
@@ -38,22 +38,22 @@ class Mechanics(NamedTuple):
 
 
 def imported_robot(
-    found: Mechanics,
+    mechanics: Mechanics,
     source: Path,
     body: Scene | None,
     resources: Sequence[Path],
     notices: list[str],
 ) -> ImportedRobot:
-    """Make the robot of a model; its base is on the ground between its wheels.
+    """Convert a model to a robot whose base is on the ground, centered between its wheels.
 
     Args:
-        found: in the model.
-        source: its file.
-        body: in the file's frame, or None.
-        resources: folders that the body needs.
-        notices: grow by those of the drive.
+        mechanics: wheels, mass and sensors of the model.
+        source: file of the model.
+        body: geometry in the file's frame, or None.
+        resources: folders of packages that the body references.
+        notices: list to which the notices about the drive and the sensors are appended.
     """
-    drive = drive_of(found.wheels, notices)
+    drive = drive_of(mechanics.wheels, notices)
     base_m = np.zeros(3)
     if drive is not None:
         base_m = drive.base_m
@@ -67,18 +67,18 @@ def imported_robot(
             clearance_m = round(CLEARANCE * drive.table["wheel_diameter_m"], 6)
             size["clearance_m"] = min(clearance_m, round(0.5 * size["height_m"], 6))
         speed = {"max_speed_mps": drive.speed_mps} if drive.speed_mps > 0.0 else {}
-        kinematics = drive.table | limits(speed | found.limits, notices)
-    if found.mass_kg > 0.0:
-        physics = {"mass_kg": round(found.mass_kg, 6)}
-        height_m = round(float(found.center_m[2] - base_m[2]), 6)
+        kinematics = drive.table | limits(speed | mechanics.limits, notices)
+    if mechanics.mass_kg > 0.0:
+        physics = {"mass_kg": round(mechanics.mass_kg, 6)}
+        height_m = round(float(mechanics.center_m[2] - base_m[2]), 6)
         if height_m > 1e-3:
             physics["center_height_m"] = height_m
-    notices += [notice for one in found.sensors for notice in one.notices]
+    notices += [notice for one in mechanics.sensors for notice in one.notices]
     return ImportedRobot(
-        name=found.name,
+        name=mechanics.name,
         source=source,
-        section=f"Model {found.name!r}",
-        sensors=found.sensors,
+        section=f"Model {mechanics.name!r}",
+        sensors=mechanics.sensors,
         notices=tuple(notices),
         comments=notices,
         body=body,

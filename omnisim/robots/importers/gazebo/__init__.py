@@ -1,1 +1,1 @@
-"""Robots out of Gazebo's models, as robot files."""
+"""Import of Gazebo models as robot files."""

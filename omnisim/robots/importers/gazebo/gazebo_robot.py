@@ -1,8 +1,8 @@
-"""Import of a model as a robot: sensors, wheels, and the model itself as the body.
+"""Import of a Gazebo model as a robot: sensors, wheels, and the model itself as the body.
 
-Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, lidars `lidar`,
-or `usarsim_range_scanner` where they have one ring, and IMUs `imu`. Everything else is named in the
-notices.
+Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, and IMUs `imu`.
+Lidars become `lidar`, or `usarsim_range_scanner` if they have a single ring. Notices list all
+unsupported parts.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ from omnisim.scene.formats.sdf.models import (
 from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
-_GROUND_M = 0.02  # a body whose lowest point is as near to 0 stands on the ground
+_GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground
 
 
 def import_model(
     path: Path, name: str | None = None, resources: Sequence[str | Path] = ()
 ) -> ImportedRobot:
-    """Import a model of a file.
+    """Import a model from a file.
 
     Args:
-        path: a world or a model.
-        name: of the model; may be left out where one has sensors.
-        resources: folders of models that it includes.
+        path: file of a world or a model.
+        name: name of the model; None: the only model with sensors.
+        resources: folders of included models.
 
     Raises:
-        RobotFileError: no such model, or values that are none.
+        RobotFileError: the model is missing, or a value is invalid.
     """
     try:
         library = ModelLibrary(ResourcePath(path, resources), Omissions())
@@ -57,7 +57,7 @@ def import_model(
         world = root.find("world")
         tree = library.tree(world or root, "")
         model = _choose(tree, name)
-        # a model that is alone in its file has that file's frame, as its body has
+        # a model alone in its file shares that file's frame, and so does its body
         whole = tree if world is None and len(tree.models) == 1 else model
         sensors, others = _sensors(whole)
         about_drive: list[str] = []
@@ -115,8 +115,8 @@ def _has_sensors(model: Model) -> bool:
 
 
 def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
-    """Sensors with distinct names and poses in the base, and counts of other kinds."""
-    found: list[ImportedSensor] = []
+    """Sensors with unique names and their poses in the base, and counts of unsupported types."""
+    sensors: list[ImportedSensor] = []
     others: Counter[str] = Counter()
     taken: set[str] = set()
     for placed in placed_models(model):
@@ -126,14 +126,14 @@ def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
                 read = list(read_sensors(sensor, pose))
                 for one in read:
                     name = unique_name(folder_name(one.name), taken)
-                    found.append(one._replace(name=name))
+                    sensors.append(one._replace(name=name))
                 if not read:
                     others[sensor.attribute("type") or "sensor"] += 1
-    return found, others
+    return sensors, others
 
 
 def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
-    """Drive of a plugin for two or four wheels, or None."""
+    """Kinematics of the first plugin that drives two or four wheels, or None."""
     for placed in placed_models(model):
         for plugin in placed.model.element.children("plugin"):
             if is_wheel_drive(plugin):

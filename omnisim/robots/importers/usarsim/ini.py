@@ -1,9 +1,9 @@
-"""Syntax of USARBot.ini: sections of keys, and values in parentheses within values.
+"""Syntax of USARBot.ini: sections of keys, and parenthesized values that may nest.
 
     [USARBot.P2AT]
     Sensors=(ItemClass=class'USARBot.SICKLMS',ItemName="Scanner1",Position=(X=0.1,Y=0,Z=-0.2))
 
-A key may come again, and means a list then. Case does not matter. `;`, `#` and `//` begin comments.
+A repeated key forms a list. Case is ignored. `;`, `#` and `//` start comments.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from omnisim.core.trajectories.formats.text_table import quote
 
 COMMENTS = (";", "#", "//")
 MAX_DEPTH = 8
-# The engine's lists may count, Sensors(3)=, and add to those of another file, +Sensors=.
+# The engine's lists may have an index, Sensors(3)=, and extend inherited lists, +Sensors=.
 _ENTRY = re.compile(r"([-+.!]?[A-Za-z_]\w*)(?:[(\[]\d+[)\]])?\s*=\s*(.*)")
 _SECTION = re.compile(r"\[([^\[\]]+)\]\s*(.*)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 
 Value = Union[str, "Struct"]
-# By the name in lower case: the name as written, and its value.
+# Name in lower case, mapped to the name as written and its value.
 Struct = dict[str, tuple[str, Value]]
-Notice = tuple[int, str]  # line number and words
+Notice = tuple[int, str]  # line number and text
 
 
 @dataclass(frozen=True)
@@ -46,24 +46,24 @@ class Entry:
 
 @dataclass(frozen=True)
 class Section:
-    """Section with all its lines; those of one name are one section."""
+    """Section with all its lines; sections of the same name are merged."""
 
     name: str
     line: int
     entries: tuple[Entry, ...]
 
     def values_of(self, key: str) -> list[Entry]:
-        """Entries of a key, whatever its case."""
+        """Entries with a key, regardless of case."""
         return [entry for entry in self.entries if entry.key.lower() == key.lower()]
 
 
 def read_ini(path: Path) -> dict[str, Section]:
-    """Read the sections of a file, by their names in lower case.
+    """Read the sections of a file, keyed by lower-case name.
 
     Raises:
-        RobotFileError: naming file, line, what was found and expected.
+        RobotFileError: names file, line, the actual text and the expected one.
     """
-    found: dict[str, tuple[str, int, list[Entry]]] = {}
+    sections: dict[str, tuple[str, int, list[Entry]]] = {}
     entries: list[Entry] | None = None
     for number, line in enumerate(_text(path).split("\n"), start=1):
         content = line.strip()
@@ -72,30 +72,30 @@ def read_ini(path: Path) -> dict[str, Section]:
         heading, entry = _SECTION.fullmatch(content), _ENTRY.fullmatch(content)
         if heading and (not heading[2] or heading[2].startswith(COMMENTS)):
             name = heading[1].strip()
-            entries = found.setdefault(name.lower(), (name, number, []))[2]
+            entries = sections.setdefault(name.lower(), (name, number, []))[2]
         elif entry and entries is not None:
             entries.append(Entry(entry[1].lstrip("+."), entry[2], path, number))
         else:
             wanted = "[section]" if entries is None else "[section] or key=value"
             raise RobotFileError(f"{path}:{number}: {quote(content)!r}: expected {wanted}")
-    if not found:
+    if not sections:
         raise RobotFileError(f"{path}:1: nothing in it: expected a USARBot.ini with [sections]")
     return {
-        key: Section(name, line, tuple(entries)) for key, (name, line, entries) in found.items()
+        key: Section(name, line, tuple(entries)) for key, (name, line, entries) in sections.items()
     }
 
 
 def parse_struct(entry: Entry) -> Struct:
-    """Parse the value in parentheses of an entry.
+    """Parse the parenthesized value of an entry.
 
     Raises:
-        RobotFileError: naming file, line, what was found and expected.
+        RobotFileError: names file, line, the actual text and the expected one.
     """
     return _Reader(entry).whole()
 
 
 def printable(text: str) -> str:
-    """Replace unprintable characters by blanks."""
+    """Replace unprintable characters with spaces."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
@@ -110,7 +110,7 @@ def _text(path: Path) -> str:
         try:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = data.decode("cp1252", errors="replace")  # what Windows wrote then
+            text = data.decode("cp1252", errors="replace")  # Windows' encoding in USARSim's time
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     odd = _CONTROL.search(text)
     if odd:
@@ -120,7 +120,7 @@ def _text(path: Path) -> str:
 
 
 class _Reader:
-    """Reads one value from left to right."""
+    """Parser of a single value, from left to right."""
 
     def __init__(self, entry: Entry) -> None:
         self._entry, self._text, self._at = entry, entry.value, 0
@@ -138,7 +138,7 @@ class _Reader:
         return struct
 
     def _next(self) -> str:
-        """Skip blanks; the next character, or none."""
+        """Skip whitespace and return the next character, or "" at the end."""
         while self._at < len(self._text) and self._text[self._at].isspace():
             self._at += 1
         return self._text[self._at : self._at + 1]
@@ -163,17 +163,17 @@ class _Reader:
                 struct[name.lower()] = (name, value)
 
     def _pair(self, depth: int) -> tuple[str, Value]:
-        found = re.compile(r"([A-Za-z_][\w()\[\]]*)\s*=").match(self._text, self._at)
-        if found is None:
+        match = re.compile(r"([A-Za-z_][\w()\[\]]*)\s*=").match(self._text, self._at)
+        if match is None:
             rest = quote(self._text[self._at :])
             raise self._fault(f"{rest!r}: expected name=value")
-        self._at = found.end()
+        self._at = match.end()
         if self._next() == "(":
-            return found[1], self._struct(depth + 1)
-        return found[1], "".join(self._pieces(found[1])).strip()
+            return match[1], self._struct(depth + 1)
+        return match[1], "".join(self._pieces(match[1])).strip()
 
     def _pieces(self, name: str) -> Iterator[str]:
-        """Pieces of a plain value; quotes may hold commas and parentheses."""
+        """Yield the pieces of a plain value; quoted pieces may contain commas and parentheses."""
         while self._at < len(self._text) and self._text[self._at] not in ",()":
             letter = self._text[self._at]
             end = self._at + 1

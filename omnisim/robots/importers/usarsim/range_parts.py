@@ -1,4 +1,4 @@
-"""Sonars and infrared sensors in USARBot.ini: a part, and its settings in its class's section."""
+"""Sonars and infrared sensors in USARBot.ini: a part, with settings in its class's section."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAX_COUNT = 360
 def find_range_sensor(
     part: Part, own: Section | None, units: Units, left_out: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a sonar or an infrared sensor; None: the part is neither."""
+    """Read a sonar or an infrared sensor; None for any other part."""
     is_sonar = _SONAR.search(part.short_class)
     if not (is_sonar or _INFRARED.search(part.short_class)):
         return None
@@ -55,7 +55,7 @@ def find_range_sensor(
 
 
 def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
-    """Read the cone of a sonar."""
+    """Read the beam angle and the ray counts of a sonar."""
     values: dict[str, float] = {}
     if "beamangle" in entries:
         entry = entries["beamangle"]
@@ -65,10 +65,10 @@ def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
         )
     for key, name in _COUNTS.items():
         if key in entries:
-            found = _number(entries[key])
-            is_count = found == round(found) and 1.0 <= found <= MAX_COUNT
+            count = _number(entries[key])
+            is_count = count == round(count) and 1.0 <= count <= MAX_COUNT
             check(entries[key], is_count, f"a whole number from 1 to {MAX_COUNT}")
-            values[name] = round(found)
+            values[name] = round(count)
     return values
 
 
@@ -79,7 +79,7 @@ def _number(entry: Entry) -> float:
 def _check_limits(
     entries: dict[str, Entry], values: dict[str, float], usual: tuple[float, float]
 ) -> None:
-    """Refuse a least range that is not below the largest, at its line."""
+    """Raise the error of a minimum range that is not below the maximum, at its line."""
     least, most = values.get("range_min_m", usual[0]), values.get("range_max_m", usual[1])
     if not least < most:
         entry = entries.get("minrange") or entries["maxrange"]

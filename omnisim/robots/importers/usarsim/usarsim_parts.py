@@ -1,8 +1,8 @@
-"""Parts of a robot in USARBot.ini: class, name, and place, in our axes and units.
+"""Parts of a robot in USARBot.ini: class, name and pose, in omnisim's axes and units.
 
-USARSim: meters and radians, x forward, y right, z down; Direction is roll (X), pitch (Y) and yaw
-(Z) in that frame. Ours has the same x, and y and z the other way round: roll stays, pitch and yaw
-change sign.
+USARSim uses meters and radians, x forward, y right and z down. Direction is roll (X), pitch (Y)
+and yaw (Z) in that frame. omnisim has the same x axis, but y and z are reversed: roll is kept,
+pitch and yaw change sign.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from omnisim.core.trajectories.formats.text_table import quote
 from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.robots.importers.usarsim.ini import Entry, Struct, Value, parse_struct, printable
 
-# Farther from its robot no sensor is: such numbers are in another unit.
+# No sensor is farther from its robot: larger numbers are in another unit.
 FARTHEST_M = 10.0
 ON_CHASSIS = {"", "hard", "none"}
 
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a file's numbers.
+    """Units of the numbers in a file.
 
     Attributes:
-        meters: of a unit of length.
-        radians: of a unit of angle.
-        are_unreal: the engine's own, with z up.
+        meters: unit of length, in meters.
+        radians: unit of angle, in radians.
+        are_unreal: True for the engine's own units, with z up.
     """
 
     meters: float
@@ -41,7 +41,7 @@ class Units:
 
 
 SI_UNITS = Units(1.0, 1.0, are_unreal=False)
-# The engine's own: z up, 65536 to a turn, and 250 to a meter, as the names of USARSim's maps say.
+# The engine's units: z up, 65536 per turn, and 250 per meter, as USARSim's map names state.
 UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, are_unreal=True)
 
 
@@ -50,13 +50,13 @@ class Part:
     """Part mounted on a robot.
 
     Attributes:
-        entry: the line that says so.
-        class_name: with its package, as in USARBot.SICKLMS.
-        name: its own.
-        position_m: from USARSim's origin of the robot; x forward, y left, z up.
+        entry: entry that describes the part.
+        class_name: class with its package, as in USARBot.SICKLMS.
+        name: name of the part.
+        position_m: position from USARSim's origin of the robot; x forward, y left, z up.
         angles_deg: roll, pitch and yaw in the same frame.
-        parent: the part that it sits on, or None: the chassis.
-        unread: names of values that are not understood.
+        parent: part on which it is mounted; None: the chassis.
+        unread: names of unsupported values.
     """
 
     entry: Entry
@@ -69,16 +69,16 @@ class Part:
 
     @property
     def short_class(self) -> str:
-        """Class without its package, in lower case."""
+        """Class name without its package, in lower case."""
         return self.class_name.rpartition(".")[2].lower()
 
     @property
     def forward(self) -> NDArray[np.float64]:
-        """Viewing direction (3,), unit."""
+        """Viewing direction (3,), unit vector."""
         return poses.pose((0, 0, 0), *self.angles_deg)[:3, 0]
 
     def sensor(self, kind: str, values: Mapping[str, float]) -> ImportedSensor:
-        """Sensor of a kind at the part's place."""
+        """Sensor of the given type at the part's pose."""
         comment = f"line {self.entry.line}: {self}"
         return ImportedSensor(
             self.name, kind, self.position_m, self.angles_deg, values, comments=(comment,)
@@ -92,7 +92,7 @@ def read_part(entry: Entry, units: Units) -> Part:
     """Read the part of an entry.
 
     Raises:
-        RobotFileError: naming file, line, what was found and expected.
+        RobotFileError: names file, line, the actual text and the expected one.
     """
     struct = parse_struct(entry)
     class_name = _word(entry, struct, "ItemClass")
@@ -116,10 +116,10 @@ def read_part(entry: Entry, units: Units) -> Part:
 
 
 def check(entry: Entry, is_possible: bool, wanted: str) -> None:
-    """Refuse an impossible value of an entry.
+    """Raise an error if a value of an entry is impossible.
 
     Raises:
-        RobotFileError: naming file, line, and what was expected.
+        RobotFileError: names file, line, and the expected value.
     """
     if not is_possible:
         raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
@@ -129,46 +129,46 @@ def number(entry: Entry, name: str, value: Value) -> float:
     """Parse a finite number.
 
     Raises:
-        RobotFileError: naming file, line, what was found.
+        RobotFileError: names file, line and the actual text.
     """
     try:
-        # a comment may follow, as in beamAngle=0.349;
-        found = float(_bare(value.partition(";")[0])) if isinstance(value, str) else math.nan
+        # a semicolon may follow, as in beamAngle=0.349;
+        parsed = float(_bare(value.partition(";")[0])) if isinstance(value, str) else math.nan
     except ValueError:
-        found = math.nan
-    if not math.isfinite(found):
+        parsed = math.nan
+    if not math.isfinite(parsed):
         shown = quote(value) if isinstance(value, str) else "(...)"
         raise entry.fault(f"{name} = {shown}: expected a finite number")
-    return found
+    return parsed
 
 
 def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """Parse a length in meters.
+    """Parse a length and convert it to meters.
 
     Raises:
-        RobotFileError: naming file, line, what was found.
+        RobotFileError: names file, line and the actual text.
     """
     return number(entry, name, value) * units.meters
 
 
 def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """Parse an angle in radians.
+    """Parse an angle and convert it to radians.
 
     Raises:
-        RobotFileError: not a number, or one that is in the other unit.
+        RobotFileError: not a number, or the value implies the other unit.
     """
-    found = number(entry, name, value)
-    if units.are_unreal and found != round(found):
+    angle = number(entry, name, value)
+    if units.are_unreal and angle != round(angle):
         raise entry.fault(
-            f"{name} = {found:g}: expected whole numbers, 65536 to a turn; "
+            f"{name} = {angle:g}: expected whole numbers, 65536 to a turn; "
             "radians are read without --unreal-units"
         )
-    if not units.are_unreal and abs(found) > 2.0 * math.pi + 0.01:
+    if not units.are_unreal and abs(angle) > 2.0 * math.pi + 0.01:
         raise entry.fault(
-            f"{name} = {found:g}: expected radians, at most a turn; "
+            f"{name} = {angle:g}: expected radians, at most a turn; "
             "65536 to a turn are read with --unreal-units"
         )
-    return found * units.radians
+    return angle * units.radians
 
 
 def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
@@ -188,13 +188,13 @@ def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
     if isinstance(inner, str):
         raise entry.fault(f"{written}={quote(inner)}: expected {name}=(X=,Y=,Z=)")
     named = {"roll": "x", "pitch": "y", "yaw": "z"} if name == "Direction" else {}
-    found: dict[str, tuple[str, Value]] = {axis: (axis, "0") for axis in "xyz"}
+    components: dict[str, tuple[str, Value]] = {axis: (axis, "0") for axis in "xyz"}
     for key, (label, value) in inner.items():
         axis = named.get(key, key)
-        if axis not in found:
+        if axis not in components:
             raise entry.fault(f"{written}: {label}: expected X, Y and Z")
-        found[axis] = (f"{written} {label}", value)
-    return list(found.values())
+        components[axis] = (f"{written} {label}", value)
+    return list(components.values())
 
 
 def _word(entry: Entry, struct: Struct, name: str) -> str:
@@ -206,12 +206,12 @@ def _word(entry: Entry, struct: Struct, name: str) -> str:
 
 
 def _bare(value: str) -> str:
-    """Strip quotes: "a", class'a', a."""
-    found = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
-    word = (found[1] or found[2] or "") if found else value
+    """Strip the quotes: "a" and class'a' become a."""
+    quoted = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
+    word = (quoted[1] or quoted[2] or "") if quoted else value
     return printable(word).strip()
 
 
 def _clean(value: float) -> float:
-    """Round off conversion errors, and −0."""
+    """Round off conversion errors and turn −0 into 0."""
     return round(value, 9) + 0.0
