@@ -1,4 +1,4 @@
-"""Rates of sensors: when they measure, whatever the steps of the drive."""
+"""Measurement times of sensors with their own rate, independent of the drive's steps."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from omnisim.core.errors import RunError
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
 
 MAX_MEASUREMENTS = 10_000_000  # half a gigabyte of stamps and readings; 14 hours at 200 Hz
-LATE = 1e-3  # of a period: printed times are rounded
+LATE = 1e-3  # tolerance as a share of the period: printed times are rounded
 
 
 @dataclass(frozen=True)
 class SensorRate:
-    """Rate of one sensor, or of all that fire together.
+    """Rate of one sensor, or of all sensors on a trigger.
 
     Attributes:
-        rate_hz: measurements a second, from the start of the drive on.
-        phase_s: of the first one.
+        rate_hz: measurements per second, from the start of the drive.
+        phase_s: time of the first measurement since the start of the drive.
         jitter_s: standard deviation of the stamps.
-        clock: name of the sensor or of its trigger; jitter follows from it.
+        clock: name of the sensor or of its trigger, which determines the jitter.
     """
 
     rate_hz: float
@@ -35,12 +35,12 @@ class SensorRate:
         """Times (n,) of the measurements, n ≥ 1, in whole nanoseconds.
 
         Args:
-            start_s, end_s: of the drive.
-            seed: of the drive.
-            sensor: its name in messages.
+            start_s, end_s: start and end of the drive.
+            seed: seed of the drive.
+            sensor: name of the sensor in messages.
 
         Raises:
-            RunError: none, or more than memory holds.
+            RunError: no measurement falls into the drive, or there are too many for memory.
         """
         duration_s = end_s - start_s - self.phase_s
         count = math.floor(duration_s * self.rate_hz + LATE) + 1
@@ -58,11 +58,11 @@ class SensorRate:
         times_s = start_s + self.phase_s + indices / self.rate_hz
         if self.jitter_s > 0.0:
             hashes = pcg4d(indices, 0, 0, key_of("jitter", seed, self.clock))
-            # at most 5.77 standard deviations: stamps keep their order
+            # normal numbers are at most 5.77: stamps keep their order
             times_s += self.jitter_s * normal(hashes[0], hashes[1])
         return printed_s(np.clip(times_s, start_s, end_s))
 
 
 def printed_s(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (n,) as files of nine digits have them."""
+    """Round times (n,) to the nine decimals of the files."""
     return np.array([float(f"{time_s:.9f}") for time_s in times_s.tolist()])

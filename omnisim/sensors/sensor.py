@@ -1,4 +1,4 @@
-"""Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the world's motion.
+"""Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the moving world.
 
 sensor = MountedCamera(...)                    # by its table in the robot file
 with sensor.instrument(stage, settings) as instrument:
@@ -34,16 +34,16 @@ TABLE_SUFFIX = ".csv"
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Time of one measurement of a sensor.
+    """Time and context of one measurement of a sensor.
 
     Attributes:
-        motion: states of the world by seconds.
-        number: of the measurement, from 0; of a sensor without a rate of its own the step's.
-        time_s: of the measurement.
-        previous_s, next_s: times of the measurements around it; None: there is none.
-        channels: of ground truth at this time.
-        previous_stem: path, without suffix, of the files of the measurement before; None: there is
-            none.
+        motion: function from seconds to states of the world.
+        number: index of the measurement, from 0; without an own rate, the index of the step.
+        time_s: time of the measurement.
+        previous_s, next_s: times of the neighboring measurements; None: no such measurement.
+        channels: ground-truth channels to record.
+        previous_stem: path, without suffix, of the previous measurement's files; None: no previous
+            measurement.
     """
 
     motion: Motion
@@ -59,13 +59,13 @@ class Moment:
 
 
 class StepContent(NamedTuple):
-    """Content of a sensor's files of a step.
+    """Settings that determine the files of a sensor's step.
 
     Attributes:
-        channels: of ground truth.
-        channel_format: of the run.
-        boxes_3d: of the run.
-        settings: the sensor's own, from the manifest.
+        channels: ground-truth channels of the run.
+        channel_format: file format of the run's channels.
+        boxes_3d: True if the run records oriented boxes.
+        settings: the sensor's own settings in the manifest.
     """
 
     channels: Collection[str]
@@ -76,14 +76,14 @@ class StepContent(NamedTuple):
 
 @dataclass(frozen=True)
 class DriveSettings:
-    """Settings of a drive that sensors obey.
+    """Settings of a drive that apply to its sensors.
 
     Attributes:
         vehicle: name of the sensor's vehicle in the world.
-        motion: of its base.
-        seed: of the drive.
-        unlit: show plain base colors.
-        channel_format: of files with ground truth.
+        motion: motion of the vehicle's base.
+        seed: seed of the drive.
+        unlit: render plain base colors.
+        channel_format: file format of the ground truth.
         boxes_3d: also record the oriented boxes of the visible instances.
     """
 
@@ -100,10 +100,10 @@ class Measurement(ABC):
 
     @abstractmethod
     def save(self, stem: Path) -> None:
-        """Write those of its files that are missing.
+        """Write the files of the measurement that are missing.
 
         Args:
-            stem: path without suffix.
+            stem: output path without suffix.
 
         Raises:
             OutputError: a file cannot be written.
@@ -112,18 +112,18 @@ class Measurement(ABC):
 
 @dataclass(frozen=True, eq=False)
 class FileMeasurement(Measurement):
-    """Measurement in one file, such as a scan.
+    """Measurement in a single file, such as a scan.
 
     Attributes:
-        suffix: of the file.
-        write: writes the file to a path.
+        suffix: suffix of the file.
+        write: function that writes the file to a path.
     """
 
     suffix: str
     write: Callable[[Path], None]
 
     def save(self, stem: Path) -> None:
-        """Write the file where it is missing.
+        """Write the file unless it exists.
 
         Raises:
             OutputError: the file cannot be written.
@@ -134,21 +134,21 @@ class FileMeasurement(Measurement):
 
 
 class Instrument(Closing):
-    """Sensor opened on a stage, until it is closed.
+    """Sensor that is open on a stage.
 
     Args:
-        renderer: closed with the instrument.
-        measure: measures the world's motion at a moment.
+        renderer: renderer that is closed with the instrument.
+        measure: function that measures the moving world at a moment.
     """
 
     def __init__(self, renderer: Closing, measure: Callable[[Moment], Measurement]):
         self._renderer, self._measure = renderer, measure
 
     def measure(self, moment: Moment) -> Measurement:
-        """Measure the world's motion at a moment.
+        """Measure the moving world at a moment.
 
         Raises:
-            RunError: the files of the step before are damaged.
+            RunError: the files of the previous step are damaged.
             OmnisimError: the instrument is closed.
         """
         return self._measure(moment)
@@ -160,22 +160,22 @@ class Instrument(Closing):
 
 @dataclass(frozen=True, eq=False)
 class MountedSensor(ABC):
-    """Sensor on its vehicle.
+    """Sensor mounted on a vehicle.
 
     Attributes:
-        type: word of the robot file.
-        name: no two sensors of a vehicle have the same.
-        hides: nodes of the body that it does not see.
-        sensor: its parameters.
-        base_from_sensor: (4, 4) pose on the vehicle; it looks along x. A camera has its own in
-            `base_from_rig`, beside the identity here.
-        rate: of its own, or None: it measures at each step of the drive.
-        noun: kind of sensor, for people.
-        origin_noun: point that lies at the mount's position, for people.
-        suffixes: of all its files of a step, written or not; `*` stands for any letters.
-        document_names: of its files of a run.
-        has_ground_truth: its files include channels of ground truth.
-        has_instances: its files number instances as the run's labels do.
+        type: sensor type in the robot file.
+        name: unique name among the vehicle's sensors.
+        hides: nodes of the body that are invisible to the sensor.
+        sensor: parameters of the sensor.
+        base_from_sensor: (4, 4) pose on the vehicle; the sensor looks along x. For a camera this is
+            the identity; its pose is `base_from_rig`.
+        rate: own rate; None: one measurement per step of the drive.
+        noun: type of sensor in messages and labels.
+        origin_noun: name of the point at the mount's position in messages.
+        suffixes: suffixes of all possible files of a step; `*` matches any letters.
+        document_names: names of its files per run.
+        has_ground_truth: True if its files include channels of ground truth.
+        has_instances: True if its files use the instance IDs of the run's labels.
     """
 
     type: str
@@ -196,24 +196,24 @@ class MountedSensor(ABC):
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Origin of its rays (3,), base."""
+        """Origin (3,) of the sensor's rays in the base."""
         return self.base_from_sensor[:3, 3]
 
     @property
     def near_m(self) -> float:
-        """Distance from the origin below which nothing is seen; infinite: it has no eyes."""
+        """Minimum distance of visible surfaces; `math.inf` for sensors that do not see."""
         return 0.0
 
     def summary(self) -> str:
-        """Sensor in a few words."""
+        """Short description of the sensor."""
         words: str = self.sensor.summary()
         return words
 
     def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
-        """Times (n,) of its measurements in a drive with steps at times (m,).
+        """Times (n,) of the measurements in a drive with steps at times (m,).
 
         Raises:
-            RunError: none, or more than memory holds.
+            RunError: no measurement falls into the drive, or there are too many for memory.
         """
         if self.rate is None:
             return step_times_s
@@ -221,58 +221,58 @@ class MountedSensor(ABC):
         return self.rate.times_s(start_s, end_s, seed, self.name)
 
     def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Times (m,) at which its measurements at times (n,) depend on the true states."""
+        """Times (m,) of the true states that measurements at times (n,) depend on."""
         return times_s
 
     def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
-        """Open the sensor on a stage for a drive; None: it has no files of measurements.
+        """Open the sensor on a stage for a drive; None if it has no files per measurement.
 
         Raises:
-            GraphicsError: sizes past the GPU's limits.
+            GraphicsError: sizes exceed the GPU's limits.
         """
         return None
 
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
-        """Suffixes of its files of a step."""
+        """Suffixes of the files of a step."""
         return cls.suffixes
 
     def settings(self) -> dict[str, Any]:
-        """Settings that the run's manifest names one by one, of JSON's types."""
+        """JSON-serializable settings that the run's manifest lists."""
         return {}
 
     def documents(self) -> dict[str, str]:
-        """Texts of its files of a run, by name."""
+        """Texts of the sensor's files per run, by file name."""
         return {}
 
-    def write_readings(  # noqa: B027  # most have files of their own for each measurement
+    def write_readings(  # noqa: B027  # most sensors write a file per measurement instead
         self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
     ) -> None:
-        """Write those of its files that are missing which have all measurements, at times (n,).
+        """Write the missing files that hold all measurements, made at times (n,).
 
         Raises:
             OutputError: a file cannot be written.
         """
 
-    def check_trajectory(  # noqa: B027  # most measure any
+    def check_trajectory(  # noqa: B027  # most sensors accept any trajectory
         self, truth: Trajectory, times_s: NDArray[np.float64]
     ) -> None:
-        """Refuse a trajectory that the sensor cannot measure, at times (n,).
+        """Raise an error if the sensor cannot measure a trajectory at times (n,).
 
         Raises:
-            RunError: naming sensor, step, and what is expected.
+            RunError: names sensor and step, and what is expected.
         """
 
     def note(self, times_s: NDArray[np.float64]) -> str | None:
-        """Note on what it leaves out that measures at times (n,), or None: nothing."""
+        """Notice on what measurements at times (n,) omit; None if they omit nothing."""
         return None
 
 
 class RenderedSensor(MountedSensor):
-    """Sensor on its vehicle that measures by a renderer of its own."""
+    """Mounted sensor that measures with its own renderer."""
 
     def open(self, stage: SharedScene, mounting: Mounting) -> Any:
-        """Open its renderer on a stage, mounted as it is on the vehicle, see `Stage.open`."""
+        """Open the renderer on a stage, at the mount on the vehicle; see `Stage.open`."""
         given = mounting.base_from_sensor
         return cast(Stage, stage).open(
             self.sensor,
@@ -284,7 +284,7 @@ class RenderedSensor(MountedSensor):
         )
 
     def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open its renderer; no two sensors of a vehicle share the seed of their noise."""
+        """Open the renderer for a drive; the noise seeds of a vehicle's sensors all differ."""
         seed = f"{settings.seed} {self.name}"
         mounting = Mounting(vehicle=settings.vehicle, seed=seed, unlit=settings.unlit)
         renderer = self.open(stage, mounting)
@@ -292,13 +292,13 @@ class RenderedSensor(MountedSensor):
 
     @abstractmethod
     def measure(self, renderer: Any, settings: DriveSettings, moment: Moment) -> Measurement:
-        """Measure the world's motion at a moment.
+        """Measure the moving world at a moment.
 
         Args:
-            renderer: opened by the sensor.
-            settings: of the drive.
-            moment: time and number of the measurement.
+            renderer: renderer that the sensor opened.
+            settings: settings of the drive.
+            moment: time and index of the measurement.
 
         Raises:
-            RunError: the files of the step before are damaged.
+            RunError: the files of the previous step are damaged.
         """

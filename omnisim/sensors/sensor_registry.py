@@ -1,4 +1,4 @@
-"""Registry of sensors, by the word `type` of their tables in a robot file."""
+"""Registry of sensors, by the `type` of their tables in a robot file."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ MOUNT_TYPES: dict[str, type[SensorMount]] = {
 
 
 class SensorTables(Protocol):
-    """Tables of the sensors of a robot file."""
+    """Robot file with the tables of its sensors."""
 
     @property
     def sensors(self) -> Sequence[Mapping[str, Any]]:
-        """Tables, as the file has them."""
+        """Tables of the sensors, in the order of the file."""
 
     @property
     def source(self) -> str:
@@ -42,10 +42,10 @@ class SensorTables(Protocol):
 
 
 def parse_mounts(robot: SensorTables) -> tuple[SensorMount, ...]:
-    """Check the tables of a robot's sensors.
+    """Parse the tables of a robot's sensors.
 
     Raises:
-        RobotFileError: an unknown type or key, a value that makes no sense, or a name again.
+        RobotFileError: an unknown type or key, an invalid value, or a repeated name.
     """
     mounts: list[SensorMount] = []
     for index, table in enumerate(robot.sensors):
@@ -70,13 +70,13 @@ def parse_mounts(robot: SensorTables) -> tuple[SensorMount, ...]:
 
 
 def _has_calibration(table: Mapping[str, Any]) -> bool:
-    """The table is of the cameras of a calibration file."""
+    """True if the table refers to a calibration file with its cameras."""
     file = table.get("file")
     is_calibration = isinstance(file, str) and Path(file).suffix.lower() not in ("", SENSOR_FILE)
     return is_calibration and table.get("type", "omnicamera") == "omnicamera"
 
 
 def sensor_source(robot: SensorTables, sensor: str | int) -> str:
-    """Words for a sensor of a robot, by its name or index, in messages."""
+    """Name of a robot's sensor in messages, from its name or index."""
     where = f"sensor {sensor!r}" if isinstance(sensor, str) else f"sensors.{sensor}"
     return f"{robot.source}: {where}"

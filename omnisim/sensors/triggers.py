@@ -1,4 +1,4 @@
-"""Triggers: sensors of a robot that fire together, and the rates of all."""
+"""Triggers, which fire several sensors together, and the rates of all sensors."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from omnisim.core.errors import RobotFileError
 from omnisim.sensors.rate import SensorRate
 from omnisim.sensors.sensor_mount import SensorMount
 
-MAX_JITTER = 0.08  # of the period: random numbers are up to 5.77, and stamps keep their order
+MAX_JITTER = 0.08  # share of the period: normal numbers reach 5.77, and stamps keep their order
 TIMING = ("rate_hz", "phase_s", "jitter_s")
 
 
 def sensor_rates(
     mounts: Sequence[SensorMount], sources: Sequence[str]
 ) -> list[tuple[SensorMount, SensorRate | None]]:
-    """Sensors with their rates, None: at each step; those of a trigger have one rate.
+    """Pair sensors with their rates; None: once per step. Sensors of a trigger share a rate.
 
     Args:
-        mounts: of one robot.
-        sources: their names in messages.
+        mounts: sensors of one robot.
+        sources: names of the sensors in messages.
 
     Raises:
-        RobotFileError: naming sensor and key: rates of a trigger that differ, or a phase, jitter or
-            trigger without a rate.
+        RobotFileError: names sensor and key: the rates on a trigger differ, or a phase, jitter or
+            trigger has no rate.
     """
     triggers: dict[str, SensorMount] = {}
     for mount, source in zip(mounts, sources, strict=True):

@@ -13,11 +13,12 @@ from omnisim.core.errors import OmnisimError
 from omnisim.ground_truth.lidar_beams import LidarPoses, Revolution, Slice
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
-SLICES = (8, 16, 32, 64)  # of a revolution in motion
-# From a slice's start to its end lidar and objects move so far at most: a texel of what is seen
-# from the middle is then next to what a firing hits, but for a firing along a surface.
+SLICES = (8, 16, 32, 64)  # candidate numbers of slices of a revolution with motion
+# Maximum motion of the lidar and of objects within a slice. A firing's hit then lies within one
+# texel
+# of the view from the slice's middle, except on grazed surfaces.
 MAX_PATH_M, MAX_TURN_RAD = 0.01, 0.06
-# In a slice points move straight. From their true way they are at most so far off, in its middle.
+# Points move straight within a slice. This bounds their distance from the true path in its middle.
 MAX_SKEW_M = 1e-4
 
 PosesAt = Callable[[float], LidarPoses]
@@ -30,17 +31,17 @@ def plan_revolution(
     start_s: float,
     boxes: MovingBoxes,
 ) -> Revolution:
-    """Cut a revolution into slices that are short enough; one, where nothing moves.
+    """Cut a revolution into slices that are short enough; a static one is a single slice.
 
     Args:
-        firings: in the revolution.
+        firings: number of firings in the revolution.
         period_s: duration of the revolution.
-        poses_at: seconds.
-        start_s: of the first firing.
-        boxes: around all that moves.
+        poses_at: function that returns the poses at a time in seconds.
+        start_s: time of the first firing.
+        boxes: bounding boxes of all moving objects.
 
     Raises:
-        OmnisimError: a lidar that turns too fast.
+        OmnisimError: the lidar turns too fast.
     """
     ends = [poses_at(start_s + share * period_s) for share in (0.0, 0.3, 0.7, 1.0)]
     if all(_is_same(ends[0], one, boxes) for one in ends[1:]):
@@ -62,10 +63,10 @@ def plan_revolution(
 def _cut(
     firings: int, period_s: float, poses_at: PosesAt, start_s: float, count: int
 ) -> tuple[Slice, ...]:
-    """About so many slices of a revolution."""
+    """Cut a revolution into about `count` slices."""
     width = -(-firings // count)
     bounds = [*range(0, firings, width), firings]
-    step_s = 0.5 * period_s / firings  # half of a firing
+    step_s = 0.5 * period_s / firings  # half a firing period
     halves = [a + b for a, b in itertools.pairwise(bounds)]
     times = sorted([2 * bound for bound in bounds] + halves)
     poses = [poses_at(start_s + step_s * time) for time in times]
@@ -92,7 +93,7 @@ def _revolution(count: int, slices: tuple[Slice, ...]) -> Revolution:
 def _rotations(
     knots: NDArray[np.float64], index: NDArray[np.intp], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Rotations (n, 3, 3) at shares (n,) of the way from knots (k, 3, 3) to the next: slerp."""
+    """Slerp between knots (k, 3, 3): rotations (n, 3, 3) at fractions `share` (n,) past `index`."""
     rotation = scipy.spatial.transform.Rotation
     changes = np.swapaxes(knots[:-1], 1, 2) @ knots[1:]
     vectors = rotation.from_matrix(changes).as_rotvec()
@@ -111,7 +112,7 @@ def _is_same(one: LidarPoses, other: LidarPoses, boxes: MovingBoxes) -> bool:
 
 
 def _is_short(one: Slice, boxes: MovingBoxes) -> bool:
-    """A slice keeps to the limits."""
+    """True if the motion within a slice is within the limits."""
     moving = [(np.zeros((1, 3)), *(pose.world_from_lidar for pose in _poses(one)))]
     moved = (boxes.poses(pose.world_from_objects) for pose in _poses(one))
     moving += zip(boxes.corners_m, *moved, strict=True)
@@ -132,8 +133,8 @@ def _poses(one: Slice) -> tuple[LidarPoses, LidarPoses, LidarPoses]:
 
 
 def _turn_rad(one: Slice) -> float:
-    """Angle by which the lidar is turned in a slice."""
+    """Angle by which the lidar turns during a slice."""
     start, end = one.start.world_from_lidar[:3, :3], one.end.world_from_lidar[:3, :3]
-    # the chord between two rotations, exact for small angles too
+    # the chord between two rotations is accurate for small angles as well
     chord = float(np.linalg.norm(end - start)) / np.sqrt(8.0)
     return float(2.0 * np.arcsin(min(chord, 1.0)))

@@ -1,1 +1,1 @@
-"""Range sensors of one number: sonars and infrared."""
+"""Single-beam range sensors: sonars and infrared sensors."""
