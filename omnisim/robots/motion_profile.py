@@ -135,7 +135,8 @@ def _count(steps: float) -> int:
 def _sample(segments: list[Segment], counts: list[int], period_s: float | None = None) -> Plan:
     """Sample consecutive segments, each in its number of steps.
 
-    With a period, the steps last equally long; without, they are equally long in meters or radians.
+    With a period, all steps have equal durations. Without, the steps of a segment have equal
+    lengths in meters or radians.
     """
     if sum(counts) > MAX_POSES:
         raise TrajectoryError(

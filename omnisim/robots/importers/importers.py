@@ -94,7 +94,7 @@ def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:
     """Load a model file as a vehicle.
 
     Raises:
-        OmnisimError: for the reasons of `import_model` and `Vehicle.from_robot`.
+        OmnisimError: see `import_model` and `Vehicle.from_robot`.
     """
     imported = import_model(path, None, resources)
     robot = imported.robot(path)

@@ -79,7 +79,7 @@ def _number(entry: Entry) -> float:
 def _check_limits(
     entries: dict[str, Entry], values: dict[str, float], usual: tuple[float, float]
 ) -> None:
-    """Raise the error of a minimum range that is not below the maximum, at its line."""
+    """Raise an error that names the line if the minimum range is not below the maximum."""
     least, most = values.get("range_min_m", usual[0]), values.get("range_max_m", usual[1])
     if not least < most:
         entry = entries.get("minrange") or entries["maxrange"]

@@ -69,7 +69,7 @@ def find_scanner(
 
 
 def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
-    """Raise the error of impossible scan settings, at their line."""
+    """Raise an error that names the line if the scan settings are impossible."""
     fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
     if fov > TURN_RAD or fov / resolution >= 100_000.0:
         entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
