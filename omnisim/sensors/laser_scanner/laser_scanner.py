@@ -225,7 +225,7 @@ class LaserScanner(Parameters, name="scanner"):
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Scan: the measured ranges, beam by beam from right to left.
+    """Measured ranges of one scan, beam by beam from right to left.
 
     Attributes:
         angles_rad: (beams,) angles counter-clockwise from straight ahead.
