@@ -112,8 +112,8 @@ class DepthCamera(Parameters, name="depth_camera"):
         """Intel's RealSense D435 at 848 × 480: stereo with a projected texture.
 
         The 90° field of view, the baseline of 50 mm, the noise of 0.08 px and the steps of 1/32 px
-        are Intel's. The minimum depth follows from the maximum disparity of 126 px. The range of 10
-        m is the maker's; 85° is an assumption.
+        are Intel's. The minimum depth follows from the maximum disparity of 126 px. The
+        range of 10 m is the maker's; 85° is an assumption.
         """
         focal_length_px, baseline_m = 424.0, 0.05
         return cls(

@@ -15,8 +15,7 @@ from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
 SLICES = (8, 16, 32, 64)  # candidate numbers of slices of a revolution with motion
 # Maximum motion of the lidar and of objects within a slice. A firing's hit then lies within one
-# texel
-# of the view from the slice's middle, except on grazed surfaces.
+# texel of the view from the slice's middle, except on grazed surfaces.
 MAX_PATH_M, MAX_TURN_RAD = 0.01, 0.06
 # Points move straight within a slice. This bounds their distance from the true path in its middle.
 MAX_SKEW_M = 1e-4

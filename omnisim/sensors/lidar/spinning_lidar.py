@@ -111,8 +111,7 @@ class SpinningLidar(Parameters, name="lidar"):
         all the minimum range.
 
         Source: Velodyne, HDL-64E S2 User's Manual, specifications: 32 lasers 1/3° apart above 32
-        that
-        are 1/2° apart, 120 m, less than 2 cm (one sigma), steps of 2 mm.
+        that are 1/2° apart, 120 m, less than 2 cm (one sigma), steps of 2 mm.
         """
         return cls(
             elevations_deg=HDL64E_ELEVATIONS_DEG,
@@ -204,8 +203,7 @@ class PointCloud:
 
     Attributes:
         points: (n,) points of type `POINT`: position in meters in the lidar's frame at the point's
-            own
-            time, ring number, seconds since the revolution's start, azimuth in radians
+            own time, ring number, seconds since the revolution's start, azimuth in radians
             counter-clockwise, range in meters, and instance ID as in the ground truth.
         lidar: lidar of the cloud.
         world_from_lidar_at_start, world_from_lidar: (4, 4) lidar poses at the start and the end of
@@ -264,17 +262,14 @@ class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
 
         Args:
             motion: function from seconds to the state of the world, or to the vehicle's (4, 4) pose
-                if
-                nothing else moves; a constant state or pose is allowed as well.
+                if nothing else moves; a constant state or pose is allowed as well.
             time_s: end time of the revolution.
             revolution: index of the revolution in the drive; with the lidar's seed it determines
-                the
-                noise.
+                the noise.
 
         Raises:
             OmnisimError: an invalid pose, an object without a pose, an invalid index, a vehicle
-                that
-                turns too fast, or a closed renderer or stage.
+                that turns too fast, or a closed renderer or stage.
         """
 
         def poses_at(at_s: float) -> LidarPoses:

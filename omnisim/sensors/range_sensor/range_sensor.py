@@ -1,8 +1,8 @@
 """Range sensors that measure a single number: USARSim's sonars and infrared sensors.
 
 A sonar measures the distance of the nearest surface in a cone. Its rays lie on coaxial cones at
-even
-angles from the axis to the edge, and the shortest range counts. An infrared sensor has one ray.
+even angles from the axis to the edge, and the shortest range counts. An infrared sensor has one
+ray.
 
 The model omits echoes and the loss at slanted surfaces, which reflect the sound away. It also omits
 USARSim's limit of the incidence angle, which never takes effect in USARSim's code.
