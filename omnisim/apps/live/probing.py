@@ -24,9 +24,9 @@ def probe(
 ) -> dict[str, Any]:
     """Answer a probe with JSON-serializable values.
 
-    `u`, `v` are in the camera's image; `yaw_deg` and `pitch_deg` are relative to the vehicle;
-    `direction` is in the world. `range_m`, `class`, `instance` and `point_m` are present if known.
-    `marks` are positions in all views, as shares of their sides.
+    `yaw_deg` and `pitch_deg` are relative to the vehicle; `direction` is in the world. `pixel` and
+    `color` refer to the camera's image. `range_m`, `class`, `instance` and `point_m` are present
+    if known. `marks` are positions in all views, as shares of their sides.
 
     Args:
         message: view, and position in it.
