@@ -20,7 +20,7 @@ const rates = [];
 const stream = new Stream({
   open: () => stream.send("ask"),
   closed: () => {
-    byId("title").textContent = "the server is gone; trying again …";
+    byId("title").textContent = "connection lost; reconnecting …";
     state.drives = false;
   },
   hello: showAbout,
@@ -129,7 +129,7 @@ function showTimes() {
   const rows = Object.entries(state.frame.times_ms ?? {}).filter(([, ms]) => ms >= 0.05);
   const total = rows.reduce((sum, [, ms]) => sum + ms, 0);
   const line = (name, ms) => make("div", {}, make("span", { text: name }), make("span", { text: `${ms.toFixed(1)} ms` }));
-  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("in all", total));
+  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("total", total));
 }
 
 function showProbe(answer) {
