@@ -99,9 +99,9 @@ def _wheels(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Iterator[W
             continue
         if parent != root or not is_across(data.xaxis[joint]):
             continue
-        tyres = [tyre for geom in _geoms(model, body) if (tyre := _tyre(model, data, geom))]
-        if tyres:
-            middle_m, radius_m = max(tyres, key=lambda tyre: tyre[1])
+        tires = [tire for geom in _geoms(model, body) if (tire := _tire(model, data, geom))]
+        if tires:
+            middle_m, radius_m = max(tires, key=lambda tire: tire[1])
             yield Wheel(
                 _name(model, _OBJECTS.mjOBJ_JOINT, joint) or body_name(model, body),
                 middle_m,
@@ -118,7 +118,7 @@ def _geoms(model: mujoco.MjModel, body: int) -> range:
     return range(first, first + int(model.body_geomnum[body]))
 
 
-def _tyre(
+def _tire(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int
 ) -> tuple[NDArray[np.float64], float] | None:
     """Center (3,) and radius of a round geom or a mesh; None for other shapes."""

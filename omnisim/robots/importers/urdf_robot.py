@@ -79,12 +79,12 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
         )
         if not is_across(poses[child][:3, :3] @ vector):
             continue
-        tyre = _tyre(links[child], poses[child], body)
-        if tyre is None:
+        tire = _tire(links[child], poses[child], body)
+        if tire is None:
             continue
         limit = joint.find("limit")
         speed = 0.0 if limit is None else limit.attribute_numbers("velocity", (0.0,), 1)[0]
-        yield Wheel(joint.name, *tyre, speed)
+        yield Wheel(joint.name, *tire, speed)
 
 
 def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
@@ -97,7 +97,7 @@ def _link(joint: XmlElement, tag: str) -> str:
     return "" if element is None else element.attribute("link")
 
 
-def _tyre(
+def _tire(
     link: XmlElement, pose: NDArray[np.float64], body: Scene | None
 ) -> tuple[NDArray[np.float64], float] | None:
     """Center (3,) and radius of a wheel: of its round shape, else of its geometry's bounds."""
