@@ -1,7 +1,7 @@
 """Robots: robot files, their importers, motion planning and wheel odometry.
 
-Poses are world_from_base (`omnisim.core.coordinate_frames`); turns and headings count
-counter-clockwise, seen from above. Nothing here knows of images or of the GPU.
+Poses are world_from_base (`omnisim.core.coordinate_frames`). Turns and headings are positive
+counter-clockwise as seen from above. This package depends on neither images nor the GPU.
 """
 
 from omnisim.core.trajectories.odometry import (

@@ -1,4 +1,4 @@
-"""Boxes of a vehicle's body: contact with the floor and with the scene."""
+"""Bounding boxes of a vehicle's body: one for standing on the floor, more for contacts."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from omnisim.scene.space.triangles import triangles_within
 
 @dataclass(frozen=True, eq=False)
 class BodyBoxes:
-    """Axis-aligned boxes in the base frame.
+    """Bounding boxes of a vehicle in the base frame.
 
     Attributes:
-        low_m, high_m: (3,) corners of the box around the robot; the lower one is on the ground.
-        clearance_m: height above the ground below which the wheels drive over obstacles.
-        parts_m: (n, 2, 3) corners of the boxes around the body's nodes, above the clearance;
-            without a body, the box of the footprint.
+        low_m, high_m: (3,) corners of the box around the whole robot; its lower side is the ground.
+        clearance_m: ground clearance; the wheels drive over lower obstacles.
+        parts_m: (n, 2, 3) corners of the boxes around the body's nodes, cut off below the
+            clearance; without a body, the footprint's box.
     """
 
     low_m: NDArray[np.float64]
@@ -35,7 +35,7 @@ class BodyBoxes:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> BodyBoxes | None:
-        """Boxes of the footprint and the body; None: the vehicle has neither."""
+        """Boxes of the footprint and the body; None if the vehicle has neither."""
         parts = np.zeros((0, 2, 3)) if vehicle.body is None else _node_bounds(vehicle.body)
         size = vehicle.footprint
         if size is not None:
@@ -62,7 +62,7 @@ class BodyBoxes:
 
 
 def _node_bounds(body: Scene) -> NDArray[np.float64]:
-    """Corners (n, 2, 3) of the boxes around a body's nodes with triangles."""
+    """Corners (n, 2, 3) of the bounding boxes of a body's nodes that have triangles."""
     everywhere = np.full(3, np.inf)
     triangles = triangles_within(body, -everywhere, everywhere)
     names = np.array([instance.name for instance in body.instances])[triangles.instances]

@@ -16,26 +16,26 @@ from omnisim.core.trajectories.trajectory import Trajectory, step_lengths_m
 DriveType = Literal["differential", "skid_steer"]
 # Relative to the limits: rounding makes a trajectory at its limits exceed them.
 TOLERANCE = 1e-6
-# Per step, in meters or radians: files print nine digits of positions, times and quaternions.
+# Per step, in meters or radians: files hold nine digits of positions, times and quaternions.
 PRINTED = 5e-9
-# Motion that recordings have and wheels cannot make: noise, skidding, slopes with level poses.
-SLACK_M = 0.1  # in total: noise of the poses, which does not accumulate
-SIDE_SLIP = math.tan(math.radians(5.0))  # share of the forward motion: skidding, heading errors
-GRADE = 0.45  # share of the forward motion: the steepest slope of a Pioneer 2 AT
+# Motion that wheels cannot produce but recordings contain: noise, skids, slopes with level poses.
+SLACK_M = 0.1  # in total: pose noise, which does not accumulate
+SIDE_SLIP = math.tan(math.radians(5.0))  # per meter ahead: skidding, heading errors
+GRADE = 0.45  # per meter ahead: the steepest slope of a Pioneer 2 AT
 TURN_ARM_M = 0.1  # skidding wheels turn about a point ahead of or behind the base's origin
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Limits of a robot that drives straight, in arcs, and turns on the spot, but never sideways.
+    """Limits of a robot that drives straight and in arcs and turns on the spot, never sideways.
 
     Attributes:
-        drive: two wheels and a castor, or wheels that skid in turns. Both drive alike; they differ
-            in what their wheels report (`OdometryErrors.turn_scale`).
-        max_speed_mps: maximum speed, forward and backward.
-        max_turn_rate_radps: maximum turn rate to either side.
-        max_acceleration_mps2: maximum acceleration and braking.
-        max_turn_acceleration_radps2: maximum acceleration and braking of turns.
+        drive: "differential", with two wheels and a caster, or "skid_steer", whose wheels skid in
+            turns. The motion is the same; the wheel odometry differs (`OdometryErrors.turn_scale`).
+        max_speed_mps: speed limit, forwards and backwards.
+        max_turn_rate_radps: turn rate limit, to either side.
+        max_acceleration_mps2: limit for accelerating and braking.
+        max_turn_acceleration_radps2: limit for starting and stopping a turn.
 
     Raises:
         TrajectoryError: an unknown drive, or a limit that is not a finite number above 0.
@@ -54,7 +54,7 @@ class Kinematics:
             )
         for limit in fields(self)[1:]:
             value = getattr(self, limit.name)
-            if not 1e-6 <= value <= 1e6:  # also refuses NaN
+            if not 1e-6 <= value <= 1e6:  # also rejects NaN
                 raise TrajectoryError(
                     f"{limit.name} = {value}: expected a number from 1e-06 to 1e+06"
                 )
@@ -65,8 +65,8 @@ class Steps:
     """Steps between successive poses.
 
     Attributes:
-        distances_m: (n,) straight distances, negative backwards.
-        turns_rad: (n,) turns, within ±π.
+        distances_m: (n,) straight-line distances, negative for reverse motion.
+        turns_rad: (n,) turn angles in [−π, π].
     """
 
     distances_m: NDArray[np.float64]
@@ -74,7 +74,7 @@ class Steps:
 
 
 def steps_between(world_from_base: NDArray[np.float64]) -> Steps:
-    """Steps (n − 1,) of poses (n, 4, 4)."""
+    """Compute the n − 1 steps between poses (n, 4, 4)."""
     moves = np.diff(world_from_base[:, :3, 3], axis=0)
     ahead = world_from_base[:-1, :3, 0] + world_from_base[1:, :3, 0]
     backwards = np.sum(moves * ahead, axis=1) < 0.0
@@ -86,14 +86,14 @@ def steps_between(world_from_base: NDArray[np.float64]) -> Steps:
 
 @dataclass(frozen=True)
 class LimitViolation:
-    """Step of a trajectory beyond a limit of the robot.
+    """Step of a trajectory that exceeds a limit of the robot.
 
     Attributes:
         quantity: name of the limited quantity, such as "turn rate".
-        unit: unit of value and limit.
-        step: number k of the step from pose k to pose k + 1.
+        unit: unit of `value` and `limit`.
+        step: index k of the step from pose k to pose k + 1.
         time_s: time of pose k.
-        value, limit: value and its limit, in `unit`.
+        value, limit: the trajectory's value and the limit, in `unit`.
     """
 
     quantity: str
@@ -113,12 +113,12 @@ class LimitViolation:
 def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViolation | None:
     """Find the first step beyond a limit of speed, turn rate or acceleration; None: no step is.
 
-    Speeds are means over a step, and accelerations the change of these means from the previous
-    step: lower bounds for any motion through the poses.
+    Speeds are means over a step. Accelerations are the changes between the means of successive
+    steps. Both are lower bounds: any motion through the poses reaches at least these values.
     """
     steps = steps_between(trajectory.world_from_base)
     durations = np.diff(trajectory.times_s)
-    found = []
+    checks = []
     for values, speed, acceleration in (
         (
             steps.distances_m,
@@ -131,16 +131,16 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
             ("turn acceleration", "rad/s²", kinematics.max_turn_acceleration_radps2),
         ),
     ):
-        found.append((*speed, _first(np.abs(values), speed[2], durations, 0, PRINTED)))
-        # rates k and k + 1 differ by more than the acceleration allows between the steps' middles;
-        # compared without a division, as steps can be as short as the smallest float64
+        checks.append((*speed, _first(np.abs(values), speed[2], durations, 0, PRINTED)))
+        # Rates k and k + 1 differ by more than the acceleration allows between the middles of their
+        # steps. There is no division, as a step may be as short as the smallest float64.
         if len(values) > 1:
             before, after = durations[:-1], durations[1:]
             change = np.abs(values[1:] * before - values[:-1] * after)
             scale = 0.5 * (before + after) * before * after
             slack = PRINTED * (before + after)
-            found.append((*acceleration, _first(change, acceleration[2], scale, 1, slack)))
-    over = [(hit[0], hit[1], name, unit, limit) for name, unit, limit, hit in found if hit]
+            checks.append((*acceleration, _first(change, acceleration[2], scale, 1, slack)))
+    over = [(hit[0], hit[1], name, unit, limit) for name, unit, limit, hit in checks if hit]
     if not over:
         return None
     step, asked, name, unit, limit = min(over, key=lambda item: item[0])
@@ -148,10 +148,10 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
 
 
 def find_drift(trajectory: Trajectory) -> LimitViolation | None:
-    """Find the first step with more sideways or vertical motion than wheels make, or None.
+    """Find the first step whose sideways or vertical motion exceeds what wheels allow, or None.
 
-    Motion in the robot's own frame is summed up beyond slip, slopes, and turns within a step: noise
-    of recorded poses does not accumulate, a slide in small steps does.
+    Motion in the robot's own frame is accumulated beyond what slip, slopes and turns within a step
+    explain. Noise of recorded poses averages out; a slide in small steps adds up.
 
     Source: cumulative sums with an allowance, Page 1954, "Continuous inspection schemes".
     """
@@ -159,44 +159,44 @@ def find_drift(trajectory: Trajectory) -> LimitViolation | None:
     moves_m = np.diff(poses[:, :3, 3], axis=0)
     axes = 0.5 * (poses[:-1, :3, :3] + poses[1:, :3, :3])
     ahead_m, left_m, up_m = np.einsum("ni,nij->jn", moves_m, axes)
-    # a robot that turns first and then drives is half the turn off the mean heading
+    # a robot that turns first and then drives leaves the mean heading by half the turn
     steps = steps_between(poses)
     turning_m = (0.5 * np.abs(steps.distances_m) + TURN_ARM_M) * np.abs(steps.turns_rad)
-    found = []
+    violations = []
     for name, sums_m in (
         ("sideways motion", _exceeded(left_m, SIDE_SLIP * np.abs(ahead_m) + turning_m)),
         ("vertical motion", _exceeded(up_m, GRADE * np.abs(ahead_m) + turning_m)),
     ):
         if hit := _first(sums_m, SLACK_M, np.ones(len(sums_m)), 0):
             time_s = float(trajectory.times_s[hit[0]])
-            found.append(LimitViolation(name, "m", hit[0], time_s, hit[1], SLACK_M))
-    return min(found, key=lambda violation: violation.step, default=None)
+            violations.append(LimitViolation(name, "m", hit[0], time_s, hit[1], SLACK_M))
+    return min(violations, key=lambda violation: violation.step, default=None)
 
 
 def check_drivable(
     trajectory: Trajectory, kinematics: Kinematics, source: str, lines: ArrayLike | None = None
 ) -> None:
-    """Refuse a trajectory that exceeds the limits.
+    """Raise an error if a trajectory exceeds the limits.
 
     Args:
-        trajectory: trajectory to check.
+        trajectory: poses with times.
         kinematics: limits of the robot.
         source: name of the trajectory in the message, such as its file.
-        lines: (n,) line of each pose in the file; None: there is no file.
+        lines: (n,) line of each pose in its file; None: no line is named.
 
     Raises:
-        TrajectoryError: the message names the first step, its value and the limit.
+        TrajectoryError: names the first violation, its value and the limit.
     """
-    violations = (find_violation(trajectory, kinematics), find_drift(trajectory))
-    found = [violation for violation in violations if violation is not None]
-    if found:
-        violation = min(found, key=lambda violation: violation.step)
+    checks = (find_violation(trajectory, kinematics), find_drift(trajectory))
+    violations = [violation for violation in checks if violation is not None]
+    if violations:
+        violation = min(violations, key=lambda violation: violation.step)
         line = "" if lines is None else f":{np.asarray(lines)[violation.step + 1]}"
         raise TrajectoryError(f"{source}{line}: {violation}")
 
 
 def _exceeded(moves_m: NDArray[np.float64], allowed_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Larger of the cumulative sums (n,) of moves (n,) to either side beyond the allowed moves."""
+    """Larger one-sided cumulative sum (n,) of moves (n,) in excess of the allowed ones."""
     sums = np.zeros((2, len(moves_m) + 1))
     for k, (move_m, slack_m) in enumerate(zip(moves_m, allowed_m, strict=True)):
         sums[0, k + 1] = max(0.0, sums[0, k] + move_m - slack_m)

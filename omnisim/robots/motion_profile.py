@@ -1,7 +1,7 @@
-"""Motion profiles along waypoints: turn on the spot, drive straight, and rest in between.
+"""Motion profiles along waypoints: turns on the spot and straight legs, at rest in between.
 
-Every turn and every leg has a trapezoidal velocity profile from rest to rest: constant
-acceleration, the top speed if there is room for it, constant braking. A half turn goes left.
+Every turn and leg has a trapezoidal velocity profile from rest to rest: constant acceleration, the
+top speed if the distance suffices to reach it, constant braking. A half turn goes left.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.robots.waypoints import check_waypoints
 
 MAX_POSES = 1_000_000
-# Turns below this are rounding errors of the waypoints; half turns this close to one go left, too.
+# Smaller turns are rounding of the waypoints; half turns within this tolerance go left as well.
 MIN_TURN_RAD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Drive along waypoints.
+    """Planned drive along waypoints.
 
     Attributes:
-        trajectory: a pose at the start, and after each step.
-        motion: motion at all times.
-        counts: number of steps of each segment of the motion.
-        period_s: duration of the steps; None: steps of equal length instead.
+        trajectory: poses at the start and after each step.
+        motion: continuous motion, defined at all times.
+        counts: number of steps per segment of the motion.
+        period_s: duration of every step; None: the steps of a segment have equal lengths instead.
     """
 
     trajectory: Trajectory
@@ -50,17 +50,17 @@ def plan_in_steps(
     step_rad: float,
     start_yaw_rad: float | None = None,
 ) -> Plan:
-    """Drive along waypoints, with a pose after each step.
+    """Plan a drive along waypoints with steps of limited length.
 
-    A leg or turn is cut into as few equal steps as keep them within the given length, so that there
-    is a pose at each waypoint, before and after its turn.
+    Each leg or turn is cut into the smallest number of equal steps that keeps to the maximum
+    length. There is a pose at each waypoint before its turn and another after it.
 
     Args:
-        waypoints_m: (n, 2) in the world.
+        waypoints_m: (n, 2) positions in the world.
         kinematics: limits of the robot.
-        step_m: maximum step of a leg.
-        step_rad: maximum step of a turn.
-        start_yaw_rad: heading at the first waypoint; None: toward the second one.
+        step_m: maximum step length on a leg.
+        step_rad: maximum step angle in a turn.
+        start_yaw_rad: heading at the first waypoint; None: towards the second one.
 
     Raises:
         TrajectoryError: invalid waypoints or steps, or too many poses.
@@ -82,19 +82,19 @@ def plan_with_period(
     period_s: float,
     start_yaw_rad: float | None = None,
 ) -> Plan:
-    """Drive along waypoints, with a pose every `period_s`.
+    """Plan a drive along waypoints with a pose every `period_s`.
 
-    Each leg and turn is slowed down to last a whole number of periods, so that there is a pose at
-    each waypoint, before and after its turn, and no step mixes a leg with a turn.
+    Each leg and turn is slowed down to last a whole number of periods. There is a pose at each
+    waypoint before its turn and another after it, and no step mixes a leg with a turn.
 
     Args:
-        waypoints_m: (n, 2) in the world.
+        waypoints_m: (n, 2) positions in the world.
         kinematics: limits of the robot.
-        period_s: time from pose to pose.
-        start_yaw_rad: heading at the first waypoint; None: toward the second one.
+        period_s: time between poses.
+        start_yaw_rad: heading at the first waypoint; None: towards the second one.
 
     Raises:
-        TrajectoryError: invalid waypoints or an invalid period, or too many poses.
+        TrajectoryError: invalid waypoints or period, or too many poses.
     """
     if not 0.0 < period_s < math.inf:
         raise TrajectoryError(f"period_s = {period_s:g}: expected a finite number above 0")
@@ -126,16 +126,17 @@ def _segments(
 
 
 def _count(steps: float) -> int:
-    """Number of whole steps; 5.4 m at 0.1 m are 54, despite rounding."""
+    """Round up to whole steps; 5.4 m at 0.1 m per step are 54 in spite of rounding errors."""
     if steps > MAX_POSES:
         raise TrajectoryError(f"{steps:.3g} steps: expected at most {MAX_POSES}: make them longer")
     return max(1, math.ceil(steps - 1e-9))
 
 
 def _sample(segments: list[Segment], counts: list[int], period_s: float | None = None) -> Plan:
-    """Sample segments one after the other, each in its number of steps.
+    """Sample consecutive segments, each in its number of steps.
 
-    With a period, the steps have equal duration; without, equal length.
+    With a period, all steps have equal durations. Without, the steps of a segment have equal
+    lengths in meters or radians.
     """
     if sum(counts) > MAX_POSES:
         raise TrajectoryError(

@@ -1,7 +1,7 @@
 """Planned motion in closed form: legs and turns on the spot with trapezoidal speed profiles.
 
-Acceleration jumps at the corners of a trapezoid; speed and turn rate never do. Every segment begins
-and ends at rest.
+Acceleration jumps at the corners of a trapezoid; speed and turn rate are continuous. Every segment
+starts and ends at rest.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ FloatOrArray = TypeVar("FloatOrArray", float, NDArray[np.float64])
 
 @dataclass(frozen=True)
 class Trapezoid(Generic[FloatOrArray]):
-    """Trapezoidal rates from rest to rest, of one path or of (n,) paths.
+    """Trapezoidal speed profile from rest to rest, of one motion or of (n,) motions.
 
     Attributes:
-        amount: length of the path in meters or radians, above 0.
-        top_rate: maximum rate; short paths do not reach it.
-        acceleration: acceleration and braking.
+        amount: distance in meters or angle in radians, above 0.
+        top_rate: maximum rate, reached if the amount suffices.
+        acceleration: magnitude while accelerating and braking.
     """
 
     amount: FloatOrArray
@@ -38,7 +38,7 @@ class Trapezoid(Generic[FloatOrArray]):
 
     @property
     def ramp_s(self) -> FloatOrArray:
-        """Time to speed up, or to brake."""
+        """Time to accelerate, which equals the time to brake."""
         a = self.acceleration
         ramp: FloatOrArray = np.minimum(self.top_rate / a, np.sqrt(self.amount / a))
         return ramp
@@ -46,11 +46,11 @@ class Trapezoid(Generic[FloatOrArray]):
     @property
     def duration_s(self) -> FloatOrArray:
         """Time from rest to rest."""
-        # a ramp covers half of the distance that the top rate would cover in its time
+        # the two ramps together cover what one ramp's time at the top rate would
         return self.ramp_s + self.amount / (self.acceleration * self.ramp_s)
 
     def amounts_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distances or angles (n,) at times (n,) since its start."""
+        """Distances or angles (n,) at times (n,) since the start."""
         ramp, a = self.ramp_s, self.acceleration
         left = self.duration_s - times_s
         cruising = a * ramp * (times_s - 0.5 * ramp)
@@ -59,14 +59,14 @@ class Trapezoid(Generic[FloatOrArray]):
         return np.where(times_s < ramp, speeding, np.where(left < ramp, braking, cruising))
 
     def rates_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rates (n,) at times (n,) since its start."""
+        """Rates (n,) at times (n,) since the start."""
         a = self.acceleration
         left = self.duration_s - times_s
         rates: NDArray[np.float64] = a * np.minimum(np.minimum(times_s, left), self.ramp_s)
         return rates
 
     def accelerations_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Accelerations (n,) at times (n,) since its start."""
+        """Accelerations (n,) at times (n,) since the start."""
         ramp, a = self.ramp_s, self.acceleration
         left = self.duration_s - times_s
         return np.where(times_s < ramp, a, np.where(left < ramp, -a, 0.0))
@@ -89,13 +89,13 @@ class Segment:
     """Leg or turn on the spot, from rest to rest.
 
     Attributes:
-        start: x and y in meters and yaw in radians.
-        move_m: (x, y) displacement of a leg; (0, 0) for a turn.
+        start: x and y in meters, yaw in radians.
+        move_m: displacement of a leg; (0, 0) for a turn.
         turn_rad: angle of a turn; 0 for a leg.
         top_rate, acceleration: limits of its speed or turn rate.
         start_s: start time.
-        stretch: factor by which it lasts longer than the limits require.
-        way: poses by meters or radians on an uneven floor; None: straight, or about z.
+        stretch: duration relative to the time-optimal one.
+        way: poses over meters or radians on an uneven floor; None: straight, or about z.
     """
 
     start: tuple[float, float, float]
@@ -114,12 +114,12 @@ class Segment:
 
     @property
     def amount(self) -> float:
-        """Meters or radians."""
+        """Meters or radians along the actual motion, slopes included."""
         return self.planar_amount if self.way is None else self.way.end_s
 
     @property
     def trapezoid(self) -> Trapezoid[float]:
-        """Rates over the segment."""
+        """Speed profile before stretching."""
         return Trapezoid(self.amount, self.top_rate, self.acceleration)
 
     @property
@@ -128,18 +128,18 @@ class Segment:
         return self.stretch * self.trapezoid.duration_s
 
     def poses_at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """x, y, yaw (n, 3) at shares (n,) of the path in the floor plan."""
+        """x, y, yaw (n, 3) at fractions (n,) of the motion in the floor plan."""
         change = np.array((*self.move_m, self.turn_rad))
         poses: NDArray[np.float64] = np.array(self.start) + shares[:, None] * change
         return poses
 
 
 class PlannedMotion(BodyMotion):
-    """Motion along successive segments.
+    """Motion along consecutive segments.
 
     Args:
-        segments: each begins at the end of the previous one, in time and space.
-        height_m: height of the base, for segments without a `way`.
+        segments: segments; each starts at the end pose and end time of the previous one.
+        height_m: height of the base in segments without a `way`.
     """
 
     def __init__(self, segments: Sequence[Segment], height_m: float = 0.0):
@@ -154,7 +154,7 @@ class PlannedMotion(BodyMotion):
         self.end_s = segments[-1].start_s + segments[-1].duration_s
 
     def at_height(self, height_m: float) -> PlannedMotion:
-        """Motion at another height, on an even floor."""
+        """Copy of the motion with the base at another height on an even floor."""
         return PlannedMotion(self.segments, height_m)
 
     def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
@@ -210,7 +210,7 @@ class PlannedMotion(BodyMotion):
 
 
 def in_sequence(segments: Sequence[Segment]) -> list[Segment]:
-    """Segments in sequence, the first starting at 0 s."""
+    """Chain segments in time: each starts when the previous one ends, the first at 0 s."""
     timed: list[Segment] = []
     start_s = 0.0
     for one in segments:

@@ -16,15 +16,15 @@ from omnisim.sensors.sensor_names import folder_name
 
 
 def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None) -> Vehicle:
-    """Vehicle of a rig: invisible, without wheels; its base is the body of the rig.
+    """Build the vehicle of a rig: invisible, without wheels; its base is the rig's body.
 
     Args:
         name: name of the vehicle.
         rig: cameras and their poses on the body.
-        sensors: sensors of the cameras; None: each camera exactly as its model.
+        sensors: sensor per camera; None: the rig's camera models with default settings.
 
     Raises:
-        CalibrationError: two cameras whose folders would have the same name.
+        CalibrationError: two cameras have the same folder name.
     """
     if sensors is None:
         sensors = [OmniCamera(camera.model, polygons=None) for camera in rig.cameras]

@@ -21,7 +21,7 @@ from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.kinematics import DriveType, Kinematics
 from omnisim.robots.robot_lookup import find_robot
 
-# Default for robots: a wheel of 0.2 m drives over a door sill.
+# Default for robots without a stated clearance: a wheel of 0.2 m drives over a door sill.
 DEFAULT_CLEARANCE_M = 0.05
 
 Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
@@ -31,7 +31,7 @@ Friction = Annotated[Number, Field(ge=1e-3, le=10.0)]
 
 
 class _KinematicsTable(Table):
-    """Drive and its limits. Track and wheels matter with `--physics` only."""
+    """Drive type and its limits; track and wheels matter with `--physics` only."""
 
     synonyms: ClassVar[Mapping[str, str]] = {
         "max_turn_rate_dps": "max_turn_rate_degps",
@@ -39,13 +39,13 @@ class _KinematicsTable(Table):
     }
 
     type: DriveType
-    """Kind of drive."""
+    """Type of drive."""
     track_m: Length | None = None
-    """Meters between the middles of the tires; left out: 0.8 of the footprint's width."""
+    """Distance between the tires' centers in meters. Default: 0.8 of the footprint's width."""
     wheelbase_m: Length | None = None
-    """Meters between the axles of a skid_steer; left out: half of the footprint's length."""
+    """Distance between a skid_steer's axles in meters. Default: half of the footprint's length."""
     wheel_diameter_m: Length | None = None
-    """Meters; left out: four times the clearance, or the body's height if that is less."""
+    """Wheel diameter in meters. Default: four times the clearance, at most the body's height."""
     max_speed_mps: Limit
     """Maximum speed in m/s."""
     max_turn_rate_degps: Limit
@@ -60,44 +60,44 @@ class _OdometryTable(Table):
     """Errors of the wheel odometry."""
 
     distance_scale: Length = 1.0
-    """Meters reported per meter driven."""
+    """Reported meters per meter driven."""
     turn_scale: Length = 1.0
-    """Radians reported per radian turned: above 1 if wheels skid."""
+    """Reported radians per radian turned; above 1 if the wheels skid."""
     drift_deg_per_m: Coordinate = 0.0
-    """Degrees of turn reported per meter driven straight: wheels of unequal size."""
+    """Reported turn in degrees per meter driven straight, caused by wheels of unequal size."""
     distance_noise_m_per_sqrt_m: Noise = 0.0
-    """Standard deviation of the distance after 1 m, meters."""
+    """Standard deviation of the distance after 1 m, in meters."""
     turn_noise_deg_per_sqrt_m: Noise = 0.0
-    """Standard deviation of the heading after 1 m, degrees."""
+    """Standard deviation of the heading after 1 m, in degrees."""
     turn_noise_deg_per_sqrt_rad: Noise = 0.0
-    """Standard deviation of the heading after a turn of 1 rad, degrees."""
+    """Standard deviation of the heading after a turn of 1 rad, in degrees."""
     distance_tick_m: Noise = 0.0
-    """Step of the distance counter in meters; 0: none."""
+    """Resolution of the distance counter in meters; 0: unlimited."""
     turn_tick_deg: Noise = 0.0
-    """Step of the turn counter in degrees; 0: none."""
+    """Resolution of the turn counter in degrees; 0: unlimited."""
 
 
 class _FootprintTable(Table):
-    """Footprint about the base."""
+    """Footprint around the base."""
 
     length_m: Length
-    """Meters along x."""
+    """Length along x in meters."""
     width_m: Length
-    """Meters along y."""
+    """Width along y in meters."""
     height_m: Length
-    """Meters to the highest point, sensors included."""
+    """Height of the highest point in meters, sensors included."""
     clearance_m: Length | None = None
-    """Meters to the underside: the wheels climb lower obstacles, the body touches higher ones; left
-    out: 0.05, or half of the height if that is less."""
+    """Height of the underside in meters: the wheels climb lower obstacles, the body hits higher
+    ones. Default: 0.05, at most half of the height."""
 
 
 class _PhysicsTable(Table):
-    """Masses and friction, for `--physics`."""
+    """Masses and friction, used with `--physics` only."""
 
     mass_kg: Mass | None = None
-    """Total mass in kilograms; left out: 100 kg/m³ of the footprint's box."""
+    """Total mass in kilograms. Default: 100 kg/m³ of the footprint's box."""
     center_height_m: Length | None = None
-    """Meters from the ground to the center of mass; left out: a quarter of the height."""
+    """Height of the center of mass above the ground in meters. Default: a quarter of the height."""
     friction: Friction = 0.8
     """Coefficient of friction between tires and ground."""
 
@@ -106,15 +106,15 @@ class RobotFile(Table):
     """Keys of a robot file."""
 
     name: Name
-    """Short name, as in file names."""
+    """Short name for file names."""
     title: Name | None = None
-    """Name for people; left out: name."""
+    """Display name. Default: name."""
     body: Name | None = None
-    """Mesh file of the body, relative to this file; left out: invisible."""
+    """Mesh file of the body, relative to this file. Default: invisible."""
     body_offset_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Meters from the base, on the ground, to the origin of the body's file."""
+    """Offset in meters from the base, on the ground, to the origin of the body's file."""
     resources: tuple[Name, ...] = ()
-    """Folders of models and packages that the body names, relative to this file."""
+    """Folders of models and packages that the body references, relative to this file."""
     kinematics: _KinematicsTable | None = None
     odometry: _OdometryTable = _OdometryTable()
     footprint: _FootprintTable | None = None
@@ -124,16 +124,16 @@ class RobotFile(Table):
 
 
 def default_clearance_m(height_m: float) -> float:
-    """Default clearance of a robot of a given height."""
+    """Default clearance of a robot of the given height."""
     return min(DEFAULT_CLEARANCE_M, 0.5 * height_m)
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """Footprint of a robot about its base.
+    """Footprint of a robot around its base.
 
     Attributes:
-        length_m, width_m: size on the ground, along x and y.
+        length_m, width_m: extents along x and y.
         height_m: height of the highest point.
         clearance_m: height of the underside.
 
@@ -156,14 +156,14 @@ class Footprint:
 
 @dataclass(frozen=True)
 class Chassis:
-    """Masses, wheels and friction of a robot; None: derived from its footprint.
+    """Masses, wheels and friction of a robot; None: derived from the footprint.
 
     Attributes:
         mass_kg: total mass.
         center_height_m: height of the center of mass above the ground.
         friction: coefficient of friction between tires and ground.
-        track_m: distance between the middles of the tires.
-        wheelbase_m: distance between the axles of a robot that skids.
+        track_m: distance between the tires' centers.
+        wheelbase_m: distance between the axles of a skid-steer robot.
         wheel_diameter_m: diameter of the driven wheels.
     """
 
@@ -177,21 +177,21 @@ class Chassis:
 
 @dataclass(frozen=True)
 class Robot:
-    """Robot of a robot file.
+    """Contents of a robot file.
 
     Attributes:
-        source: robot file, or the name of its table in messages.
+        source: path of the file, or the name of the table in messages.
         folder: base folder of relative paths.
-        name: short name, as in file names.
-        title: name for people.
-        body: name of its mesh file; None: invisible.
-        body_offset_m: from the base to the origin of the body's file.
-        resources: names of the folders with the body's models and packages.
-        kinematics: kinematic limits; None: unknown.
+        name: short name for file names.
+        title: display name.
+        body: path of the body's mesh file; None: invisible.
+        body_offset_m: offset from the base to the origin of the body's file.
+        resources: folders of models and packages that the body references.
+        kinematics: limits of the robot; None: unknown.
         odometry: errors of the wheel odometry.
-        footprint: footprint about the base; None: unknown.
-        chassis: masses, wheels and friction, for physics.
-        sensors: tables of its sensors; `omnisim.runs` builds them.
+        footprint: footprint around the base; None: unknown.
+        chassis: masses, wheels and friction for physics.
+        sensors: tables of the sensors; `omnisim.runs` builds the sensors from them.
     """
 
     source: str
@@ -212,15 +212,15 @@ class Robot:
 
     @property
     def sensor_names(self) -> tuple[str, ...]:
-        """Names of the sensors."""
+        """Names of the robot's sensors."""
         return tuple(str(table.get("name")) for table in self.sensors)
 
 
 def load_robot(source: str | Path) -> Robot:
-    """Read a robot file, given by its path, its folder, or a built-in name.
+    """Read the robot file at a path, in a folder, or of a built-in name.
 
     Raises:
-        RobotFileError: the message names file, key, value and the expected value.
+        RobotFileError: names file and key, the actual value and the expected one.
     """
     return read_robot(find_robot(source))
 
@@ -229,7 +229,7 @@ def read_robot(path: Path) -> Robot:
     """Read and check a robot file.
 
     Raises:
-        RobotFileError: the message names file, key, value and the expected value.
+        RobotFileError: names file and key, the actual value and the expected one.
     """
     return _robot(read_toml(path, RobotFile, RobotFileError), str(path), path.parent)
 
@@ -238,7 +238,7 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
     """Check a table with the keys of a robot file; `source` names it in messages.
 
     Raises:
-        RobotFileError: the message names source, key, value and the expected value.
+        RobotFileError: names source and key, the actual value and the expected one.
     """
     return _robot(parse_table(table, RobotFile, RobotFileError, source), source, folder)
 

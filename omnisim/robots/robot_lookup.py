@@ -16,14 +16,14 @@ def builtin_robots() -> list[str]:
 
 
 def find_robot(source: str | Path) -> Path:
-    """Find the robot file of a path, of a folder with a `robot.toml`, or of a built-in name.
+    """Find a robot file by its path, a folder with a `robot.toml`, or a built-in name.
 
     Raises:
-        RobotFileError: the file does not exist or cannot be read.
+        RobotFileError: no such robot file, or it cannot be read.
     """
     try:
         return _find(Path(source), str(source))
-    except OSError as reason:  # a folder without permission, a name too long
+    except OSError as reason:  # such as a folder without permission or an overlong name
         raise RobotFileError(f"{source}: cannot be read: {reason.strerror}") from None
 
 

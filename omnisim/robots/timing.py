@@ -12,21 +12,21 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.trajectories.trajectory import Trajectory, check_poses
 from omnisim.robots.kinematics import Kinematics, steps_between
 
-# Durations are lengthened until nothing exceeds the limits by more than this share.
+# Durations grow until no mean rate exceeds the limits by more than this relative tolerance.
 CONVERGED = 1e-9
 
 
 def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> Trajectory:
-    """Time poses (n, 4, 4), from rest at 0 s to rest at the last pose.
+    """Assign times to poses (n, 4, 4), from rest at 0 s to rest at the last pose.
 
-    Each step takes as long as the limits of speed and turn rate require. Then, wherever the mean
-    rates of two neighboring steps differ by more than the accelerations allow, the faster step is
-    lengthened, until no such pair is left. A neighbor that does not move is at rest: the robot has
-    to brake before it. Only means are known between poses: compared with `motion_profile`, whose
-    speeds are exact, the result is faster by less than the time of a step at each top speed.
+    Each step first gets the duration that its speed and turn rate require. If the mean rates of two
+    neighboring steps then differ by more than the accelerations allow, the faster step is
+    lengthened, until no such pair is left. A neighbor without motion counts as rest, so the robot
+    has to brake before it. Between poses only means are known. The result is therefore faster than
+    `motion_profile`, whose speeds are exact, by less than one step's duration per top speed.
 
     Raises:
-        TrajectoryError: not poses, or two successive poses that are equal.
+        TrajectoryError: invalid poses, or two successive poses are identical.
     """
     poses = np.asarray(world_from_base, dtype=np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses):
@@ -34,7 +34,7 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
     check_poses(poses)
     steps = steps_between(poses)
     amounts = np.stack((steps.distances_m, steps.turns_rad))
-    amounts[np.abs(amounts) < 1e-12] = 0.0  # rounding errors are no motion
+    amounts[np.abs(amounts) < 1e-12] = 0.0  # rounding errors do not count as motion
     still = np.all(amounts == 0.0, axis=0)
     if np.any(still):
         k = int(np.argmax(still))
@@ -57,32 +57,32 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
 def _from_rest_or_to_it(amounts: NDArray[np.float64], acceleration: float) -> NDArray[np.float64]:
     """Durations (n,) of steps that start or end at rest, or both; 0 for all others."""
     moves = np.concatenate(((False,), amounts != 0.0, (False,)))
-    rests = (~moves[:-2]).astype(int) + ~moves[2:]  # neighbors at rest: none, one or both
+    rests = (~moves[:-2]).astype(int) + ~moves[2:]  # number of neighbors at rest: 0, 1 or 2
     return np.sqrt(2.0 * rests * np.abs(amounts) / acceleration)
 
 
 def _lengthen(
     durations: NDArray[np.float64], amounts: NDArray[np.float64], accelerations: list[float]
 ) -> None:
-    """Lengthen durations (n,) in place until neighboring mean rates differ by the allowed amount.
+    """Lengthen durations (n,) in place until neighbors' mean rates satisfy the accelerations.
 
     Args:
-        durations: minimum durations from speed and rest.
-        amounts: (quantities, n), distances and turns.
-        accelerations: allowed acceleration of each quantity.
+        durations: (n,) durations that already satisfy the speeds and the steps next to rest.
+        amounts: (quantities, n) distances and turn angles.
+        accelerations: limit per quantity.
     """
     waiting = deque(range(len(durations) - 1))
     while waiting:
         k = waiting.popleft()
         for row, acceleration in zip(amounts, accelerations, strict=True):
             if row[k] == 0.0 or row[k + 1] == 0.0:
-                continue  # `_from_rest_or_to_it` has handled rest
+                continue  # `_from_rest_or_to_it` covers steps next to rest
             rates = row[k : k + 2] / durations[k : k + 2]
             reach = 0.5 * acceleration * float(durations[k] + durations[k + 1])
             if abs(rates[1] - rates[0]) <= reach * (1.0 + CONVERGED):
                 continue
             fast, slow = (k, k + 1) if abs(rates[0]) > abs(rates[1]) else (k + 1, k)
-            # |amount| / t ∓ |rate of the slow one| = acceleration (t + its duration) / 2
+            # |amount| / t ∓ |rate of the slower step| = acceleration (t + its duration) / 2
             sign = 1.0 if rates[0] * rates[1] > 0.0 else -1.0
             b = 0.5 * acceleration * float(durations[slow]) + sign * abs(float(rates[slow - k]))
             root = math.sqrt(b * b + 2.0 * acceleration * abs(float(row[fast])))

@@ -1,4 +1,4 @@
-"""Vehicles: robots with their bodies and sensors, ready to be driven through a scene."""
+"""Vehicles: robots with their bodies and sensors, ready to drive through a scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from omnisim.sensors.sensor_registry import parse_mounts, sensor_source
 from omnisim.sensors.triggers import sensor_rates
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
-_PLACES = "source", "folder"  # of a robot file on this machine
+_PLACES = "source", "folder"  # where the robot file is on this machine
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +42,14 @@ class Vehicle:
     """Robot with its body and sensors.
 
     Attributes:
-        name: short name, as in file names.
-        title: name for people.
-        body: body in the base frame; None: invisible.
-        kinematics: kinematic limits; None: unknown.
+        name: short name for file names.
+        title: display name.
+        body: geometry in the base frame; None: invisible.
+        kinematics: limits of the robot; None: unknown.
         odometry: errors of the wheel odometry.
-        footprint: footprint about the base; None: unknown.
+        footprint: footprint around the base; None: unknown.
         sensors: sensors in the order of the robot file.
-        given: digest of the sources; None: the vehicle is identified by its own content.
+        given: digest of the source files; None: identified by its own content.
     """
 
     name: str
@@ -68,26 +68,26 @@ class Vehicle:
 
     @classmethod
     def load(cls, source: str | Path) -> Vehicle:
-        """Load a robot file, given by its path, its folder, or a built-in name.
+        """Load the vehicle of a robot file, a folder with one, or a built-in name.
 
         Raises:
-            RobotFileError: the message names file, sensor or key, and the expected value.
-            SensorFileError: the message names sensor file, key, value and the expected value.
+            RobotFileError: names file and sensor or key, and what was expected.
+            SensorFileError: names the sensor file and key, the actual value and the expected one.
         """
         return cls.from_robot(load_robot(source))
 
     @classmethod
     def from_robot(cls, robot: Robot, cameras: Mapping[str, OmniCamera] = {}) -> Vehicle:
-        """Build the vehicle of a robot.
+        """Build the vehicle that a robot file describes.
 
         Args:
-            robot: robot, from a robot file or an import.
-            cameras: cameras by sensor name, instead of those of sensor files.
+            robot: contents of a robot file, or an imported robot.
+            cameras: cameras by sensor name, which replace those of sensor files.
 
         Raises:
-            RobotFileError: a missing file or a file without a body, an invalid sensor, a sensor
-                inside the body, or one that hides unknown parts of the body.
-            SensorFileError: the message names sensor file, key, value and the expected value.
+            RobotFileError: a file is missing or is not a body, a sensor is invalid or inside the
+                body, or a sensor hides a node that the body lacks.
+            SensorFileError: names the sensor file and key, the actual value and the expected one.
         """
         with recorded_sources() as sources:
             vehicle = cls._of(robot, cameras)
@@ -131,27 +131,27 @@ class Vehicle:
 
     @property
     def cameras(self) -> tuple[MountedCamera, ...]:
-        """Omnidirectional cameras."""
+        """Omnidirectional cameras of the vehicle."""
         return tuple(each for each in self.sensors if isinstance(each, MountedCamera))
 
     @property
     def scanners(self) -> tuple[MountedScanner, ...]:
-        """Planar laser scanners."""
+        """Planar laser scanners of the vehicle."""
         return tuple(each for each in self.sensors if isinstance(each, MountedScanner))
 
     def camera(self, name: str | None = None) -> MountedCamera:
-        """Camera of a name; None: the first camera.
+        """Camera of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: there is no such camera.
+            RobotFileError: no such camera.
         """
         return _named(self.cameras, name, f"robot {self.name!r}: camera")
 
     def scanner(self, name: str | None = None) -> MountedScanner:
-        """Laser scanner of a name; None: the first scanner.
+        """Laser scanner of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: there is no such scanner.
+            RobotFileError: no such scanner.
         """
         return _named(self.scanners, name, f"robot {self.name!r}: scanner")
 
@@ -163,13 +163,13 @@ class Vehicle:
         degradation: Degradation | None = None,
         quality: str | None = None,
     ) -> Vehicle:
-        """Copy with other camera settings; by default they are unchanged.
+        """Copy with other camera settings; settings that are left out keep their values.
 
         Args:
-            size_px: shorter side of the images, pixels.
-            polygons: polygons of the mirror's mesh, or "auto"; None: exact.
-            degradation: degradation of all cameras.
-            quality: "fast", "default" or "fine".
+            size_px: length of the shorter image side, px; None: unchanged.
+            polygons: polygon count of the mirror's mesh, or "auto"; None: exact mirror.
+            degradation: degradation of all cameras; None: unchanged.
+            quality: "fast", "default" or "fine"; None: unchanged.
 
         Raises:
             OpticsError: an invalid size, polygon count or quality.
@@ -196,7 +196,7 @@ class Vehicle:
         return changed.identified(source_digest(self.given, settings))
 
     def identified(self, given: str) -> Vehicle:
-        """The same vehicle, identified by a digest of its sources."""
+        """Copy of the vehicle, identified by a digest of its source files."""
         vehicle = copy.copy(self)
         object.__setattr__(vehicle, "given", given)
         return vehicle
@@ -220,12 +220,12 @@ def _load_body(robot: Robot) -> Scene | None:
         folders = [robot.folder / name for name in robot.resources]
         read = read_scene(path, resources=folders, animation="none")
         if is_mjcf(path):
-            from omnisim.scene.formats.mjcf.robot_body import without_world  # of an extra
+            from omnisim.scene.formats.mjcf.robot_body import without_world  # needs an extra
 
             read = without_world(read, path)
         body = _moved(read, robot.body_offset_m)
-        # images and fingerprints name the body independently of its path on this machine; it has no
-        # start pose of its own, and starts in its middle
+        # Fingerprints contain the body's name but not its path on this machine. A body needs no
+        # start pose to look around from, so it starts at its center.
         start = default_start(body.bounds_m())
         return body.altered("", name=robot.body, start=start)
     except SceneError as reason:
@@ -234,7 +234,7 @@ def _load_body(robot: Robot) -> Scene | None:
 
 
 def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
-    """Body shifted by an offset."""
+    """Translate a body by an offset."""
     if not any(offset_m):
         return body
     base_from_file = pose_from_rotation(np.eye(3), offset_m)
@@ -258,7 +258,7 @@ def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:
 
 
 def _check_outside(body: Scene | None, mounted: MountedSensor, where: str) -> None:
-    """Refuse a sensor inside a part that it does not hide."""
+    """Raise an error if a sensor is inside a part of the body that it does not hide."""
     if body is None:
         return
     around = enclosing_nodes(body, mounted.origin_m, mounted.near_m, mounted.hides)

@@ -1,4 +1,4 @@
-"""Paths as waypoints: corners that a robot drives to in order."""
+"""Paths as waypoints: corners that a robot visits in order."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from omnisim.core.trajectories.formats.text_table import read_text_table
 
 
 def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
-    """Check waypoints, and return them as float64 (n, 2).
+    """Check waypoints and return them as float64 (n, 2).
 
     Raises:
-        TrajectoryError: not (n, 2) with n ≥ 2, not finite, or a waypoint that repeats the previous
-            one.
+        TrajectoryError: not (n, 2) with n ≥ 2, not finite, or a waypoint repeats the previous one.
     """
     try:
         points = np.array(waypoints_m, dtype=np.float64)
@@ -27,7 +26,7 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
         raise TrajectoryError(f"waypoints: expected at least 2, got {len(points)}")
     if points.ndim != 2 or points.shape[1] != 2:
         raise TrajectoryError(f"waypoints of shape {points.shape}: expected (n, 2)")
-    finite = np.all(np.abs(points) < MAX_M, axis=1)  # also refuses NaN
+    finite = np.all(np.abs(points) < MAX_M, axis=1)  # also false for NaN
     if not np.all(finite):
         k = int(np.argmin(finite))
         raise TrajectoryError(
@@ -41,12 +40,12 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
 
 
 def read_waypoints(path: Path) -> NDArray[np.float64] | None:
-    """Read waypoints (n, 2) from a CSV file whose only columns are x_m and y_m.
+    """Read waypoints (n, 2) from a CSV file with exactly the columns x_m and y_m.
 
-    Returns None for another file: with headings or times it is a trajectory.
+    Any other file returns None: with headings or times it is a trajectory.
 
     Raises:
-        TrajectoryError: the message names file, line, value and expected value.
+        TrajectoryError: names file, line, the actual text and the expected one.
     """
     table = read_text_table(path)
     names = table.lines[0].cells

@@ -1,6 +1,6 @@
 """Sensors on vehicles: one folder per sensor, with its model, renderer, mount and files.
 
-Each sensor has a folder here and an entry in `sensor_registry.py`.
+A new sensor needs a folder here and an entry in `sensor_registry.py`.
 """
 
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         RangeSensorRenderer,
     )
 
-# Modules of the exported names, imported at first use.
+# Module of each name, imported at first use.
 _MODULES = {
     "DepthCamera": "depth_camera.depth_camera",
     "DepthRenderer": "depth_camera.depth_camera",

@@ -1,4 +1,4 @@
-"""Calibration of a camera in a run's folder: its parameters and its mount on the base."""
+"""Calibration file of a camera in a run's folder: its parameters and its mount on the base."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CALIBRATION = "calibration.json"
 
 
 def calibration_json(sensor: OmniCamera) -> str:
-    """Text of the calibration file of a mounted sensor."""
+    """Text of the calibration file of a mounted camera."""
     content = {
         "camera": sensor.model.parameters(),
         "polygons": sensor.mesh_polygons or "exact",
@@ -28,10 +28,10 @@ def calibration_json(sensor: OmniCamera) -> str:
 
 
 def read_mount(path: Path) -> CameraMount:
-    """Read the camera of a calibration file.
+    """Read the camera and its mount from a calibration file.
 
     Raises:
-        RunError: the file cannot be read, or is damaged.
+        RunError: the file cannot be read or is damaged.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -43,7 +43,7 @@ def read_mount(path: Path) -> CameraMount:
 
 
 def parse_mount(content: Any, place: str | Path) -> CameraMount:
-    """Camera of a parsed calibration file.
+    """Parse the content of a calibration file.
 
     Raises:
         RunError: the content is damaged.

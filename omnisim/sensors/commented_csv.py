@@ -1,4 +1,4 @@
-"""CSV files of measurements, whose first lines are comments with metadata."""
+"""CSV files of measurements with leading comment lines of metadata."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnisim.core.files.atomic_file import write_text
 def write_commented_csv(
     path: str | Path, header: Mapping[str, Any], columns: str, rows: Iterable[str]
 ) -> None:
-    """Write comments `# key: value` with JSON values, the columns' names, and rows; atomically.
+    """Atomically write `# key: value` lines with JSON values, the column names, and the rows.
 
     Raises:
         OutputError: the file cannot be written.

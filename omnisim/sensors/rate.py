@@ -1,4 +1,4 @@
-"""Rates of sensors: times of measurements, independent of the steps of the drive."""
+"""Measurement times of sensors with their own rate, independent of the drive's steps."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from omnisim.core.errors import RunError
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
 
 MAX_MEASUREMENTS = 10_000_000  # half a gigabyte of stamps and readings; 14 hours at 200 Hz
-LATE = 1e-3  # share of a period: printed times are rounded
+LATE = 1e-3  # tolerance as a share of the period: printed times are rounded
 
 
 @dataclass(frozen=True)
 class SensorRate:
-    """Rate of one sensor, or of all sensors of a trigger.
+    """Rate of one sensor, or of all sensors on a trigger.
 
     Attributes:
         rate_hz: measurements per second, from the start of the drive.
-        phase_s: time of the first measurement after the start.
+        phase_s: time of the first measurement since the start of the drive.
         jitter_s: standard deviation of the stamps.
-        clock: name of the sensor or of its trigger; seed of the jitter.
+        clock: name of the sensor or of its trigger, which determines the jitter.
     """
 
     rate_hz: float
@@ -40,7 +40,7 @@ class SensorRate:
             sensor: name of the sensor in messages.
 
         Raises:
-            RunError: no measurement, or more than memory holds.
+            RunError: no measurement falls into the drive, or there are too many for memory.
         """
         duration_s = end_s - start_s - self.phase_s
         count = math.floor(duration_s * self.rate_hz + LATE) + 1
@@ -58,11 +58,11 @@ class SensorRate:
         times_s = start_s + self.phase_s + indices / self.rate_hz
         if self.jitter_s > 0.0:
             hashes = pcg4d(indices, 0, 0, key_of("jitter", seed, self.clock))
-            # at most 5.77 standard deviations: stamps remain in order
+            # normal numbers are at most 5.77: stamps keep their order
             times_s += self.jitter_s * normal(hashes[0], hashes[1])
         return printed_s(np.clip(times_s, start_s, end_s))
 
 
 def printed_s(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (n,) rounded to the nine digits of files."""
+    """Round times (n,) to the nine decimals of the files."""
     return np.array([float(f"{time_s:.9f}") for time_s in times_s.tolist()])

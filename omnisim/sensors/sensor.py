@@ -1,4 +1,4 @@
-"""Protocol of sensors: mounted on a vehicle, opened on a stage, measuring a moving world.
+"""Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the moving world.
 
 sensor = MountedCamera(...)                    # by its table in the robot file
 with sensor.instrument(stage, settings) as instrument:
@@ -34,17 +34,16 @@ TABLE_SUFFIX = ".csv"
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Time of one measurement of a sensor.
+    """Time and context of one measurement of a sensor.
 
     Attributes:
-        motion: world states by time in seconds.
-        number: number of the measurement, from 0; without a rate of its own, the number of the
-            step.
+        motion: function from seconds to states of the world.
+        number: index of the measurement, from 0; without an own rate, the index of the step.
         time_s: time of the measurement.
-        previous_s, next_s: times of the previous and next measurements; None: there is none.
-        channels: channels of ground truth to record.
-        previous_stem: path, without suffix, of the previous measurement's files; None: there are
-            none.
+        previous_s, next_s: times of the neighboring measurements; None: no such measurement.
+        channels: ground-truth channels to record.
+        previous_stem: path, without suffix, of the previous measurement's files; None: no previous
+            measurement.
     """
 
     motion: Motion
@@ -60,13 +59,13 @@ class Moment:
 
 
 class StepContent(NamedTuple):
-    """Content of a sensor's files of one step.
+    """Settings that determine the files of a sensor's step.
 
     Attributes:
-        channels: channels of ground truth.
-        channel_format: format of their files.
-        boxes_3d: the run records oriented boxes.
-        settings: settings of the sensor in the manifest.
+        channels: ground-truth channels of the run.
+        channel_format: file format of the run's channels.
+        boxes_3d: True if the run records oriented boxes.
+        settings: the sensor's own settings in the manifest.
     """
 
     channels: Collection[str]
@@ -77,15 +76,15 @@ class StepContent(NamedTuple):
 
 @dataclass(frozen=True)
 class DriveSettings:
-    """Settings of a drive for its sensors.
+    """Settings of a drive that apply to its sensors.
 
     Attributes:
         vehicle: name of the sensor's vehicle in the world.
         motion: motion of the vehicle's base.
         seed: seed of the drive.
-        unlit: show plain base colors.
-        channel_format: format of ground-truth files.
-        boxes_3d: also record oriented boxes of visible instances.
+        unlit: render plain base colors.
+        channel_format: file format of the ground truth.
+        boxes_3d: also record the oriented boxes of the visible instances.
     """
 
     vehicle: str
@@ -101,10 +100,10 @@ class Measurement(ABC):
 
     @abstractmethod
     def save(self, stem: Path) -> None:
-        """Write the files that do not exist yet.
+        """Write the files of the measurement that are missing.
 
         Args:
-            stem: path of the files, without suffix.
+            stem: output path without suffix.
 
         Raises:
             OutputError: a file cannot be written.
@@ -113,7 +112,7 @@ class Measurement(ABC):
 
 @dataclass(frozen=True, eq=False)
 class FileMeasurement(Measurement):
-    """Measurement in one file, such as a scan.
+    """Measurement in a single file, such as a scan.
 
     Attributes:
         suffix: suffix of the file.
@@ -135,10 +134,10 @@ class FileMeasurement(Measurement):
 
 
 class Instrument(Closing):
-    """Sensor opened on a stage, until it is closed.
+    """Sensor that is open on a stage.
 
     Args:
-        renderer: renderer, closed with the instrument.
+        renderer: renderer that is closed with the instrument.
         measure: function that measures the moving world at a moment.
     """
 
@@ -161,22 +160,22 @@ class Instrument(Closing):
 
 @dataclass(frozen=True, eq=False)
 class MountedSensor(ABC):
-    """Sensor on its vehicle.
+    """Sensor mounted on a vehicle.
 
     Attributes:
-        type: `type` of its table in the robot file.
-        name: unique name in the vehicle.
-        hides: nodes of the body that it does not see.
-        sensor: parameters.
-        base_from_sensor: (4, 4) pose on the vehicle; it looks along x. For a camera, the identity:
-            its pose is `base_from_rig`.
-        rate: its own rate; None: it measures at each step of the drive.
-        noun: kind of sensor, for messages.
-        origin_noun: point at the mount's position, for messages.
-        suffixes: suffixes of all possible files of a step; `*` stands for any letters.
-        document_names: names of its files of a run.
-        has_ground_truth: its files include channels of ground truth.
-        has_instances: its files number instances as the run's labels do.
+        type: sensor type in the robot file.
+        name: unique name among the vehicle's sensors.
+        hides: nodes of the body that are invisible to the sensor.
+        sensor: parameters of the sensor.
+        base_from_sensor: (4, 4) pose on the vehicle; the sensor looks along x. For a camera this is
+            the identity; its pose is `base_from_rig`.
+        rate: own rate; None: one measurement per step of the drive.
+        noun: type of sensor in messages and labels.
+        origin_noun: name of the point at the mount's position in messages.
+        suffixes: suffixes of all possible files of a step; `*` matches any letters.
+        document_names: names of its files per run.
+        has_ground_truth: True if its files include channels of ground truth.
+        has_instances: True if its files use the instance IDs of the run's labels.
     """
 
     type: str
@@ -197,12 +196,12 @@ class MountedSensor(ABC):
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Origin (3,) of its rays, base frame."""
+        """Origin (3,) of the sensor's rays in the base."""
         return self.base_from_sensor[:3, 3]
 
     @property
     def near_m(self) -> float:
-        """Minimum visible distance from the origin; infinite: the sensor does not see."""
+        """Minimum distance of visible surfaces; `math.inf` for sensors that do not see."""
         return 0.0
 
     def summary(self) -> str:
@@ -214,7 +213,7 @@ class MountedSensor(ABC):
         """Times (n,) of the measurements in a drive with steps at times (m,).
 
         Raises:
-            RunError: no measurement, or more than memory holds.
+            RunError: no measurement falls into the drive, or there are too many for memory.
         """
         if self.rate is None:
             return step_times_s
@@ -222,14 +221,14 @@ class MountedSensor(ABC):
         return self.rate.times_s(start_s, end_s, seed, self.name)
 
     def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Times (m,) of the true states that the measurements at times (n,) depend on."""
+        """Times (m,) of the true states that measurements at times (n,) depend on."""
         return times_s
 
     def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument | None:
-        """Open the sensor on a stage for a drive; None: it has no files for single measurements.
+        """Open the sensor on a stage for a drive; None if it has no files per measurement.
 
         Raises:
-            GraphicsError: a size exceeds the GPU's limits.
+            GraphicsError: sizes exceed the GPU's limits.
         """
         return None
 
@@ -239,41 +238,41 @@ class MountedSensor(ABC):
         return cls.suffixes
 
     def settings(self) -> dict[str, Any]:
-        """Settings in the run's manifest, of JSON types."""
+        """JSON-serializable settings that the run's manifest lists."""
         return {}
 
     def documents(self) -> dict[str, str]:
-        """Texts of the files of a run, by name."""
+        """Texts of the sensor's files per run, by file name."""
         return {}
 
-    def write_readings(  # noqa: B027  # most sensors have one file per measurement
+    def write_readings(  # noqa: B027  # most sensors write a file per measurement instead
         self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
     ) -> None:
-        """Write the missing files that hold all measurements, at times (n,).
+        """Write the missing files that hold all measurements, made at times (n,).
 
         Raises:
             OutputError: a file cannot be written.
         """
 
-    def check_trajectory(  # noqa: B027  # most sensors can measure any trajectory
+    def check_trajectory(  # noqa: B027  # most sensors accept any trajectory
         self, truth: Trajectory, times_s: NDArray[np.float64]
     ) -> None:
-        """Refuse a trajectory that the sensor cannot measure, at times (n,).
+        """Raise an error if the sensor cannot measure a trajectory at times (n,).
 
         Raises:
-            RunError: the message names sensor, step, and the expected motion.
+            RunError: names sensor and step, and what is expected.
         """
 
     def note(self, times_s: NDArray[np.float64]) -> str | None:
-        """Note on omitted measurements at times (n,), or None."""
+        """Notice on what measurements at times (n,) omit; None if they omit nothing."""
         return None
 
 
 class RenderedSensor(MountedSensor):
-    """Sensor on its vehicle that measures with a renderer of its own."""
+    """Mounted sensor that measures with its own renderer."""
 
     def open(self, stage: SharedScene, mounting: Mounting) -> Any:
-        """Open the renderer on a stage with the vehicle's mount, see `Stage.open`."""
+        """Open the renderer on a stage, at the mount on the vehicle; see `Stage.open`."""
         given = mounting.base_from_sensor
         return cast(Stage, stage).open(
             self.sensor,
@@ -285,7 +284,7 @@ class RenderedSensor(MountedSensor):
         )
 
     def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument:
-        """Open the renderer; each sensor of a vehicle has its own noise seed."""
+        """Open the renderer for a drive; the noise seeds of a vehicle's sensors all differ."""
         seed = f"{settings.seed} {self.name}"
         mounting = Mounting(vehicle=settings.vehicle, seed=seed, unlit=settings.unlit)
         renderer = self.open(stage, mounting)
@@ -296,9 +295,9 @@ class RenderedSensor(MountedSensor):
         """Measure the moving world at a moment.
 
         Args:
-            renderer: renderer of this sensor.
+            renderer: renderer that the sensor opened.
             settings: settings of the drive.
-            moment: time and number of the measurement.
+            moment: time and index of the measurement.
 
         Raises:
             RunError: the files of the previous step are damaged.

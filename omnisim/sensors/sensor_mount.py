@@ -1,4 +1,4 @@
-"""Keys of all sensors in a robot file: the mount on the base."""
+"""Keys that all sensors share in a robot file: type, name, mount and timing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from omnisim.core.files.parameters import Coordinate, Level, Number, Table
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import Name, SensorName
 
-# Maximum coordinate: no robot is larger, in meters; catches millimeters.
 Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
 
 if TYPE_CHECKING:
@@ -32,27 +31,27 @@ class SensorMount(Table):
     sensor_class: ClassVar[type[MountedSensor]]
 
     type: str
-    """Kind of sensor."""
+    """Type of sensor."""
     name: SensorName
     """Unique name of the sensor and of its folder in a run."""
     position_m: tuple[Coordinate, Coordinate, Coordinate]
-    """Meters in the base frame: position of a camera's effective viewpoint or a scan's origin."""
+    """Position in meters, base frame: of a camera's effective viewpoint or a scan's origin."""
     roll_deg: Number = 0.0
     """Roll about x in degrees."""
     pitch_deg: Number = 0.0
-    """Pitch about y in degrees; above 0: nose down."""
+    """Pitch about y in degrees; positive is nose down."""
     yaw_deg: Number = 0.0
-    """Yaw about z in degrees, counter-clockwise seen from above."""
+    """Yaw about z in degrees, counter-clockwise as seen from above."""
     hides: tuple[Name, ...] = ()
-    """Nodes of the body that this sensor does not see, such as its own housing."""
+    """Nodes of the body that are invisible to this sensor, such as its own housing."""
     rate_hz: Rate | None = None
-    """Measurements per second, from the start of the drive; left out: one per step."""
+    """Measurements per second from the start of the drive. Default: one per step of the drive."""
     phase_s: Level = 0.0
     """Seconds from the start of the drive to the first measurement, with `rate_hz`."""
     jitter_s: Level = 0.0
-    """Standard deviation of the times of the measurements in seconds, at most 8 % of the period."""
+    """Standard deviation of the measurement times in seconds, at most 8 % of the period."""
     trigger: Name | None = None
-    """Name of a trigger: its sensors fire together, at the rate that one of them states."""
+    """Name of a trigger: its sensors fire together, at the rate that one of them sets."""
 
     @property
     def base_from_mount(self) -> NDArray[np.float64]:
@@ -67,12 +66,12 @@ class SensorMount(Table):
         """Build the sensor.
 
         Args:
-            folder: folder of the robot file, base of relative paths.
+            folder: folder of the robot file, the base of relative paths.
             source: name of file and sensor in messages.
 
         Raises:
-            RobotFileError: an invalid sensor or a missing file.
-            SensorFileError: the message names sensor file, key, value and the expected value.
+            RobotFileError: the sensor is invalid, or a file is missing.
+            SensorFileError: names the sensor file and key, the actual value and the expected one.
         """
         try:
             parameters = self.parameters()
@@ -84,19 +83,19 @@ class SensorMount(Table):
         )
 
     def parameters(self) -> Any:
-        """Parameters of the sensor, if the table has all of them.
+        """Build the sensor's parameters from the table.
 
         Raises:
-            OpticsError: an invalid sensor.
+            OpticsError: the parameters are invalid.
         """
         raise NotImplementedError
 
     def settings(self) -> dict[str, Any]:
-        """Fields of the mounted sensor besides its parameters."""
+        """Fields of the mounted sensor besides the parameters."""
         return {}
 
     def overriding(self, device: DeviceT) -> DeviceT:
-        """Parameters of a device, with the values of the table in place of the device's."""
+        """Parameters of a device, overridden by the values that the table gives."""
         given = {key.name: getattr(self, key.name) for key in dataclasses.fields(device)}
         given = {key: value for key, value in given.items() if value is not None}
         return dataclasses.replace(device, **given)

@@ -1,4 +1,4 @@
-"""Names of sensors and of their folders in a run."""
+"""Names of sensors, which are also the names of their folders in a run."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pydantic import AfterValidator
 
 from omnisim.core.files.parameters import Name as Name
 
-# No dots, as the run's own files have some.
+# No dots, which occur in the names of the run's own files.
 FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
 
 
 def folder_name(name: str) -> str:
-    """Nearest valid name of a sensor: `_` replaces invalid characters."""
+    """Replace a sensor name's invalid characters with `_`, to make it a valid folder name."""
     return re.sub(r"[^\w -]", "_", name)[:60].strip(" -") or "_"
 
 

@@ -30,11 +30,11 @@ MOUNT_TYPES: dict[str, type[SensorMount]] = {
 
 
 class SensorTables(Protocol):
-    """Robot file with tables of sensors."""
+    """Robot file with the tables of its sensors."""
 
     @property
     def sensors(self) -> Sequence[Mapping[str, Any]]:
-        """Tables of the sensors, unchecked."""
+        """Tables of the sensors, in the order of the file."""
 
     @property
     def source(self) -> str:
@@ -42,7 +42,7 @@ class SensorTables(Protocol):
 
 
 def parse_mounts(robot: SensorTables) -> tuple[SensorMount, ...]:
-    """Check the tables of a robot's sensors.
+    """Parse the tables of a robot's sensors.
 
     Raises:
         RobotFileError: an unknown type or key, an invalid value, or a repeated name.
@@ -70,13 +70,13 @@ def parse_mounts(robot: SensorTables) -> tuple[SensorMount, ...]:
 
 
 def _has_calibration(table: Mapping[str, Any]) -> bool:
-    """True for a table of a calibration file's cameras."""
+    """True if the table refers to a calibration file with its cameras."""
     file = table.get("file")
     is_calibration = isinstance(file, str) and Path(file).suffix.lower() not in ("", SENSOR_FILE)
     return is_calibration and table.get("type", "omnicamera") == "omnicamera"
 
 
 def sensor_source(robot: SensorTables, sensor: str | int) -> str:
-    """Name of a robot's sensor in messages, by its name or index."""
+    """Name of a robot's sensor in messages, from its name or index."""
     where = f"sensor {sensor!r}" if isinstance(sensor, str) else f"sensors.{sensor}"
     return f"{robot.source}: {where}"

@@ -1,4 +1,4 @@
-"""Triggers: sensors of a robot that fire together, and the rates of all sensors."""
+"""Triggers, which fire several sensors together, and the rates of all sensors."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from omnisim.core.errors import RobotFileError
 from omnisim.sensors.rate import SensorRate
 from omnisim.sensors.sensor_mount import SensorMount
 
-MAX_JITTER = 0.08  # share of the period: random numbers reach 5.77, and stamps remain in order
+MAX_JITTER = 0.08  # share of the period: normal numbers reach 5.77, and stamps keep their order
 TIMING = ("rate_hz", "phase_s", "jitter_s")
 
 
 def sensor_rates(
     mounts: Sequence[SensorMount], sources: Sequence[str]
 ) -> list[tuple[SensorMount, SensorRate | None]]:
-    """Rates of sensors, None: at each step; the sensors of a trigger share one rate.
+    """Pair sensors with their rates; None: once per step. Sensors of a trigger share a rate.
 
     Args:
         mounts: sensors of one robot.
-        sources: their names in messages.
+        sources: names of the sensors in messages.
 
     Raises:
-        RobotFileError: different rates of a trigger, or a phase, jitter or trigger without a rate;
-            the message names sensor and key.
+        RobotFileError: names sensor and key: the rates on a trigger differ, or a phase, jitter or
+            trigger has no rate.
     """
     triggers: dict[str, SensorMount] = {}
     for mount, source in zip(mounts, sources, strict=True):

@@ -1,3 +1,3 @@
-"""The command line: parses, calls and prints; no maths."""
+"""Command line: parses arguments, calls the library and prints results."""
 
-INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
+INTERRUPTED = 130  # exit status after Ctrl-C, as in shells

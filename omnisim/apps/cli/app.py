@@ -1,6 +1,6 @@
-"""The command line: parses, calls, prints.
+"""Command-line application and its error handling.
 
-Commands raise OmnisimError for whatever a user can put right.
+Commands raise OmnisimError for every fault that a user can fix.
 """
 
 import errno
@@ -19,7 +19,7 @@ from omnisim.core.version import __version__
 
 
 class _Commands(Group):
-    """Group of all commands of the table."""
+    """Top-level group with all commands of the table."""
 
     def __init__(self, **settings: Any):
         super().__init__(**settings | {"commands": make_commands(COMMANDS)})
@@ -56,11 +56,11 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; an error that a user can act on is one line and exit status 1."""
+    """Run the command line; an OmnisimError prints its message and exits with status 1."""
     try:
         app(prog_name="omnisim")
     except SystemExit as stopped:
-        if stopped.code == INTERRUPTED:  # typer prints nothing
+        if stopped.code == INTERRUPTED:  # typer prints no message
             err.print("interrupted")
         raise
     except OmnisimError as error:
@@ -68,9 +68,9 @@ def main() -> None:
     except OSError as error:
         if error.filename is not None:
             raise
-        if error.errno == errno.ENOENT:  # of getcwd
+        if error.errno == errno.ENOENT:  # from getcwd
             _fail("the working directory is not there any more")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # or the end flushes it again
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else flushing at exit fails again
         _fail(f"standard output: cannot be written: {error.strerror}")
 
 

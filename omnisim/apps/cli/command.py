@@ -1,4 +1,4 @@
-"""Commands and groups, made from the entries of a table when they are needed."""
+"""Commands and groups, built from the entries of a table on demand."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class Entry(NamedTuple):
     """Command of the table.
 
     Attributes:
-        summary: its help.
-        run: function of `omnisim.apps.cli`, imported when the command runs; False as its result
-            is exit status 1.
-        request: class of `omnisim.apps.cli` with its options, imported when a command line is
-            parsed; empty: no options.
-        extra: extra of the package that it needs.
+        summary: help text.
+        run: function in `omnisim.apps.cli`, imported when the command runs; if it returns False,
+            the exit status is 1.
+        request: class in `omnisim.apps.cli` that defines the options, imported when a command line
+            is parsed; empty: no options.
+        extra: required extra of the package; None: no extra.
     """
 
     summary: str
@@ -37,8 +37,8 @@ class GroupEntry(NamedTuple):
     """Group of commands of the table.
 
     Attributes:
-        summary: its help.
-        commands: by name; one named `show` is the default.
+        summary: help text.
+        commands: commands by name.
     """
 
     summary: str
@@ -46,11 +46,11 @@ class GroupEntry(NamedTuple):
 
 
 class Command(TyperCommand):
-    """Command of an entry.
+    """Command built from an entry of the table.
 
     Args:
-        path: names of its group and itself.
-        entry: of the table.
+        path: name of the command, preceded by its group's.
+        entry: entry of the table.
         panel: heading on the help page of its group.
     """
 
@@ -62,13 +62,13 @@ class Command(TyperCommand):
 
     @property
     def params(self) -> list[Any]:
-        """Options and arguments, read from the request when they are asked for."""
+        """Options and arguments, read from the request on demand."""
         params: list[Any] = self._built.params
         return params
 
     @params.setter
     def params(self, none: list[Any]) -> None:
-        """Ignore the empty list of the constructor."""
+        """Ignore the empty list that the constructor assigns."""
 
     def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
         return _without_flag_types(super().get_params(*context))
@@ -79,7 +79,7 @@ class Command(TyperCommand):
 
     @cached_property
     def _built(self) -> Any:
-        """Typer's command of the request's parameters."""
+        """Typer command with the request's parameters."""
         from omnisim.apps.cli.options import make_request, parameters
 
         request = _resolve(self._entry.request) if self._entry.request else None
@@ -100,14 +100,14 @@ class Command(TyperCommand):
 
 
 class Group(TyperGroup):
-    """Group whose help names no type after a flag."""
+    """Group whose help page shows flags without a value type."""
 
     def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
         return _without_flag_types(super().get_params(*context))
 
 
 class DefaultGroup(Group):
-    """Group that runs its command `show` if none of its commands is named."""
+    """Group that runs its command `show` if the first argument names no command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: D102 - click's
         if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
@@ -124,10 +124,10 @@ class DefaultGroup(Group):
 def make_commands(
     table: Mapping[str, Mapping[str, Entry | GroupEntry]],
 ) -> dict[str, Command | Group]:
-    """Commands and groups of a table, by name.
+    """Build the commands and groups of a table, by name.
 
     Args:
-        table: entries by heading of the help page and by name.
+        table: entries by name, grouped by heading of the help page.
     """
     return {
         name: _make_group(name, entry, panel)
@@ -157,6 +157,6 @@ def _without_flag_types(parameters: list[Any]) -> list[Any]:
 
 
 def _resolve(name: str) -> Any:
-    """Function or class of a module of `omnisim.apps.cli`."""
+    """Import a function or class from a module of `omnisim.apps.cli`."""
     module, _, attribute = name.rpartition(".")
     return getattr(import_module(f"omnisim.apps.cli.{module}"), attribute)

@@ -9,7 +9,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "images.render.run", "images.requests.RenderRequest",
         ),
         "live": Entry(
-            "Serve a page: the camera in a browser, driven by keys, every parameter a control.",
+            "Serve a live page: a camera in the browser, driven by keys, with all its parameters.",
             "images.live.run", "images.requests.LiveRequest",
         ),
         "unwarp": Entry(
@@ -17,7 +17,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "images.unwarp.run", "images.requests.UnwarpRequest",
         ),
         "scan": Entry(
-            "Take one scan with a laser scanner, a SICK LMS200.",
+            "Simulate one scan of a laser scanner, a SICK LMS200.",
             "images.scan.run", "images.requests.ScanRequest",
         ),
     },
@@ -39,14 +39,14 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "runs.export.run", "runs.requests.ExportRequest",
         ),
         "localize": Entry(
-            "Localize the robot of a run by its odometry and the landmarks in its images.",
+            "Localize the robot of a run from its odometry and the landmarks in its images.",
             "runs.localize.run", "runs.requests.LocalizeRequest", "reports",
         ),
         "landmarks": GroupEntry(
             "Learn the colors of landmarks, and detect them.",
             {
                 "train": Entry(
-                    "Learn the colors from a run that was driven with --also instance.",
+                    "Learn the colors from a run recorded with --also instance.",
                     "runs.landmarks.train", "runs.requests.TrainRequest",
                 ),
                 "detect": Entry(
@@ -77,14 +77,14 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "datasets.generate.run", "datasets.requests.GenerateRequest",
         ),
         "dataset": GroupEntry(
-            "Data sets: show, check the hashes, look at samples, convert.",
+            "Data sets: summarize, check the hashes, view samples, convert.",
             {
                 "info": Entry(
-                    "Show what is in a data set: samples, scenes, cameras, channels, size.",
+                    "Summarize a data set: samples, scenes, cameras, channels, size.",
                     "datasets.dataset.info", "datasets.requests.DatasetInfoRequest",
                 ),
                 "check": Entry(
-                    "Compare the hash of each shard with the manifest's.",
+                    "Compare the hash of each shard with the manifest.",
                     "datasets.dataset.check", "datasets.requests.DatasetCheckRequest",
                 ),
                 "convert": Entry(
@@ -101,11 +101,10 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
     },
     "Worlds": {
         "scene": GroupEntry(
-            "What is in a scene: `omnisim scene SCENE`; and its conversion to GLB.",
+            "Scenes: summarize (`omnisim scene SCENE`), or convert to GLB.",
             {
                 "show": Entry(
-                    "Show what is in a scene: instances, bounds, floors, starts, paths, lights, "
-                    "classes.",
+                    "Summarize a scene: instances, bounds, floors, starts, paths, lights, classes.",
                     "worlds.scene.run", "worlds.requests.SceneRequest",
                 ),
                 "convert": Entry(
@@ -121,7 +120,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
     },
     "Cameras": {
         "sensor": Entry(
-            "Print the default sensor file, every key with a comment, or check one.",
+            "Print the default sensor file with a comment per key, or check a sensor file.",
             "cameras.sensor.run", "cameras.requests.SensorRequest",
         ),
         "mirror": Entry(
@@ -160,8 +159,8 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "Non-central optical systems: check, plot, design, calibrate.",
             {
                 "check": Entry(
-                    "Check an optical system, and measure the errors of a central model of it by "
-                    "distance.",
+                    "Check an optical system, and measure the errors of its central approximation "
+                    "by distance.",
                     "cameras.optics.check", "cameras.requests.OpticsCheckRequest",
                 ),
                 "plot": Entry(
@@ -181,7 +180,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "cameras.optics.profile", "cameras.requests.OpticsProfileRequest",
                 ),
                 "calibrate": Entry(
-                    "Fit an optical system's own parameters to the corners of a board in images.",
+                    "Fit an optical system's parameters to the corners of a board in images.",
                     "cameras.optics_calibration.calibrate",
                     "cameras.requests.OpticsCalibrateRequest",
                 ),
@@ -193,8 +192,8 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "Show versions, built-in scenes, and the GPUs that can render.", "info.run"
         ),
         "validate": Entry(
-            "Validate the geometry by the paper's figures and independent oracles; exits with 1 "
-            "if a tolerance is exceeded.",
+            "Validate the geometry against the paper's figures and independent oracles; exits with "
+            "1 if a tolerance is exceeded.",
             "checks.validate.run", "checks.requests.ValidateRequest", "reports",
         ),
         "experiments": Entry(

@@ -1,6 +1,6 @@
 """Names for shell completion and help pages; the shell itself completes paths.
 
-A key press starts the command, so registries are imported when their names are needed.
+Every key press starts the command, so registries are imported only when their names are needed.
 """
 
 import json
@@ -12,21 +12,21 @@ import typer
 
 from omnisim.core.package_files import SCENES, built_in
 
-CAMERA = "omnicamera"  # type of a sensor in a run's manifest
+CAMERA = "omnicamera"  # type of an omnidirectional camera in a run's manifest
 
 
 def complete_scene(incomplete: str) -> list[str]:
-    """Built-in scenes."""
+    """Complete the name of a built-in scene."""
     return _beginning(incomplete, built_in("scene.toml"))
 
 
 def complete_robot(incomplete: str) -> list[str]:
-    """Built-in robots."""
+    """Complete the name of a built-in robot."""
     return _beginning(incomplete, built_in("robot.toml"))
 
 
 def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Paths of the scene that is named before."""
+    """Complete the name of a path of the scene on the command line."""
     scene = _argument(ctx, "scene")
     file = scene if scene.suffix == ".toml" else scene / "scene.toml"
     if not file.is_file():
@@ -39,7 +39,7 @@ def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def complete_run_camera(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Cameras of the run that is named before."""
+    """Complete the name of a camera of the run on the command line."""
     manifest_file = _argument(ctx, "run", "source") / "manifest.json"
     try:
         manifest = json.loads(manifest_file.read_text(encoding="utf-8"))
@@ -50,7 +50,7 @@ def complete_run_camera(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def channel_names() -> Iterable[str]:
-    """Channels of ground truth."""
+    """Ground-truth channels."""
     from omnisim.ground_truth.channels import CHANNELS
 
     return CHANNELS
@@ -71,7 +71,7 @@ def export_formats() -> Iterable[str]:
 
 
 def data_set_layouts() -> Iterable[str]:
-    """Layouts that data sets are converted to."""
+    """Layouts for converted data sets."""
     from omnisim.datasets.export.export_formats import LAYOUTS
 
     return LAYOUTS
@@ -85,14 +85,14 @@ def check_names() -> Iterable[str]:
 
 
 def complete_channels(incomplete: str) -> list[str]:
-    """Channels between commas, each once."""
+    """Complete the last of comma-separated channels; channels before it are not repeated."""
     done, comma, last = incomplete.rpartition(",")
     left = [name for name in (*channel_names(), "all") if name not in done.split(",")]
     return [f"{done}{comma}{name}" for name in _beginning(last, left)]
 
 
 def _argument(ctx: typer.Context, *names: str) -> Path:
-    """Value of the argument of one of the names; before an unfinished option it is unparsed."""
+    """Value of the argument with one of the names; before an unfinished option it is unparsed."""
     parsed = (ctx.params.get(name) for name in names)
     unparsed = (word for word in ctx.args if not word.startswith("-"))
     return Path(next((word for word in (*parsed, *unparsed) if word is not None), ""))

@@ -18,7 +18,7 @@ def print_note(text: str) -> None:
 
 
 def track(steps: Iterable[int], description: str, total: int) -> Iterator[int]:
-    """Yield steps below a progress bar, which only a terminal shows."""
+    """Yield steps while showing a progress bar, which appears on terminals only."""
     from rich import progress  # slow to import
 
     yield from progress.track(

@@ -11,7 +11,7 @@ from omnisim.cameras.central_error import CentralError
 
 
 def error_table(errors: Sequence[CentralError]) -> Table:
-    """Table of errors, a line for each distance."""
+    """Table of errors with a row per distance."""
     table = Table(box=None, pad_edge=False)
     table.add_column("at")
     for heading in ("mean", "median", "99 %", "at most", "not shown"):

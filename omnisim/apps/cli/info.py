@@ -34,7 +34,7 @@ def run() -> None:
     """Print the installation, built-in scenes and robots, and the OpenGL devices.
 
     Raises:
-        GraphicsError: there is no usable OpenGL; with the way to install one.
+        GraphicsError: no usable OpenGL; says how to install it.
     """
     for name, text in _installation():
         out.print(f"{name:9}{text}", markup=False)
@@ -42,7 +42,7 @@ def run() -> None:
 
 
 def _installation() -> list[tuple[str, str]]:
-    """Names and values of everything but OpenGL."""
+    """Names and values of all lines except OpenGL's."""
     lines = [
         ("omnisim", f"{__version__}, in {PACKAGE}"),
         ("python", f"{platform.python_version()}, {sys.executable}"),
@@ -51,9 +51,9 @@ def _installation() -> list[tuple[str, str]]:
     ]
     for extra, packages in EXTRAS.items():
         missing = missing_packages(extra)
-        found = _versions({name: packages[name] for name in packages if name not in missing})
+        versions = _versions({name: packages[name] for name in packages if name not in missing})
         lacking = f"no {', '.join(missing)}: {install_hint(extra)}" if missing else ""
-        lines.append((extra, "; ".join(filter(None, (found, lacking)))))
+        lines.append((extra, "; ".join(filter(None, (versions, lacking)))))
     lines += [
         ("scenes", ", ".join(builtin_scenes()) or "none"),
         ("robots", ", ".join(builtin_robots()) or "none"),
@@ -63,7 +63,7 @@ def _installation() -> list[tuple[str, str]]:
 
 
 def _default_camera() -> str:
-    """Camera where none is asked for, and how far its mirror's mesh is off."""
+    """Summary of the default camera, with the error of its mirror's mesh."""
     camera = OmniCamera()
     return f"{summary(camera.model)}, {mesh_text(camera)}"
 
@@ -84,7 +84,7 @@ def _versions(packages: Mapping[str, str]) -> str:
 def _version(package: str, module: str) -> str:
     try:
         return version(package)
-    except PackageNotFoundError:  # installed by other means, as OpenCV often is
+    except PackageNotFoundError:  # not installed as a Python package, as is often so for OpenCV
         return "of unknown version" if is_installed(module) else "missing"
 
 
@@ -93,10 +93,10 @@ def _print_devices() -> None:
     from omnisim.rendering.opengl.context import GraphicsInfo, list_devices, open_context
 
     devices = list_devices()
-    usable = [(number, found) for number, found in devices if isinstance(found, GraphicsInfo)]
-    for number, found in devices:
-        if isinstance(found, GraphicsError):
-            out.print(f"device {number} cannot be used: {found}", markup=False)
+    usable = [(number, device) for number, device in devices if isinstance(device, GraphicsInfo)]
+    for number, device in devices:
+        if isinstance(device, GraphicsError):
+            out.print(f"device {number} cannot be used: {device}", markup=False)
     if not usable:
         open_context().release()  # raises with the reason
     table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")

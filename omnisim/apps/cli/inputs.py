@@ -1,4 +1,4 @@
-"""Cameras, scenes and numbers that the options of several commands name."""
+"""Cameras, scenes and numbers that the options of several commands specify."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ from omnisim.scene.labels import find_labels, read_label_file
 
 LABELED = frozenset(("semantic", "instance"))  # channels whose files name classes
 
-MAX_S = 1e9  # of the world: some 30 years
+MAX_S = 1e9  # maximum world time, some 30 years
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Position and attitude, world."""
+    """Position and attitude in the world."""
 
     position_m: tuple[float, float, float]
     yaw_deg: float
@@ -55,10 +55,10 @@ class Viewpoint:
 
     @classmethod
     def in_scene(cls, scene: Scene, options: TiltedViewpointOptions) -> Viewpoint:
-        """Take --at, --yaw, --pitch and --roll, by default level at the scene's start.
+        """Viewpoint from --at, --yaw, --pitch and --roll; default: level at the scene's start.
 
         Raises:
-            OutputError: --at-camera beside one of these, or one that the scene does not have.
+            OutputError: --at-camera with one of these, or with an unknown camera.
         """
         if isinstance(options, CameraViewpointOptions) and options.at_camera is not None:
             refuse_given(
@@ -95,28 +95,28 @@ class Viewpoint:
         return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
 
     def base_of(self, camera: OmniCamera) -> NDArray[np.float64]:
-        """Pose (4, 4) world_from_base of a vehicle whose camera is here."""
+        """Pose (4, 4) world_from_base of a vehicle whose camera is at this viewpoint."""
         return camera.base_pose(self.position_m, self.yaw_deg, self.pitch_deg, self.roll_deg)
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
-    """Read the camera of a sensor file; by default the paper's.
+    """Read the camera of a sensor file; None: the paper's camera.
 
     Raises:
-        SensorFileError: naming file, key and value.
+        SensorFileError: names file, key and value.
     """
     return OmniCamera() if path is None else OmniCamera.from_file(path)
 
 
 def read_camera(files: CameraFileOptions, calibration: Path | None = None) -> OmniCamera:
-    """Read the camera of a sensor, calibration or optics file; by default the paper's.
+    """Read the camera of a sensor, calibration or optics file; default: the paper's camera.
 
     Args:
-        files: options that name one of the files.
-        calibration: calibration file in place of the option's.
+        files: options that name at most one of the files.
+        calibration: calibration file that overrides the option's.
 
     Raises:
-        OmnisimError: several files, or a fault of one.
+        OmnisimError: several files are named, or a file is faulty.
     """
     calibration = calibration or files.calibration_file
     if files.optics is not None:
@@ -126,12 +126,12 @@ def read_camera(files: CameraFileOptions, calibration: Path | None = None) -> Om
     if calibration is None:
         refuse_given(files, "requires --camera", "camera_name", "mirrored", error=CalibrationError)
         if files.optics is not None:
-            from omnisim.cameras.optics.system_file import read_optics_file  # seldom asked for
+            from omnisim.cameras.optics.system_file import read_optics_file  # seldom needed
 
             return OmniCamera(read_optics_file(files.optics))
         return read_sensor(files.sensor)
     check_calibration_path(calibration, files.sensor)
-    # the time to import formats and fits is for those who use them
+    # only commands with a calibration pay the import time of formats and fits
     from omnisim.apps.cli.cameras.calibration import read_calibration, select_camera
 
     read = read_calibration(calibration, files.camera_name, None, files.mirrored)
@@ -139,10 +139,10 @@ def read_camera(files: CameraFileOptions, calibration: Path | None = None) -> Om
 
 
 def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
-    """Refuse a sensor file in the place of a calibration file, or beside it.
+    """Raise an error for a sensor file in place of a calibration file, or beside one.
 
     Raises:
-        CalibrationError: naming the options.
+        CalibrationError: names the options.
     """
     if sensor is not None:
         raise CalibrationError("--sensor, --camera: expected one of them, got both")
@@ -154,12 +154,12 @@ def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
 
 
 def check_seconds(option: str, seconds: float) -> float:
-    """Return a time in seconds, or an interval of two.
+    """Check and return a time or an interval in seconds.
 
     Raises:
-        OutputError: it is not finite, or beyond `MAX_S`; naming the option.
+        OutputError: not finite, or beyond `MAX_S`; names the option.
     """
-    if not abs(seconds) <= MAX_S:  # NaN is not, either
+    if not abs(seconds) <= MAX_S:  # also true for NaN
         raise OutputError(
             f"{option}: expected a number of seconds up to {MAX_S:g}, got {seconds:g}"
         )
@@ -169,16 +169,16 @@ def check_seconds(option: str, seconds: float) -> float:
 def refuse_given(
     options: object, reason: str, *names: str, error: type[OmnisimError] = OutputError
 ) -> None:
-    """Refuse options that would have no effect.
+    """Raise an error for options that would have no effect.
 
     Args:
         options: group of options, or request.
-        reason: for the message.
-        names: fields to refuse; by default all.
-        error: kind of error to raise.
+        reason: reason in the message.
+        names: fields to check; by default all.
+        error: type of the error.
 
     Raises:
-        OmnisimError: of that kind, naming the first option that is not at its default.
+        OmnisimError: of type `error`; names the first option that is not at its default.
     """
     for name in names or [field.name for field in dataclasses.fields(options)]:  # type: ignore[arg-type]
         if getattr(options, name) != getattr(type(options), name):
@@ -191,17 +191,17 @@ def load_labeled_scene(
     truth: TruthOptions,
     channels: Collection[str],
 ) -> Scene:
-    """Load a scene with its labels, or with those of --labels; print its notices.
+    """Load a scene with its own labels or those of --labels; print its notices.
 
     Args:
-        world: names the scene.
-        light: of the scene, in place of its own.
-        truth: with the label file.
-        channels: requested ground truth; notices of labels are for those with classes only.
+        world: options that select the scene.
+        light: options that override the scene's light.
+        truth: options with the label file.
+        channels: requested ground-truth channels; only those with classes print label notices.
 
     Raises:
-        OutputError: a label file that no channel needs.
-        SceneError: from the scene, or from the label file.
+        OutputError: no channel needs the label file.
+        SceneError: the scene or the label file is faulty.
     """
     is_labeled = truth.boxes_3d or not LABELED.isdisjoint(channels)
     if truth.labels is not None and not is_labeled:
@@ -218,10 +218,10 @@ def load_labeled_scene(
 
 
 def checked_backend(options: BackendOptions) -> BackendName:
-    """Name of the back end.
+    """Check the options of the back end and return its name.
 
     Raises:
-        OmnisimError: --device, or a package that is missing, with rays.
+        OmnisimError: rays with --device, or rays without a required package.
     """
     if options.backend is Backend.CUBE:
         return "cube"
@@ -232,10 +232,10 @@ def checked_backend(options: BackendOptions) -> BackendName:
 
 
 def load_requested_scene(world: SceneOptions, light: LightOptions | None = None) -> Scene:
-    """Load a scene in the axes and the unit of the options; print its notices.
+    """Load a scene with the axes and the unit of the options; print its notices.
 
     Raises:
-        SceneError: it cannot be read.
+        SceneError: the scene cannot be read.
     """
     scene = read_scene(
         world.scene,
@@ -254,7 +254,7 @@ def parse_channel_format(text: str | None, channels: Collection[str]) -> Channel
     """Parse --channel-format.
 
     Raises:
-        OutputError: an unknown format, or one of no channels.
+        OutputError: an unknown format, or no channels are requested.
     """
     if text is not None and not channels:
         raise OutputError("--channel-format: requires --also")
@@ -262,19 +262,19 @@ def parse_channel_format(text: str | None, channels: Collection[str]) -> Channel
 
 
 def read_preset(name: str | None) -> Degradation | None:
-    """Read the degradations of a preset; None leaves those of the sensor file.
+    """Read the degradations of a preset; None: keep those of the sensor file.
 
     Raises:
-        SensorFileError: there is no such preset, or its file has a fault.
+        SensorFileError: no such preset, or its file is faulty.
     """
     return None if name is None else preset(name)
 
 
 def parse_polygons(text: str) -> Polygons:
-    """Parse a polygon count, or "auto"; None is "exact".
+    """Parse a polygon count, "auto" or "exact", which becomes None.
 
     Raises:
-        OpticsError: none of these.
+        OpticsError: any other text.
     """
     if text.lower() == "exact":
         return None

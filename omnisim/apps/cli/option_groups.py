@@ -9,7 +9,7 @@ from omnisim.apps.cli import completion
 from omnisim.apps.cli.options import Argument, Option
 from omnisim.core.package_files import preset_names
 
-# Headings of help pages.
+# Headings on help pages.
 CAMERA, VIEWPOINT, TRAJECTORY, GROUND_TRUTH = "Camera", "Viewpoint", "Trajectory", "Ground truth"
 
 
@@ -51,16 +51,14 @@ class FileUnitOptions:
     up_axis: Annotated[
         str | None,
         Option(
-            flags=("--up",), metavar="x|y|z", default="its format's", names=lambda: ("x", "y", "z")
+            flags=("--up",), metavar="x|y|z", default="the format's", names=lambda: ("x", "y", "z")
         ),
     ] = None
     """Up axis of the scene file."""
-    meters_per_unit: Annotated[
-        float | None, Option(metavar="M", default="as its format has it")
-    ] = None
-    """Meters per unit of the scene file: 0.001 for millimeters."""
+    meters_per_unit: Annotated[float | None, Option(metavar="M", default="the format's")] = None
+    """Meters per unit of the scene file, such as 0.001 for millimeters."""
     resources: Resources = None
-    """Folder of models that the scene names by URI, such as model://chair; can be repeated."""
+    """Folder of models that the scene references by URI, such as model://chair; can be repeated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,20 +72,20 @@ class SceneOptions(FileUnitOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class LightOptions:
-    """Light of the scene, in place of its own."""
+    """Light that replaces the scene's own."""
 
     unlit: bool = False
-    """Show plain base colors, without lights."""
+    """Render plain base colors, without lights."""
     sky: Annotated[
         str | None,
         Option(metavar="clear|none|FILE", default="the scene's", names=lambda: ("clear", "none")),
     ] = None
-    """Sky that lights the scene instead of its own sky and sun: a clear one, around its sun if it
-    has one; none; or an environment map, .hdr or .exr."""
+    """Sky that replaces the scene's sky and sun: clear (around the scene's sun, if it has one),
+    none, or an environment map (.hdr or .exr)."""
     baked: Annotated[
-        Path | None, Option(metavar="DIR|none", default="as the scene's TOML has it, else none")
+        Path | None, Option(metavar="DIR|none", default="from the scene's TOML, else none")
     ] = None
-    """Folder of the scene's baked light, as `omnisim bake` writes it; none: lamps and sky."""
+    """Folder of the scene's baked light from `omnisim bake`; none: light from lamps and sky."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,32 +98,32 @@ class ShadowedLightOptions(LightOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraFileOptions:
-    """File of the camera: one of three kinds."""
+    """File of the camera, of one of three types."""
 
     panel: ClassVar[str] = CAMERA
 
     sensor: Annotated[Path | None, Option(default="the paper's camera")] = None
     """Sensor file: .toml."""
     optics: Path | None = None
-    """Optics file instead of a sensor file: mirrors and refracting surfaces in front of a
+    """Optics file in place of a sensor file: mirrors and refracting surfaces in front of a
     camera."""
     calibration_file: Annotated[Path | None, Option(flags=("--camera",))] = None
-    """Calibration file instead of a sensor file: Kalibr, OpenCV, COLMAP, … (`omnisim calibration
+    """Calibration file in place of a sensor file: Kalibr, OpenCV, COLMAP, … (`omnisim calibration
     formats`), or KITTI-360's folder."""
     camera_name: Annotated[str | None, Option(metavar="NAME", default="the first")] = None
-    """Camera of the calibration file."""
+    """Name of the camera in the calibration file."""
     mirrored: Mirrored = None
-    """The camera of the calibration file looks into a mirror, or not."""
+    """Whether the camera of the calibration file looks into a mirror."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions:
-    """Image of the camera, in place of its file's settings."""
+    """Image settings that override those of the camera's file."""
 
     panel: ClassVar[str] = CAMERA
 
     size_px: Annotated[int | None, Option(default="the camera's")] = None
-    """Pixels of the image's shorter side."""
+    """Length of the image's shorter side in pixels."""
     quality: Annotated[
         str | None,
         Option(
@@ -134,7 +132,7 @@ class ImageOptions:
             names=lambda: ("fast", "default", "fine"),
         ),
     ] = None
-    """Samples per pixel and resolution of the virtual cameras."""
+    """Preset of samples per pixel and of the virtual cameras' resolution."""
     preset: Annotated[
         str | None,
         Option(metavar="NAME|FILE", default="the sensor file's", names=preset_names),
@@ -151,10 +149,10 @@ class MeshImageOptions(ImageOptions):
         Option(
             flags=("-n", "--polygons"),
             metavar="N|auto|exact",
-            default="auto, of optics exact, or the sensor file's",
+            default="auto, exact for optics, or the sensor file's",
         ),
     ] = None
-    """Polygons of the mirror's mesh; auto: as many as 0.1 px need."""
+    """Number of polygons of the mirror's mesh; auto: as many as 0.1 px accuracy needs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,13 +162,13 @@ class ViewpointOptions:
     panel: ClassVar[str] = VIEWPOINT
 
     at: Annotated[Position, Option(metavar="X Y Z", default="the scene's start")] = None
-    """Viewpoint in meters, z up."""
+    """Position of the viewpoint in meters, z up."""
     yaw_deg: Annotated[float | None, Option(default="the scene's start")] = None
     """Heading, counter-clockwise from +x."""
     pitch_deg: float = 0.0
-    """Tilt of the front downwards."""
+    """Downward tilt of the front."""
     time_s: float = 0.0
-    """Time of the world in seconds, for moving objects."""
+    """World time in seconds, for moving objects."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +176,7 @@ class TiltedViewpointOptions(ViewpointOptions):
     """Viewpoint with any attitude, and time."""
 
     roll_deg: float = 0.0
-    """Tilt of the right side downwards."""
+    """Downward tilt of the right side."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +198,7 @@ class TruthOptions:
         str | None,
         Option(metavar="auto|npy|both", default="auto", names=lambda: ("auto", "npy", "both")),
     ] = None
-    """Files of the channels: layers of an EXR, or PNG and others; an .npy each; or both."""
+    """Files of the channels: auto (EXR layers, or PNG and others), npy (one .npy each), or both."""
     boxes_3d: bool = False
     """Also write oriented 3-D boxes of the visible instances."""
     labels: Annotated[Path | None, Option(default="the scene's own labels")] = None
@@ -212,7 +210,7 @@ class DeviceOptions:
     """GPU to render on."""
 
     device: Annotated[int | None, Option(min=0, default="the first")] = None
-    """Number of the GPU, as `omnisim info` lists them."""
+    """Index of the GPU, as `omnisim info` lists it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,8 +218,8 @@ class BackendOptions(DeviceOptions):
     """Back end of the renderer."""
 
     backend: Backend = Backend.CUBE
-    """Renderer: virtual cameras on the faces of a cube, by OpenGL; or rays cast by Embree, slower
-    and without OpenGL."""
+    """Renderer: cube (virtual cameras on the faces of a cube, by OpenGL), or rays (cast by Embree,
+    slower, without OpenGL)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,7 +228,7 @@ class RunSceneOptions:
 
     scene: Annotated[
         str | None,
-        Option(metavar="SCENE", default="where it was", complete=completion.complete_scene),
+        Option(metavar="SCENE", default="the recorded one", complete=completion.complete_scene),
     ] = None
     """Scene of the run, if it has moved."""
 
@@ -243,4 +241,4 @@ class RunCameraOptions:
         str | None,
         Option(metavar="NAME", default="the first", complete=completion.complete_run_camera),
     ] = None
-    """Camera of the run."""
+    """Name of the run's camera."""

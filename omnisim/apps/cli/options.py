@@ -1,10 +1,10 @@
-"""Options of commands, made from the fields of their requests.
+"""Options of commands, generated from the fields of their requests.
 
 A request is a frozen dataclass. The string below a field is the option's help. Its flag and the
-word for its value follow from name and type: `size_px: int` is `--size PX`, `rays: Path` is
-`--rays FILE`, `force: bool` is `--force`. `Option` and `Argument`, in `Annotated`, say what
-differs. A field whose type is a dataclass is a group of options; the class's `panel` is its
-heading on the help page.
+placeholder of its value follow from name and type: `size_px: int` becomes `--size PX`, `rays: Path`
+becomes `--rays FILE`, `force: bool` becomes `--force`. `Option` and `Argument`, in `Annotated`,
+override details. A field whose type is a dataclass is a group of options; the class's `panel` is
+its heading on the help page.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _TYPES = {Path: "FILE", int: "N"}
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """Details of an option that its field's name and type do not tell.
+    """Details of an option that do not follow from its field's name and type.
 
     Attributes:
-        flags: of the command line; empty: `--name`, and `-o` for the field `output`.
-        metavar: word for the value on the help page; empty: by unit or type.
-        default: text for the default on the help page, if the default is None.
+        flags: flags on the command line; empty: `--name`, and `-o` for the field `output`.
+        metavar: placeholder of the value on the help page; empty: by unit or type.
+        default: text for the default on the help page if the default is None.
         names: values to complete; the help text may list them as `{names}`.
-        complete: completion of values that depend on other arguments, as typer calls it.
+        complete: completion of values that depend on other arguments, in typer's signature.
         min, max: limits of a number.
     """
 
@@ -55,7 +55,7 @@ class Argument(Option):
 
 
 def parameters(request: type) -> dict[str, inspect.Parameter]:
-    """Typer's parameters of a request, those of its groups included, by field name."""
+    """Typer parameters of a request and its groups, by field name."""
     made: dict[str, inspect.Parameter] = {}
     hints, docs = get_type_hints(request, include_extras=True), attribute_docs(request)
     for field in dataclasses.fields(request):
@@ -91,7 +91,7 @@ def make_request(request: type[T], values: Mapping[str, object]) -> T:
 
 
 def flag_of(request: type, name: str) -> str:
-    """Flag of an option, for messages: its last one."""
+    """Flag of an option in messages, which is its last one."""
     hint = get_type_hints(request, include_extras=True)[name]
     details = get_args(hint)[1] if get_origin(hint) is Annotated else Option()
     return _flags(name, details)[-1].partition("/")[0]
@@ -125,14 +125,14 @@ def _flags(name: str, details: Option) -> tuple[str, ...]:
 
 
 def _metavar(name: str, kind: Any) -> str | None:
-    """Word for a value; None: typer's own, which lists an enumeration's."""
+    """Placeholder of a value; None: typer's own, which lists an enumeration's members."""
     unit = _UNITS.get(name.rpartition("_")[2])
     kinds = [one for one in get_args(kind) or (kind,) if one is not type(None)]
     return "" if kinds == [bool] else unit or _TYPES.get(kinds[0])
 
 
 def completion_of(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """Completion of one of some names, which are asked for when a key is pressed."""
+    """Completion from a list of names, which is evaluated at each key press."""
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]

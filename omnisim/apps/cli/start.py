@@ -1,6 +1,6 @@
-"""Entry point: catches Ctrl-C before anything slow is imported.
+"""Entry point: handles Ctrl-C before any slow import.
 
-What it imports, Python itself has imported before.
+Its own imports are limited to modules that Python has already imported.
 """
 
 import _signal as signal  # type: ignore[import-not-found]  # signal imports enum, re and others
@@ -14,8 +14,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from types import FrameType
 
-# Imports swallow it, or abort; moderngl's C code calls Python and does not expect it; the bindings
-# of OpenImageIO turn it into another error.
+# Imports swallow the exception or abort; moderngl's C code calls Python and does not expect it;
+# OpenImageIO's bindings turn it into another error.
 _NOT_TO_INTERRUPT = {
     "_frozen_importlib", "importlib._bootstrap", "moderngl", "_moderngl",
     "omnisim.core.files.image_files",
@@ -23,25 +23,26 @@ _NOT_TO_INTERRUPT = {
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C is one line and exit status 130 at any moment."""
+    """Run the command line; Ctrl-C prints one line and exits with status 130 at any moment."""
     try:
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, by nohup
+        # any other handler means that SIGINT is ignored, as under nohup
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, _interrupt)
         for stream in (sys.stdout, sys.stderr):
-            if isinstance(stream, TextIOWrapper):  # None where it was closed
-                stream.reconfigure(errors="backslashreplace")  # a console in ASCII has no ×
+            if isinstance(stream, TextIOWrapper):  # None if the stream is closed
+                stream.reconfigure(errors="backslashreplace")  # an ASCII console lacks ×
         from omnisim.apps.cli.app import main as run
 
         run()
     except KeyboardInterrupt:
         _end(signal.SIGINT, None)
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done: no more to interrupt
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done: nothing left to interrupt
 
 
 def _interrupt(signal_number: int, frame: "FrameType | None") -> None:
-    """Raise KeyboardInterrupt, but end at once inside modules that cannot handle it."""
-    signal.signal(signal.SIGINT, _end)  # pressed again: do not wait
+    """Raise KeyboardInterrupt, or exit at once inside modules that cannot handle it."""
+    signal.signal(signal.SIGINT, _end)  # a second Ctrl-C exits at once
     while frame is not None:
         if frame.f_globals.get("__name__") in _NOT_TO_INTERRUPT:
             _end(signal_number, frame)
@@ -50,7 +51,7 @@ def _interrupt(signal_number: int, frame: "FrameType | None") -> None:
 
 
 def _end(signal_number: int, frame: "FrameType | None") -> None:
-    """End the process at once, without the files that it was writing."""
+    """Exit at once, after removing partially written files."""
     files = sys.modules.get("omnisim.core.files.atomic_file")
     remove_partials = getattr(files, "remove_partials", None)  # None while it is being imported
     if remove_partials is not None:

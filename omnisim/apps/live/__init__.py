@@ -1,5 +1,5 @@
-"""Live page: the camera in a browser, driven by keys, with every parameter as a control.
+"""Live page: the camera in a browser, driven by keys, with a control for every parameter.
 
-`server.py` serves the page and its stream, `session.py` keeps the wishes of those who drive,
-`engine.py` draws them in the one thread that owns OpenGL.
+`server.py` serves the page and its stream, `session.py` holds the user input, and `engine.py`
+renders in the one thread that owns OpenGL.
 """

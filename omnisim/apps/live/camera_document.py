@@ -1,4 +1,4 @@
-"""Camera of the live page as the table of its file, which is edited, saved and read back."""
+"""Editable camera of the live page: the table of its sensor file."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
-FILE_NAME = "camera.toml"  # of a saved file
-SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of a key's path
-SIZES_PX = (16, 2048)  # of the shorter side: what a page shows
+FILE_NAME = "camera.toml"  # name of a saved file
+SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of the paths of keys
+SIZES_PX = (16, 2048)  # range of the shorter side
 Table = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class CameraDocument:
-    """Sensor file of a camera, and the size of its image.
+    """Sensor file of a camera, the size of its image and the light of the scene.
 
-    Paths in it are absolute, and an optics file is part of it.
+    Its paths are absolute, and an optics file is embedded in it.
 
     Attributes:
         sensor: table of the sensor file.
-        size_px: of the shorter side; None: as the file has it.
-        light: tables of a scene's TOML, those of its light, sky and fog; empty: the scene's own.
+        size_px: shorter side of the image; None: the sensor file's size.
+        light: tables of a scene's TOML for its light, sky and fog; empty: the scene's own light.
     """
 
     sensor: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -48,10 +48,10 @@ class CameraDocument:
 
     @classmethod
     def of_sensor_file(cls, path: Path) -> CameraDocument:
-        """Document of a sensor file, with its optics file, if it has one.
+        """Document of a sensor file, including its optics file.
 
         Raises:
-            SensorFileError: naming file, key, value and what was expected.
+            SensorFileError: names file and key, the actual value and the expected one.
         """
         OmniCamera.from_file(path)
         sensor, folder = _read(path), path.resolve().parent
@@ -71,16 +71,16 @@ class CameraDocument:
         """Document of an optics file.
 
         Raises:
-            SensorFileError: naming file, key, value and what was expected.
+            SensorFileError: names file and key, the actual value and the expected one.
         """
         read_toml(path, OpticsFile, SensorFileError)
         return cls({"optics": _read_optics(path)})
 
     @classmethod
     def of_camera(cls, camera: OmniCamera) -> CameraDocument:
-        """Document of a sensor, without keys at their defaults.
+        """Document of a camera, without keys at their defaults.
 
-        A mirror that fills the image stays so when it is changed.
+        A mirror whose rim fills the image keeps filling it when its parameters change.
         """
         sensor = tomllib.loads(sensor_toml(camera))
         if isinstance(camera.model, HyperbolicCamera):
@@ -93,45 +93,47 @@ class CameraDocument:
         return cls(_without_defaults(sensor, SensorFile))
 
     def camera(self) -> OmniCamera:
-        """The sensor that the file describes.
+        """Camera that the document describes.
 
         Raises:
-            SensorFileError: naming key, value and what was expected.
-            OpticsError: a size that cannot be.
+            SensorFileError: names key, the actual value and the expected one.
+            OpticsError: an invalid image size.
         """
         camera = OmniCamera.from_table(dict(self.sensor), FILE_NAME)
         return camera if self.size_px is None else camera.resized(self.size_px)
 
     @property
     def text(self) -> str:
-        """Text of the file."""
+        """Text of the sensor file."""
         return toml_text(self.sensor)
 
     def checked_text(self) -> str:
-        """Text to save, read back as `--sensor` reads it; without any key the default file's.
+        """Text to save, verified as `--sensor` reads it; an empty document yields the default file.
 
         Raises:
-            SensorFileError: naming key, value and what was expected.
+            SensorFileError: names key, the actual value and the expected one.
         """
         text = self.text or DEFAULT_SENSOR_FILE.read_text(encoding="utf-8")
         OmniCamera.from_table(tomllib.loads(text), FILE_NAME)
         return text
 
     def value(self, path: str) -> Any:
-        """Value at a path, such as `sensor.optics.surfaces.0.k`; None: not given."""
-        found: Any = {SENSOR: self.sensor, LIGHT: self.light, SIZE: self.size_px}
+        """Value at a path, such as `sensor.optics.surfaces.0.k`; None: not set."""
+        current: Any = {SENSOR: self.sensor, LIGHT: self.light, SIZE: self.size_px}
         for name in path.split("."):
-            if isinstance(found, list):
-                found = found[int(name)] if name.isdecimal() and int(name) < len(found) else None
+            if isinstance(current, list):
+                current = (
+                    current[int(name)] if name.isdecimal() and int(name) < len(current) else None
+                )
             else:
-                found = found.get(name) if isinstance(found, Mapping) else None
-        return found
+                current = current.get(name) if isinstance(current, Mapping) else None
+        return current
 
     def with_value(self, path: str, value: Any) -> CameraDocument:
-        """Document with another value at a path; None takes the key away.
+        """Copy with another value at a path; None removes the key.
 
         Raises:
-            SensorFileError: a path into something that is no table.
+            SensorFileError: the path does not lead into a table.
         """
         root, *names = path.split(".")
         if root == SIZE and not names:
@@ -159,24 +161,24 @@ class CameraDocument:
         return dataclasses.replace(self, sensor=table)
 
     def with_lens(self, parameters: Mapping[str, Any]) -> CameraDocument:
-        """Document with a camera model in place of mirror, lens or optical system."""
+        """Copy with a camera model in place of a mirror, lens or optical system."""
         return self._with_group("lens", dict(parameters))
 
     def with_mirror(self) -> CameraDocument:
-        """Document with the paper's mirror and camera in place of lens or optical system."""
+        """Copy with the paper's mirror and camera in place of a lens or optical system."""
         return self._with_group("mirror", {})
 
     def with_optics(self, optics: Mapping[str, Any]) -> CameraDocument:
-        """Document with an optical system in place of mirror or lens."""
+        """Copy with an optical system in place of a mirror or lens."""
         return self._with_group("optics", dict(optics))
 
     def with_degradation(self, name: str) -> CameraDocument:
-        """Document with the effects of a preset, each with its keys, in place of its own.
+        """Copy whose degradations are those of a preset, with all their keys.
 
         Raises:
-            SensorFileError: there is no such preset.
+            SensorFileError: no such preset.
         """
-        tables = json.loads(json.dumps(preset(name).tables()))  # with lists, as a file has them
+        tables = json.loads(json.dumps(preset(name).tables()))  # with lists, as in a file
         return self.with_value(f"{SENSOR}.degradation", tables or None)
 
     def _with_size(self, value: Any) -> CameraDocument:
@@ -202,7 +204,7 @@ class CameraDocument:
 
 
 def _without_defaults(table: Table, model: type[pydantic.BaseModel]) -> Table:
-    """Table without the values that its schema has anyway."""
+    """Remove the values that equal the defaults of the table's schema."""
     kept: Table = {}
     for key, value in table.items():
         field = model.model_fields.get(key)

@@ -1,4 +1,4 @@
-"""Controls of a camera's parameters, made from the schemas that check its files."""
+"""Controls of a camera's parameters, generated from the schemas of its files."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from omnisim.scene.light.lighting import is_even
 
 Json = dict[str, Any]
 OPTICS = f"{SENSOR}.optics"
-_QUALITY = ("quality", "supersampling")  # keys of [camera] that go with any camera
+_QUALITY = ("quality", "supersampling")  # keys of [camera] that apply to every camera
 _UNITS = (
     ("_mps2", "m/s²"), ("_mps", "m/s"), ("_deg", "°"), ("_px", "px"), ("_m", "m"), ("_s", "s"),
     ("_e_per_s", "e⁻/s"), ("_e", "e⁻"), ("_db", "dB"), ("_ev", "EV"), ("_k", "K"),
@@ -44,12 +44,12 @@ _UNITS = (
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _TYPICAL = re.compile(rf"typically {_NUMBER} to {_NUMBER}")
 _TABLE_ROW = re.compile(r"^\| (\w+) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
-_MISALIGNED = {"decenter_m": 0.02, "tilt_deg": 15.0}  # reach of sliders to either side
-_NUMBERS = 12  # of a list that has a field each
+_MISALIGNED = {"decenter_m": 0.02, "tilt_deg": 15.0}  # slider ranges, to either side of 0
+_NUMBERS = 12  # maximum length of a list with a field per number
 
 
 class _Kind(NamedTuple):
-    """Form of a value: a number, a choice, a list of numbers …, and the words that it may be."""
+    """Type of a control's value, such as number, choice or vector, with its choices and length."""
 
     name: str
     choices: tuple[Any, ...] = ()
@@ -59,12 +59,12 @@ class _Kind(NamedTuple):
 def control_groups(
     document: CameraDocument, camera: OmniCamera, scene: Scene | None = None
 ) -> list[Json]:
-    """Groups of controls of a camera, each with those of the groups below it.
+    """Groups of controls of a camera; a group contains its subgroups.
 
     Args:
-        document: with the values that are given.
-        camera: of the document: values of the keys that are left out, or say "auto".
-        scene: of the document, for the controls of its light; None: there are none.
+        document: document with the explicit values.
+        camera: camera of the document, for the values of keys that are missing or "auto".
+        scene: scene of the document, for the controls of its light; None: no such controls.
     """
     groups = _groups(document)
     effective = _effective(camera)
@@ -81,13 +81,13 @@ def control_groups(
 
 
 def _effective(camera: OmniCamera) -> CameraDocument:
-    found = CameraDocument.of_camera(camera)
+    document = CameraDocument.of_camera(camera)
     if isinstance(camera.model, HyperbolicCamera):
         rim_m = float(camera.model.mirror.rim_radius_m)
-        found = found.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
-        found = found.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
+        document = document.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
+        document = document.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
     short_px = min(camera.model.width_px, camera.model.height_px)
-    return found.with_value(SIZE, short_px)
+    return document.with_value(SIZE, short_px)
 
 
 def _add_effective(control: Json, effective: CameraDocument) -> None:
@@ -131,7 +131,7 @@ def _group(title: str, help_text: str, controls: list[Json], **more: Any) -> Jso
 
 
 def _light_groups(document: CameraDocument, scene: Scene) -> list[Json]:
-    """Groups of a scene's light, sky and fog, as its TOML has them."""
+    """Groups of a scene's light, sky and fog, with the keys of a scene's TOML."""
     about = summary(LightTable)
     if scene.lighting.baked is not None:
         about = "Baked: lamps and sky take its place where a value of light or sky is set."
@@ -191,7 +191,7 @@ def _optics_groups(document: CameraDocument) -> Iterator[Json]:
 
 
 def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
-    """Group of a camera model, whose parameters are keys of its table."""
+    """Group of a camera model, with controls for its parameters."""
     table = document.value(path) or {}
     model = str(table.get("model"))
     if model not in CAMERA_MODELS:
@@ -235,16 +235,16 @@ def _keys(
     names: tuple[str, ...] | None = None,
     source: type | None = None,
 ) -> list[Json]:
-    """Controls of a table's own keys.
+    """Controls of a table's keys, without those of nested tables.
 
     Args:
-        document: with the values.
-        path: of the table.
-        model: its schema.
-        names: of the keys; None: all.
-        source: class with the keys' help, where it is not the schema itself.
+        document: document with the values.
+        path: path of the table.
+        model: schema of the table.
+        names: keys to include; None: all keys.
+        source: class with the help of the keys, if it differs from `model`.
     """
-    docs, found = attribute_docs(source or model), []
+    docs, controls = attribute_docs(source or model), []
     fields: dict[str, FieldInfo] = getattr(model, "model_fields")  # noqa: B009 - of pydantic's
     for name, field in fields.items():
         kind = _kind(field.annotation)
@@ -259,8 +259,8 @@ def _keys(
         control |= _limits(low, high)
         control["help"] = docs.get(name, "")
         control["soft"] = _soft(control, low, high)
-        found.append(control)
-    return found
+        controls.append(control)
+    return controls
 
 
 def _control(path: str, name: str, kind: _Kind, value: Any, default: Any) -> Json:
@@ -283,7 +283,7 @@ def _control(path: str, name: str, kind: _Kind, value: Any, default: Any) -> Jso
 
 
 def _plain(value: Any) -> Any:
-    """Value as JSON has it: infinity as a word."""
+    """Convert a value to JSON; infinity becomes a string."""
     if isinstance(value, float) and not math.isfinite(value):
         return "inf" if value > 0.0 else "-inf"
     if isinstance(value, list | tuple):
@@ -292,15 +292,15 @@ def _plain(value: Any) -> Any:
 
 
 def _limits(low: Limit | None, high: Limit | None) -> Json:
-    found: Json = {}
+    entries: Json = {}
     for name, limit in (("low", low), ("high", high)):
         if limit is not None:
-            found |= {name: limit.value, f"{name}_open": limit.is_open}
-    return found
+            entries |= {name: limit.value, f"{name}_open": limit.is_open}
+    return entries
 
 
 def _kind(annotation: Any) -> _Kind | None:
-    """Form of an annotation's values; None: a table, or something that no control has."""
+    """Type of an annotation's values; None: a table, or a type without a control."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is typing.Annotated:
         return _kind(parts[0])
@@ -315,12 +315,12 @@ def _kind(annotation: Any) -> _Kind | None:
         return others[0]._replace(choices=choices)
     if origin is tuple and parts and parts[-1] is not Ellipsis:
         return _Kind("vector", length=len(parts)) if _kind(parts[0]) else None
-    words = {float: "number", int: "integer", bool: "boolean", str: "text"}
-    return _Kind(words[annotation]) if annotation in words else None
+    names = {float: "number", int: "integer", bool: "boolean", str: "text"}
+    return _Kind(names[annotation]) if annotation in names else None
 
 
 def _soft(control: Json, low: Limit | None, high: Limit | None) -> Json | None:
-    """Range of the slider: typical values, narrower than the limits where those are far apart."""
+    """Range of a slider: typical values, narrower than limits that are far apart."""
     if control["kind"] not in ("number", "integer", "vector"):
         return None
     if match := _TYPICAL.search(control["help"]):

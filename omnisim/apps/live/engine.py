@@ -1,4 +1,4 @@
-"""Thread that draws: the only one that uses OpenGL, with the newest wish of the session."""
+"""Render thread: owns OpenGL and draws the latest requested state."""
 
 from __future__ import annotations
 
@@ -34,29 +34,29 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.legends import legend
 from omnisim.ground_truth.previews import preview
 
-COARSE_JPEG, VIEW_JPEG = 85, 90  # qualities
-PROBED = ("range", "position", "semantic", "instance")  # channels that a probe reads
-SEEN_BINS = 120  # of the outline of what the camera sees, on the map
-MAP_INSIDE = 0.02  # share of the map: nearer to its edge than this it is drawn anew
-Publish = Callable[[str, bytes, int], None]  # kind, message, and the state that it shows
+COARSE_JPEG, VIEW_JPEG = 85, 90  # JPEG qualities
+PROBED = ("range", "position", "semantic", "instance")  # channels for a probe
+SEEN_BINS = 120  # number of directions in the outline of the visible area on the map
+MAP_INSIDE = 0.02  # margin as a share of the map; a viewpoint within it renews the map
+Publish = Callable[[str, bytes, int], None]  # kind, message, and number of the state it shows
 AnySource = LiveSource | RunSource
 T = TypeVar("T")
 
 
 class Engine:
-    """Draws what a session asks for, until it stops.
+    """Render thread that draws the states of a session until it is stopped.
 
     Args:
-        session: whose wishes.
-        open_source: makes the source of images, in this thread.
-        publish: takes messages for all pages, in this thread.
+        session: session with the requested states.
+        open_source: function that opens the source of images, called in the render thread.
+        publish: function that sends a message to all pages, called in the render thread.
     """
 
     def __init__(self, session: Session, open_source: Callable[[], AnySource], publish: Publish):
         self._session, self._open_source, self._publish = session, open_source, publish
         self._views = ViewMaker()
         self._map: FloorMap | None = None
-        self._truth: tuple[int, Taken] | None = None  # of the last fine state
+        self._truth: tuple[int, Taken] | None = None  # number and image of the last fine state
         self._last: Taken | None = None
         self._times_ms: dict[str, float] = {}
         self._thread = threading.Thread(target=self._run, name="omnisim-engine", daemon=True)
@@ -64,10 +64,10 @@ class Engine:
         self._is_open = threading.Event()
 
     def start(self) -> None:
-        """Begin, and return when the scene is on the GPU.
+        """Start the thread, and return when the scene is on the GPU.
 
         Raises:
-            OmnisimError: no OpenGL, or a scene past its limits.
+            OmnisimError: no OpenGL, or the scene exceeds its limits.
         """
         self._thread.start()
         self._is_open.wait()
@@ -75,16 +75,16 @@ class Engine:
             raise self._error
 
     def about(self) -> dict[str, Any]:
-        """Names and steps of what is shown, once it is open."""
+        """Names and steps of the source; requires `start`."""
         return self._source.about()
 
     @property
     def channel_names(self) -> tuple[str, ...]:
-        """Channels of ground truth that it has, once it is open."""
+        """Ground-truth channels of the source; requires `start`."""
         return tuple(self._source.channel_names)
 
     def stop(self, timeout_s: float) -> bool:
-        """End after the image at hand; false where it has not ended in time."""
+        """Stop after the current image; False if this takes longer than `timeout_s`."""
         self._session.stop()
         if self._thread.ident is not None:
             self._thread.join(timeout_s)
@@ -93,7 +93,7 @@ class Engine:
     def _run(self) -> None:
         try:
             self._source = self._open_source()
-        except BaseException as error:  # the caller raises it
+        except BaseException as error:  # `start` raises it
             self._error = error
             return
         finally:
@@ -107,7 +107,7 @@ class Engine:
                         self._answer(work)
                 except OmnisimError as error:
                     self._fail(work, error)
-                except Exception as error:  # a fault of ours must not end the page
+                except Exception as error:  # a bug must not end the page
                     traceback.print_exc()
                     self._fail(work, OmnisimError(f"{type(error).__name__}: {error}"))
         finally:
@@ -119,10 +119,10 @@ class Engine:
             work.reply(message)
             return
         self._publish("error", message, 0)
-        if not work.is_fine:  # its coarse image could be drawn: the camera stays
+        if not work.is_fine:  # if only the fine image fails, the camera is kept
             self._session.reject(work.shown.document)
         self._session.drawn(work)
-        self._session.ask()  # who asked has got no image
+        self._session.ask()  # the page that asked has received no image
 
     def _draw(self, draw: Draw) -> None:
         self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
@@ -158,13 +158,13 @@ class Engine:
             content["command"] = source.command(shown, taken)
         self._publish("frame", pack("frame", content, parts), shown.change)
         self._session.drawn(draw, time.perf_counter() - begin_s)
-        if is_new:  # after the image, which is waited for
+        if is_new:  # after the image, which the page is waiting for
             self._publish_camera(draw)
         if draw.is_fine and "map" in shown.views:
             self._renew_map(taken)
 
     def _parts(self, draw: Draw, taken: Taken) -> list[Part]:
-        """Camera's image, and the views beside it; one that cannot be has a reason instead."""
+        """Image of the camera and the views beside it; a failed view carries the reason instead."""
         if taken.png is not None:
             first = Part("camera", "image/png", taken.png, {})
         else:
@@ -190,7 +190,7 @@ class Engine:
         return 0.0 if self._map is None else self._map.ground_m
 
     def _seen(self, taken: Taken) -> list[list[float]]:
-        """Outline on the map of the farthest points that the camera sees, by direction."""
+        """Outline (x, y) of the farthest visible points by direction, for the map."""
         points = taken.channels.get("position")
         if points is None:
             return []
@@ -207,7 +207,7 @@ class Engine:
         return rounded
 
     def _renew_map(self, taken: Taken) -> None:
-        """Draw the map where there is none, or where the viewpoint has left it."""
+        """Draw the map if there is none yet, or if the viewpoint has left it."""
         position_m = taken.viewpoint.position_m
         at = np.array(position_m[:2])
         if self._map is not None:
@@ -215,13 +215,13 @@ class Engine:
             inside = (at >= self._map.low_m + margin) & (at <= self._map.high_m - margin)
             if np.all(inside):
                 return
-        found = draw_floor_map(self._source.stage, position_m)
-        self._map = found
+        floor_map = draw_floor_map(self._source.stage, position_m)
+        self._map = floor_map
         about = {
-            "low_m": found.low_m.tolist(), "high_m": found.high_m.tolist(),
-            "ground_m": found.ground_m,
+            "low_m": floor_map.low_m.tolist(), "high_m": floor_map.high_m.tolist(),
+            "ground_m": floor_map.ground_m,
         }  # fmt: skip
-        self._publish("map", pack("map", about, [_jpeg("map", found.rgb, VIEW_JPEG)]), 0)
+        self._publish("map", pack("map", about, [_jpeg("map", floor_map.rgb, VIEW_JPEG)]), 0)
 
     def _publish_camera(self, draw: Draw) -> None:
         source = self._source
@@ -258,13 +258,13 @@ class Engine:
         if taken is None:
             return
         height_m = taken.viewpoint.position_m[2] - self._ground_m
-        found = probe(job.message, taken, self._views, job.shown.gaze, height_m)
-        job.reply(pack("probe", found))
-        if job.message.follow and "yaw_deg" in found and job.message.view != "perspective":
-            self._session.look_at(found["yaw_deg"], found["pitch_deg"])
+        answer = probe(job.message, taken, self._views, job.shown.gaze, height_m)
+        job.reply(pack("probe", answer))
+        if job.message.follow and "yaw_deg" in answer and job.message.view != "perspective":
+            self._session.look_at(answer["yaw_deg"], answer["pitch_deg"])
 
     def _probed(self, job: Job) -> Taken | None:
-        """Image with the channels of a probe, as far as it rests; they are made once."""
+        """Image with the channels of a probe, rendered once per fine state; else the last image."""
         if self._truth is None or self._truth[0] != job.shown.change:
             return self._last
         change, taken = self._truth
@@ -296,7 +296,7 @@ def _jpeg(name: str, rgb: NDArray[np.uint8], quality: int) -> Part:
 
 
 def _channel(name: str, draw: Draw, taken: Taken) -> Part:
-    """Preview of a channel with its legend; lossless where it rests."""
+    """Preview of a channel with its legend; lossless in fine images."""
     if name not in taken.channels:
         return Part(name, "", b"", {"reason": "not recorded at this step"})
     values = taken.channels[name]
@@ -308,7 +308,7 @@ def _channel(name: str, draw: Draw, taken: Taken) -> Part:
 
 
 def _bundle(files: dict[str, bytes]) -> tuple[str, str, bytes]:
-    """Name, media type and contents of one file, or of an archive of several."""
+    """Name, media type and contents of a single file, or of an archive of several files."""
     if len(files) == 1:
         ((name, data),) = files.items()
         return name, "application/octet-stream", data

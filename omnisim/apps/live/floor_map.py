@@ -1,4 +1,4 @@
-"""Map of a scene from above: its floor plan, cut like a doll's house, drawn by the renderer."""
+"""Map of a scene from above: its floor plan, cut open above the floor, drawn by the renderer."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import floor_height_m
 
-CUT_M = 0.95  # above the ground: what is higher does not hide the floor
+CUT_M = 0.95  # height of the cut above the ground, so that higher parts do not hide the floor
 LONGER_SIDE_PX = 1000
-REACH_M = 20.0  # around the viewpoint, where the scene names no places to be
-MARGIN_M = 6.0  # around the places that it names
-_WORLD_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # looks down, y of the world is up in the image
-DISTANCE = 30.0  # of the camera, in longer sides: rays are nearly parallel
+REACH_M = 20.0  # extent around the viewpoint if the scene names no places
+MARGIN_M = 6.0  # margin around the scene's named places
+_WORLD_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # looks down; the world's y is up in the image
+DISTANCE = 30.0  # camera distance in units of the longer side: rays are nearly parallel
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class FloorMap:
 
     Attributes:
         rgb: (height, width, 3) uint8 sRGB.
-        low_m, high_m: corners (2,) of the image, world.
+        low_m, high_m: (2,) corners of the image in the world.
         ground_m: height of the ground.
     """
 
@@ -43,7 +43,7 @@ def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap
     """Draw the map of a stage's scene around a point.
 
     Raises:
-        OmnisimError: the GPU refuses it.
+        OmnisimError: the GPU cannot render it.
     """
     scene = stage.scene
     ground_m = ground_height_m(scene, near_m)
@@ -72,17 +72,17 @@ def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap
 
 
 def ground_height_m(scene: Scene, near_m: tuple[float, float, float]) -> float:
-    """Height of the floor below a viewpoint, or the scene's lowest."""
-    found = floor_height_m(scene, near_m[:2], near_m[2] - 0.5 * CUT_M)
-    if found is not None and math.isfinite(found) and found <= near_m[2]:
-        return found
+    """Height of the floor below a viewpoint, or the scene's lowest point."""
+    floor_m = floor_height_m(scene, near_m[:2], near_m[2] - 0.5 * CUT_M)
+    if floor_m is not None and math.isfinite(floor_m) and floor_m <= near_m[2]:
+        return floor_m
     return float(min(scene.bounds_m()[0, 2], near_m[2]))
 
 
 def _corners(
     scene: Scene, near_m: tuple[float, float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (2,) of the part of the scene where somebody is expected to be."""
+    """Corners (2,) of the scene's area of interest: around its named places and the viewpoint."""
     places = [one.position_m[:2] for one in scene.starts]
     places += [one.position_m[:2] for one in scene.landmarks]
     places += [point[:2] for path in scene.paths for point in path.waypoints_m]

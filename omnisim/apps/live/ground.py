@@ -14,7 +14,7 @@ from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 from omnisim.scene.space.triangles import TriangleBvh, Triangles, triangles_within
 
-MAX_TRIANGLES = 500_000  # beyond, looking for contacts would take seconds at the first step
+MAX_TRIANGLES = 500_000  # larger scenes would delay the first step by seconds
 
 
 class _Posed(Protocol):
@@ -23,11 +23,11 @@ class _Posed(Protocol):
 
 
 class Ground:
-    """Heights below a robot, and contacts with its body.
+    """Floor heights below a robot, and contacts with its body.
 
     Args:
-        scene: static scene; what moves is not looked at.
-        boxes: of the robot's body, or None: no contacts.
+        scene: static scene; dynamic objects are ignored.
+        boxes: boxes of the robot's body; None: no contacts.
     """
 
     def __init__(self, scene: Scene, boxes: BodyBoxes | None):
@@ -50,7 +50,7 @@ class Ground:
     def height_m(self, point_m: tuple[float, float], near_m: float) -> float:
         """Height of the floor at (x, y): the highest surface within the robot's clearance.
 
-        Where there is none it is `near_m`.
+        Without such a surface it is `near_m`.
         """
         if not self._is_small:
             return near_m
@@ -60,7 +60,7 @@ class Ground:
         return float(near.max()) if len(near) else near_m
 
     def contact(self, now: _Posed, there: _Posed) -> str:
-        """Name of an instance that the body meets there and not now; empty: none."""
+        """Name of an instance that the body touches at `there` but not at `now`; empty: none."""
         if self._boxes is None or not self._is_small:
             return ""
         new = self._touched(there.pose) - self._touched(now.pose)
@@ -68,7 +68,7 @@ class Ground:
 
     def _touched(self, world_from_base: NDArray[np.float64]) -> set[int]:
         assert self._boxes is not None
-        found: set[int] = set()
+        touched: set[int] = set()
         for low, high in self._boxes.parts_m:
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             center = world_from_base[:3, :3] @ middle + world_from_base[:3, 3]
@@ -76,5 +76,5 @@ class Ground:
             _, hit = self._bvh.overlaps((center - extent)[None], (center + extent)[None])
             corners = self._triangles.corners_m[hit] - world_from_base[:3, 3]
             touching = meet_box(corners @ world_from_base[:3, :3] - middle, half)
-            found.update(self._triangles.instances[hit[touching]].tolist())
-        return found
+            touched.update(self._triangles.instances[hit[touching]].tolist())
+        return touched

@@ -1,4 +1,4 @@
-"""Live page from start to end: what is shown, the thread that draws, and the server."""
+"""Live page from start to end: its source, the render thread and the server."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from omnisim.core.version import __version__
 from omnisim.ground_truth import CHANNELS
 from omnisim.robots.body_boxes import BodyBoxes
 
-STOP_S = 1.0  # that the image at hand may take to be done with
+STOP_S = 1.0  # maximum time to finish the current image
 
 
 class LivePage:
-    """Page that is served: session, engine and server.
+    """Live page being served: session, engine and server.
 
     Args:
-        source: what it shows.
+        source: settings of a live camera, or opener of a recorded run.
         host, port: address to listen on.
-        at: place at the start; None: the scene's.
-        time_s: of the world at the start.
+        at: start pose; None: the scene's start.
+        time_s: world time at the start.
 
     Raises:
-        OmnisimError: no OpenGL, a scene past its limits, or a robot without limits of its motion.
+        OmnisimError: no OpenGL, a scene beyond its limits, or a robot without kinematic limits.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class LivePage:
                 CameraDocument(),
                 source,
             )
-            last_step = 10**9  # the source has no more steps than it has
+            last_step = 10**9  # the source itself limits the step
         self.session = Session(document, pilot, last_step, time_s)
         self.engine = Engine(self.session, open_source, self._publish)
         token = None if is_local(host) else new_token()
@@ -73,10 +73,10 @@ class LivePage:
         self.server.publish(kind, data, change)
 
     def open(self) -> None:
-        """Bring the scene to the GPU.
+        """Upload the scene to the GPU.
 
         Raises:
-            OmnisimError: no OpenGL, or a scene past its limits.
+            OmnisimError: no OpenGL, or the scene exceeds its limits.
         """
         self.engine.start()
         self._about.update(self.engine.about())
@@ -90,11 +90,11 @@ class LivePage:
         """Serve until an event is set.
 
         Args:
-            until: the end.
-            is_open: called when the page can be opened.
+            until: event that ends the serving.
+            is_open: function that is called when the page is available.
 
         Raises:
-            OmnisimError: the port is taken, or as `open`.
+            OmnisimError: the port is taken, or an error of `open`.
         """
         try:
             await self.server.open()
@@ -105,15 +105,15 @@ class LivePage:
             await self.server.close()
 
     def stop(self) -> bool:
-        """End the thread that draws; false where it has not ended in time."""
+        """Stop the render thread; False if it does not stop in time."""
         return self.engine.stop(STOP_S)
 
 
 def run(page: LivePage, is_open: Callable[[], None]) -> bool:
-    """Serve a page until Ctrl-C or SIGTERM; false where an image had to be left unfinished.
+    """Serve a page until Ctrl-C or SIGTERM; return False if an image was left unfinished.
 
     Raises:
-        OmnisimError: as `LivePage.serve`.
+        OmnisimError: see `LivePage.serve`.
     """
 
     async def serve() -> None:
@@ -130,10 +130,10 @@ def run(page: LivePage, is_open: Callable[[], None]) -> bool:
 
 
 class BackgroundPage:
-    """Page that is served by threads of its own, as in a notebook, until it is closed.
+    """Page served by background threads, as in a notebook, until it is closed.
 
     Raises:
-        OmnisimError: as `LivePage.serve`.
+        OmnisimError: see `LivePage.serve`.
     """
 
     def __init__(self, page: LivePage):
@@ -150,19 +150,19 @@ class BackgroundPage:
 
     @property
     def url(self) -> str:
-        """Address for a browser."""
+        """URL for a browser."""
         return self._page.server.url
 
     def close(self) -> None:
-        """Stop serving, and free the GPU memory; a second time does nothing."""
-        with suppress(RuntimeError):  # the loop is closed already
+        """Stop serving and free the GPU memory; a second call does nothing."""
+        with suppress(RuntimeError):  # the loop is already closed
             self._loop.call_soon_threadsafe(self._until.set)
         self._thread.join()
 
     def _run(self) -> None:
         try:
             self._loop.run_until_complete(self._page.serve(self._until, self._is_open.set))
-        except BaseException as error:  # the caller raises it
+        except BaseException as error:  # the constructor raises it
             self._error = error
         finally:
             self._page.stop()
@@ -173,7 +173,7 @@ class BackgroundPage:
 def run_source(
     folder: Path, scene: str | None, camera_name: str | None, device: int | None
 ) -> Callable[[], RunSource]:
-    """Opener of a recorded run, for the thread that draws."""
+    """Opener of a recorded run, to be called in the render thread."""
     return lambda: RunSource(folder, scene, camera_name, device)
 
 

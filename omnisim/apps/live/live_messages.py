@@ -1,7 +1,7 @@
 """Messages between page and server.
 
-The page sends JSON of one object whose `type` is a key of `MESSAGES`. The server answers in binary:
-the length of a JSON text in four bytes, little endian, the text, and the parts that it lists.
+The page sends a JSON object whose `type` is a key of `MESSAGES`. The server answers in binary: the
+length of a JSON text in four bytes, little endian, then the text and the parts that it lists.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.parameters import Number, Table, parse_table
 from omnisim.ground_truth import CHANNELS
 
-MAX_MESSAGE_BYTES = 1 << 18  # of the page's: a table of a lens has thousands of digits
+MAX_MESSAGE_BYTES = 1 << 18  # limit for the page's messages; a lens table has thousands of digits
 Share = Annotated[Number, Field(ge=-1.0, le=1.0)]
 Angle = Annotated[Number, Field(ge=-3600.0, le=3600.0)]
 Meters = Annotated[Number, Field(ge=-1e5, le=1e5)]
@@ -26,15 +26,15 @@ VIEWS = ("camera", "panorama", "perspective", "birdseye", "map", "profile", *CHA
 
 
 class Message(Table):
-    """Message of a page."""
+    """Message from a page."""
 
 
 class Ask(Message):
-    """Next image, as the last one is drawn."""
+    """Request for the next image, sent when the page has displayed the last one."""
 
 
 class Drive(Message):
-    """Keys that are held."""
+    """Drive commands from the pressed keys."""
 
     ahead: Share = 0.0
     left: Share = 0.0
@@ -45,21 +45,21 @@ class Drive(Message):
 
 
 class Go(Message):
-    """Point on the map to go to."""
+    """Point on the map to drive or fly to."""
 
     x: Meters
     y: Meters
 
 
 class Turn(Message):
-    """Drag: angles to turn by at once."""
+    """Immediate turn by a drag: angles relative to the current heading and pitch."""
 
     yaw_deg: Angle = 0.0
     pitch_deg: Angle = 0.0
 
 
 class SetPlace(Message):
-    """Place to be at."""
+    """Pose to jump to."""
 
     x: Meters
     y: Meters
@@ -70,33 +70,33 @@ class SetPlace(Message):
 
 
 class SetValue(Message):
-    """Value of a key of the camera's files; null takes it away."""
+    """New value for a key of the camera's files; null removes the key."""
 
     path: Name
     value: JsonValue = None
 
 
 class Preset(Message):
-    """Camera, optical system or effects of a preset."""
+    """Preset to apply, by kind: lens, optics or degradation."""
 
     kind: Name
     name: Name
 
 
 class Undo(Message):
-    """One step back."""
+    """Undo the last edit."""
 
 
 class Redo(Message):
-    """One step forward."""
+    """Redo the last undone edit."""
 
 
 class Reset(Message):
-    """Camera as it was at the start."""
+    """Restore the initial camera."""
 
 
 class Views(Message):
-    """Views that are shown beside the camera."""
+    """Views to show beside the camera."""
 
     names: Annotated[tuple[Name, ...], Field(max_length=len(VIEWS))] = ()
 
@@ -110,7 +110,7 @@ class Gaze(Message):
 
 
 class Probe(Message):
-    """Pixel of a view, as shares of its width and height, that the mouse is over."""
+    """Pixel of a view under the mouse, as shares of the view's width and height."""
 
     view: Name
     u: Within
@@ -119,26 +119,26 @@ class Probe(Message):
 
 
 class Save(Message):
-    """Files to save: the camera's, or the image's with its channels."""
+    """Request for files: the camera's TOML, or the image with its channels."""
 
     what: Annotated[str, Field(pattern="^(toml|image)$")]
 
 
 class Replay(Message):
-    """Step of a recorded run."""
+    """Step of a recorded run to show."""
 
     step: Annotated[int, Field(ge=0, le=10**9, strict=True)]
 
 
 class Clock(Message):
-    """World's time, where objects move."""
+    """World time, and whether it runs, for moving objects."""
 
     running: bool
     time_s: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
 
 
 class TakeWheel(Message):
-    """Wish to drive in place of another page."""
+    """Request for control, which another page may have."""
 
 
 MESSAGES: dict[str, type[Message]] = {
@@ -163,7 +163,7 @@ MESSAGES: dict[str, type[Message]] = {
 
 
 class Part(NamedTuple):
-    """Bytes of a message with their name and media type, and more that the page is told."""
+    """Binary part of a message with name, media type and further properties for the page."""
 
     name: str
     media_type: str
@@ -172,10 +172,10 @@ class Part(NamedTuple):
 
 
 def parse_message(text: str | bytes) -> Message:
-    """Check a message of a page.
+    """Parse and check a message from a page.
 
     Raises:
-        OutputError: naming key, value and what was expected.
+        OutputError: names key, the actual value and the expected one.
     """
     if isinstance(text, bytes):
         raise OutputError("message: expected JSON, got bytes")
@@ -190,7 +190,7 @@ def parse_message(text: str | bytes) -> Message:
 
 
 def pack(kind: str, content: dict[str, Any], parts: Sequence[Part] = ()) -> bytes:
-    """Message of the server."""
+    """Encode a message of the server."""
     listed = [
         {"name": one.name, "media_type": one.media_type, "size": len(one.data), **one.about}
         for one in parts

@@ -1,4 +1,4 @@
-"""Images of the live page by the renderer: coarse and fine, of a camera that is edited."""
+"""Rendered images of the live page: coarse and fine, from an editable camera."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene
 
-ADVANCE_M = 0.1  # to the next image, for flow, as `omnisim render` has it
-SCALES = (1.0, 0.7, 0.5)  # of coarse images
-SLOW_S, QUICK_S = 0.14, 0.035  # of a coarse image: smaller then, or larger
-COARSE = "fast"  # capture quality
+ADVANCE_M = 0.1  # motion to the next image for flow, as in `omnisim render`
+SCALES = (1.0, 0.7, 0.5)  # sizes of coarse images relative to fine ones
+SLOW_S, QUICK_S = 0.14, 0.035  # render times that make coarse images smaller or larger
+COARSE = "fast"  # quality of coarse images
 
 
 @dataclass(frozen=True)
 class LiveSettings:
-    """Scene and camera at the start.
+    """Initial scene and camera of the live page.
 
     Attributes:
-        scene: that is seen.
-        document: of the camera.
+        scene: scene to render.
+        document: document of the camera.
         vehicle: robot that carries the camera; None: free flight.
-        camera_name: of the robot's cameras; None: the first.
-        scene_words: scene, robot and their options, as a command line has them.
-        camera_words: options of the camera as it is at the start; None: its file says all.
-        light: reads the scene in another light; None: it stays in its own.
-        device: number of the GPU.
-        unlit: show plain base colors, without lights.
+        camera_name: name of the robot's camera; None: the first.
+        scene_words: command-line arguments for scene and robot.
+        camera_words: command-line options of the initial camera; None: only its file describes it.
+        light: reader of the scene in another light; None: the light is fixed.
+        device: index of the GPU.
+        unlit: render plain base colors, without lights.
     """
 
     scene: Scene
@@ -64,10 +64,10 @@ class LiveSettings:
 
 
 class LiveSource:
-    """Renderers of the camera at hand; only the thread that made it may use it.
+    """Renderers of the current camera; usable only by the thread that created them.
 
     Raises:
-        OmnisimError: no OpenGL, or a scene past its limits.
+        OmnisimError: no OpenGL, or the scene exceeds its limits.
     """
 
     channel_names = tuple(CHANNELS)
@@ -82,7 +82,7 @@ class LiveSource:
         self.stage = self._open(settings.scene)
         self._document: CameraDocument | None = None
         self._camera = OmniCamera()
-        self._renderers: dict[float | None, Renderer] = {}  # by the coarse scale; None: fine
+        self._renderers: dict[float | None, Renderer] = {}  # by coarse scale; None: fine
         self._scale, self._slow = 0, 0
 
     @property
@@ -91,10 +91,10 @@ class LiveSource:
         return self._camera
 
     def use(self, document: CameraDocument) -> bool:
-        """Take the camera of a document; true where it is another one.
+        """Switch to the camera and light of a document; return True if the document has changed.
 
         Raises:
-            OmnisimError: it cannot be; the one before stays.
+            OmnisimError: the document is invalid; the previous camera stays in use.
         """
         if document == self._document:
             return False
@@ -105,7 +105,7 @@ class LiveSource:
             if document.light != self._light:
                 self.scene = self._in_light(document.light)
                 self.stage = self._open(self.scene)
-            self._renderer(self._coarse_scale)  # or the GPU refuses it
+            self._renderer(self._coarse_scale)  # raises an error if the GPU cannot render it
         except OmnisimError:
             if self.stage is not before[2]:
                 self.stage.close()
@@ -132,7 +132,7 @@ class LiveSource:
 
     @property
     def has_light(self) -> bool:
-        """The scene can be put in another light, which then shows."""
+        """True if the light of the scene can be changed and is rendered."""
         return self._settings.light is not None and not self._settings.unlit
 
     def scene_text(self, document: CameraDocument) -> str:
@@ -146,7 +146,7 @@ class LiveSource:
         return scene_text(self._settings.light.source, document.light)
 
     def take(self, draw: Draw, channels: Collection[str]) -> Taken:
-        """Render a state."""
+        """Render the image of a state."""
         self.use(draw.shown.document)
         begin_s = time.monotonic()
         scale = None if draw.is_fine else self._coarse_scale
@@ -163,7 +163,7 @@ class LiveSource:
         )  # fmt: skip
 
     def files(self, draw: Draw) -> dict[str, bytes]:
-        """Image with all channels, as `omnisim render --also all` writes them."""
+        """Image files with all channels, as `omnisim render --also all` writes them."""
         self.use(draw.shown.document)
         frame = self._render(self._renderer(None), draw, tuple(CHANNELS))
         with tempfile.TemporaryDirectory() as folder:
@@ -171,35 +171,35 @@ class LiveSource:
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
     def command(self, shown: Shown, taken: Taken) -> str:
-        """Shell commands that render the same image, with the camera's file if it was changed."""
+        """Shell commands that render the same image, including the file of an edited camera."""
         document = shown.document
         scene_words, lines = self._settings.scene_words, []
         if document.light:
             text = self.scene_text(document)
             lines.append(f"cat > {SCENE_FILE} <<'END'\n{text.rstrip()}\nEND\n")
             scene_words = (SCENE_FILE, *without_overruled(scene_words[1:], document.light))
-        words = ["omnisim", "render", *scene_words]
+        arguments = ["omnisim", "render", *scene_words]
         given = self._settings.camera_words
         if replace(document, light={}) == self._settings.document and given is not None:
-            words += given
+            arguments += given
         else:
             lines.append(f"cat > {FILE_NAME} <<'END'\n{document.text.rstrip()}\nEND\n")
-            words += ["--sensor", FILE_NAME]
+            arguments += ["--sensor", FILE_NAME]
             if document.size_px is not None:
-                words += ["--size", str(document.size_px)]
+                arguments += ["--size", str(document.size_px)]
         at = self._viewpoint(shown.place)
-        words += ["--at", *(f"{value!r}" for value in at.position_m)]
+        arguments += ["--at", *(f"{value!r}" for value in at.position_m)]
         for option, angle in (
             ("--yaw", at.yaw_deg),
             ("--pitch", at.pitch_deg),
             ("--roll", at.roll_deg),
         ):
             if angle or option == "--yaw":
-                words += [option, f"{angle!r}"]
+                arguments += [option, f"{angle!r}"]
         if shown.time_s:
-            words += ["--time", f"{shown.time_s!r}"]
-        words += ["-o", "image.png"]
-        return "".join(lines) + shlex.join(words)
+            arguments += ["--time", f"{shown.time_s!r}"]
+        arguments += ["-o", "image.png"]
+        return "".join(lines) + shlex.join(arguments)
 
     def about(self) -> dict[str, Any]:
         """Names of scene and robot, and the robot's outline."""
@@ -237,7 +237,7 @@ class LiveSource:
 
     @property
     def _is_slow(self) -> bool:
-        """True for cameras whose every sample has a ray to be found: few samples are coarse."""
+        """True for non-central cameras, whose samples each need a traced ray."""
         return isinstance(self._camera.model, NonCentralCamera)
 
     @property
@@ -245,8 +245,8 @@ class LiveSource:
         return SCALES[-1] if self._is_slow else SCALES[self._scale]
 
     def _adapt(self, seconds: float) -> None:
-        """Smaller coarse images where two in a row were slow, larger ones where all are quick."""
-        if self._is_slow:  # another size would cost more than it saves
+        """Shrink coarse images after two slow ones in a row; enlarge them after a quick one."""
+        if self._is_slow:  # changing the size costs more than it saves
             return
         self._slow = self._slow + 1 if seconds > SLOW_S else 0
         if self._slow >= 2 and self._scale + 1 < len(SCALES):
@@ -260,7 +260,7 @@ class LiveSource:
         return renderer.camera.base_pose(at.position_m, *angles)
 
     def _viewpoint(self, place: Place) -> Place:
-        """Effective viewpoint at a place, in the digits of a command line."""
+        """Effective viewpoint at a place, with the digits of a command line."""
         if self._settings.vehicle is None:
             return place
         rig = place.pose @ self._camera.base_from_rig
@@ -283,7 +283,7 @@ class LiveSource:
 
 
 def start_place(settings: LiveSettings, at: Place | None) -> Place:
-    """Place at the start: as given, or the scene's; of a robot that of its base."""
+    """Pose at the start: the given one or the scene's; for a robot, the pose of its base."""
     scene, vehicle = settings.scene, settings.vehicle
     if vehicle is None:
         start = scene.start

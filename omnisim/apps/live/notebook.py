@@ -1,4 +1,4 @@
-"""Live page in a cell of a notebook."""
+"""Live page in a notebook's cell."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SIZE_PX, HEIGHT_PX = 400, 760
 
 
 class LiveView:
-    """Page that a notebook shows as a cell, until it is closed.
+    """Page shown in a notebook's cell until it is closed.
 
     Attributes:
-        url: address for a browser.
+        url: URL for a browser.
     """
 
     def __init__(self, page: BackgroundPage, height_px: int):
@@ -37,13 +37,13 @@ class LiveView:
         return short_repr(self, self.url)
 
     def _repr_html_(self) -> str:
-        """Frame with the page, as notebooks show it."""
+        """HTML frame with the page, for the display of notebooks."""
         url = html.escape(self.url)
         style = f"width: 100%; height: {self._height_px}px; border: 0"
         return f'<iframe src="{url}" style="{style}" allow="clipboard-write; gamepad"></iframe>'
 
     def close(self) -> None:
-        """Stop serving, and free the GPU memory; a second time does nothing."""
+        """Stop serving and free the GPU memory; a second call does nothing."""
         self._page.close()
 
     def __enter__(self) -> LiveView:
@@ -68,22 +68,22 @@ def live(
     """Serve the live page of a scene, and show it in a notebook's cell.
 
     Args:
-        scene: or its path or built-in name.
-        camera: sensor, camera model, or path of a sensor or calibration file; by default the
-            paper's; a robot brings its own.
-        robot: that drives and carries the camera, or its file or built-in name; None: free flight.
-        size_px: of the image's shorter side.
-        height_px: of the cell.
-        port: to listen on, on this machine alone; 0 takes a free one.
-        device: number of the GPU; None takes the first.
+        scene: scene, its path, or a built-in name.
+        camera: sensor, camera model, or path of a sensor or calibration file; None: the paper's
+            camera. Unused with a robot, which has its own.
+        robot: robot that carries the camera, its file, or a built-in name; None: free flight.
+        size_px: length of the image's shorter side.
+        height_px: height of the cell.
+        port: port on this machine's own address; 0: any free port.
+        device: index of the GPU; None: the first.
 
     Raises:
-        OmnisimError: a scene, camera or robot that cannot be read, no OpenGL, or a port that is
+        OmnisimError: the scene, camera or robot is invalid, there is no OpenGL, or the port is
             taken.
     """
     from omnisim.apps.live.live import BackgroundPage, LivePage
 
-    found = scene if isinstance(scene, Scene) else load_scene(scene)
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     vehicle = robot if isinstance(robot, Vehicle) or robot is None else Vehicle.load(robot)
     if vehicle is not None:
         document = CameraDocument.of_camera(vehicle.camera().sensor)
@@ -96,7 +96,7 @@ def live(
     document = document.with_value("size_px", size_px)
     light = None if isinstance(scene, Scene) else SceneInLight(str(scene), _read_in_light)
     settings = LiveSettings(
-        found, document, vehicle, scene_words=(found.name,), device=device, light=light
+        loaded, document, vehicle, scene_words=(loaded.name,), device=device, light=light
     )
     return LiveView(BackgroundPage(LivePage(settings, port=port)), height_px)
 

@@ -1,6 +1,6 @@
-"""Cameras of the gallery and optical systems of the examples, one click away.
+"""Presets: cameras of the gallery and optical systems of the examples.
 
-`make gallery` writes their parameters into `presets.json`.
+`make gallery` writes their parameters to `presets.json`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def _presets() -> dict[str, dict[str, Any]]:
 
 
 def preset_lists() -> dict[str, list[str]]:
-    """Names of the presets by kind."""
+    """Names of the presets, by kind."""
     read = _presets()
     return {
         "lens": [PAPER, *(name for name in read["lens"] if name != HYPERBOLIC)],
@@ -36,10 +36,10 @@ def preset_lists() -> dict[str, list[str]]:
 
 
 def with_preset(document: CameraDocument, kind: str, name: str) -> CameraDocument:
-    """Document with a camera, an optical system or the effects of a preset.
+    """Document with the camera, optical system or degradations of a preset.
 
     Raises:
-        OutputError: there is no such kind or preset.
+        OutputError: no such kind or preset.
     """
     names = preset_lists().get(kind)
     if names is None:

@@ -1,4 +1,4 @@
-"""Pixel under the mouse: its direction, and its point in the world and in all views."""
+"""Pixel under the mouse: its direction, its point in the world, and its position in all views."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ Json = dict[str, Any]
 def probe(
     message: Probe, taken: Taken, views: ViewMaker, gaze: Gaze, height_m: float
 ) -> dict[str, Any]:
-    """Answer to a probe, as JSON can hold it.
+    """Answer a probe with JSON-serializable values.
 
-    `u`, `v` in the camera's image; `yaw_deg`, `pitch_deg` relative to the vehicle; `direction` in
-    the world; `range_m`, `class`, `instance`, `point_m` as far as they are known; `marks`: places
-    in all views, as shares of their sides.
+    `yaw_deg` and `pitch_deg` are relative to the vehicle; `direction` is in the world. `pixel` and
+    `color` refer to the camera's image. `range_m`, `class`, `instance` and `point_m` are present
+    if known. `marks` are positions in all views, as shares of their sides.
 
     Args:
-        message: view and place in it.
-        taken: image, with channels of ground truth.
-        views: makes the other views.
-        gaze: of the perspective view.
-        height_m: of the viewpoint above the ground.
+        message: view, and position in it.
+        taken: image with ground-truth channels.
+        views: maker of the other views.
+        gaze: direction of the perspective view.
+        height_m: height of the viewpoint above the ground.
     """
     if message.view == "map":
         return {"marks": {}}
@@ -42,7 +42,7 @@ def probe(
     for name in UNWARPED if is_central else ():
         try:
             cameras[name] = views.view(name, taken, gaze, height_m)
-        except OmnisimError:  # a view that this camera does not have
+        except OmnisimError:  # this camera lacks the view
             continue
     source = cameras.get(message.view, cameras["camera"])
     try:
@@ -55,13 +55,13 @@ def probe(
     marks: dict[str, tuple[float, float]] = {}
     if own is not None:
         marks["camera"] = own = _center(taken, *own)
-        with suppress(OpticsError):  # the pixel's center may be beyond the rim
+        with suppress(OpticsError):  # the pixel's center may be outside the rim
             direction = direction_in(cameras["camera"], *own)
     for name, camera in cameras.items():
         if name != "camera" and (place := place_in(camera, direction)) is not None:
             marks[name] = place
     world = taken.world_from_base[:3, :3] @ direction
-    found: Json = {
+    answer: Json = {
         "view": message.view,
         "yaw_deg": degrees(math.atan2(direction[1], direction[0])),
         "pitch_deg": degrees(math.atan2(-direction[2], math.hypot(direction[0], direction[1]))),
@@ -69,35 +69,35 @@ def probe(
         "marks": marks,
     }
     if "camera" in marks:
-        found |= _channels_at(taken, *marks["camera"])
-    return found
+        answer |= _channels_at(taken, *marks["camera"])
+    return answer
 
 
 def _center(taken: Taken, u: float, v: float) -> tuple[float, float]:
-    """Shares of the sides at the center of the pixel there, whose ray the channels are of."""
+    """Center of the pixel at (u, v), as shares of the sides; the channels refer to its ray."""
     height, width = taken.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
     return (column + 0.5) / width, (row + 0.5) / height
 
 
 def _channels_at(taken: Taken, u: float, v: float) -> Json:
-    """Pixel of the camera's image, and the values of the channels there."""
+    """Pixel of the camera's image at (u, v), with its color and channel values."""
     height, width = taken.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
-    found: Json = {"pixel": [column, row], "color": taken.rgb[row, column].tolist()}
+    values: Json = {"pixel": [column, row], "color": taken.rgb[row, column].tolist()}
     channels, labels = taken.channels, taken.labels
     if "range" in channels:
         range_m = float(channels["range"][row, column])
-        found["range_m"] = round(range_m, 4) if math.isfinite(range_m) else None
+        values["range_m"] = round(range_m, 4) if math.isfinite(range_m) else None
     if "position" in channels:
-        found["point_m"] = _finite(channels["position"][row, column])
+        values["point_m"] = _finite(channels["position"][row, column])
     if labels is not None and "semantic" in channels:
         number = int(channels["semantic"][row, column])
-        found["class"] = next((one.name for one in labels.classes if one.id == number), None)
+        values["class"] = next((one.name for one in labels.classes if one.id == number), None)
     if labels is not None and "instance" in channels:
         number = int(channels["instance"][row, column])
-        found["instance"] = labels.instances[number - 1].name if number else None
-    return found
+        values["instance"] = labels.instances[number - 1].name if number else None
+    return values
 
 
 def _finite(values: NDArray[Any]) -> list[float] | None:

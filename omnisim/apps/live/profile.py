@@ -1,4 +1,4 @@
-"""Section of a mirror or optical system with its rays, or the mapping of a lens, as drawn lines."""
+"""Line drawings of a camera: section of a mirror or optical system with rays, or a lens mapping."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
 from omnisim.cameras.optics.tracing import Fate
 
 RAYS = 15
-_POINTS = 81  # of a curve
+_POINTS = 81  # points per curve
 Floats = NDArray[np.float64]
 Json = dict[str, Any]
 
 
 def profile(model: CentralCamera) -> Json:
-    """Lines of a camera, as JSON can hold them.
+    """Lines of a camera as JSON-serializable values.
 
-    `kind` is "section": x and z in millimeters, z along the camera's axis, with `curves`, `rays`,
-    `caustic` and `pinhole`; or "mapping": `points` of an angle in degrees and a radius in pixels.
+    `kind` is "section" or "mapping". A section has x and z in millimeters, z along the camera's
+    axis, in `curves`, `rays`, `caustic` and `pinhole`. A mapping has `points` with an angle in
+    degrees and a radius in pixels.
     """
     if isinstance(model, HyperbolicCamera):
         return _mirror(model.mirror)
@@ -55,9 +56,9 @@ def _mirror(mirror: HyperbolicMirror) -> Json:
 
 
 def _incident(mirror: HyperbolicMirror, theta_rad: Floats) -> Floats:
-    """Points (n, 2) of the mirror, x and z up, by angles of incidence from straight down."""
+    """Points (n, 2) of the mirror, x and z up, at angles of incidence from straight down."""
     rho = mirror.rho_m(np.abs(theta_rad))
-    # behind the surface: the viewpoint is inside of the mirror, rays arrive from outside
+    # behind the surface: the viewpoint is inside the mirror, and rays arrive from outside
     return np.stack((rho * np.sin(theta_rad), -rho * np.cos(theta_rad)), axis=-1)
 
 
@@ -93,7 +94,7 @@ def _system(system: OpticalSystem) -> Json:
 
 
 def _curve(surface: Surface, hits_m: Floats) -> Floats:
-    """Section (n, 2) of a surface with its own plane y = 0, as far as rays need it."""
+    """Section (n, 2) of a surface with its own plane y = 0, as wide as its rays require."""
     reach_m = surface.visible_radius_m
     if math.isinf(reach_m):
         local = surface.points_from_system(hits_m)
@@ -101,12 +102,12 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
     x = np.linspace(-reach_m, reach_m, _POINTS)
     z = surface.shape.sag_m(np.abs(x))
     points = surface.directions_to_system(np.column_stack((x, np.zeros_like(x), z)))
-    found: Floats = (points + surface.system_from_surface[:3, 3])[:, [0, 2]]
-    return found
+    section: Floats = (points + surface.system_from_surface[:3, 3])[:, [0, 2]]
+    return section
 
 
 def _mapping(model: CentralCamera) -> Json:
-    """Radius from the principal point by angle from the axis, along x."""
+    """Radius from the principal point, along x, as a function of the angle from the axis."""
     theta = np.linspace(0.0, math.pi, 181)
     directions = np.stack((np.sin(theta), np.zeros_like(theta), np.cos(theta)), axis=-1)
     pixels = model.pixel_from_ray(directions)
@@ -117,7 +118,7 @@ def _mapping(model: CentralCamera) -> Json:
 
 
 def _line(points_m: Floats) -> list[list[float]]:
-    """Points (n, 2) in millimeters, without those that are no number."""
+    """Convert points (n, 2) to millimeters, without non-finite ones."""
     finite = points_m[np.all(np.isfinite(points_m), axis=1)]
     rounded: list[list[float]] = np.round(1e3 * finite, 3).tolist()
     return rounded

@@ -23,7 +23,7 @@ def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
     """Write a film, and return the number of its images.
 
     Raises:
-        OmnisimError: a file that cannot be written, or as `LiveSource`.
+        OmnisimError: the file cannot be written, or an error of `LiveSource`.
     """
     check_video_target(path)
     source = LiveSource(settings)
@@ -36,19 +36,19 @@ def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
 def _images(
     source: LiveSource, settings: LiveSettings, start: Place
 ) -> Iterator[NDArray[np.uint8]]:
-    """Camera, and beside it range, on a circle that begins at the start; below the panorama."""
+    """Images of a circular drive: the camera with its range beside it, and the panorama below."""
     views, count = ViewMaker(), round(RATE_HZ * SECONDS)
     x, y, z = start.position_m
     yaw = math.radians(start.yaw_deg)
     middle = (x - RADIUS_M * math.sin(yaw), y + RADIUS_M * math.cos(yaw))
     for number in range(count):
         angle = 2.0 * math.pi * number / count
-        there = (
+        position_m = (
             middle[0] + RADIUS_M * math.sin(yaw + angle),
             middle[1] - RADIUS_M * math.cos(yaw + angle),
             z,
         )
-        place = Place(there, start.yaw_deg + math.degrees(angle)).rounded()
+        place = Place(position_m, start.yaw_deg + math.degrees(angle)).rounded()
         draw = Draw(Shown(settings.document, place), True)
         taken = source.take(draw, ("range",))
         depth = preview("range", taken.channels["range"], taken.labels)
@@ -58,7 +58,7 @@ def _images(
 
 
 def _fitted(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """Image in the middle of rows of a width, or its middle."""
+    """Center an image in rows of the given width: pad it, or crop it if it is wider."""
     height, own = image.shape[:2]
     rows = np.zeros((height, width, 3), dtype=np.uint8)
     shown = min(width, own)

@@ -1,4 +1,4 @@
-"""Images of a recorded run, to be replayed and scrubbed."""
+"""Images of a recorded run, for replay and scrubbing."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from omnisim.runs.run_folder import GROUND_TRUTH, RunFolder
 
 
 class RunSource:
-    """Images of a run's camera, with the channels that were recorded.
+    """Images of a run's camera, with the recorded channels.
 
     Args:
-        folder: of the run.
-        scene: file or name of its scene, where it is not where it was.
-        camera_name: of its cameras; None: the first.
-        device: number of the GPU, for the map.
+        folder: folder of the run.
+        scene: file or name of the scene, if it has moved; None: the recorded one.
+        camera_name: name of the run's camera; None: the first.
+        device: index of the GPU, for the map.
 
     Raises:
-        OmnisimError: no run, no camera, no image yet, or a damaged file.
+        OmnisimError: no run, no camera, no images yet, or a damaged file.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class RunSource:
         self.stage = Stage(self.scene, device=device)
 
     def take(self, draw: Draw, channels: Collection[str]) -> Taken:
-        """Read the image of a step, and those of the channels that it has."""
+        """Read the image of a step, with the requested channels that were recorded."""
         path = self._image(min(draw.shown.step, self.steps - 1))
         taken = read_captured_image(path)
         stored = StoredChannels(path, taken.metadata)
@@ -79,11 +79,11 @@ class RunSource:
         return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
 
     def command(self, shown: Shown, taken: Taken) -> str:
-        """Name of the image's file."""
+        """Name of the image's file, as a shell comment."""
         return f"# {self._image(min(shown.step, self.steps - 1))}"
 
     def about(self) -> dict[str, Any]:
-        """Title and steps, and the path that was driven."""
+        """Title, steps and driven path of the run."""
         path: list[list[float]] = []
         if self._run.has(GROUND_TRUTH):
             truth: NDArray[np.float64] = read_trajectory(self._run.path / GROUND_TRUTH).positions_m

@@ -1,4 +1,4 @@
-"""Light of the live page's scene: tables of a scene's TOML that extends it."""
+"""Light of the live page's scene: tables of a TOML file that extends the scene."""
 
 from __future__ import annotations
 
@@ -13,31 +13,32 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.toml_file import toml_text
 from omnisim.scene import Scene
 
-SCENE_FILE = "scene.toml"  # of a saved scene
+SCENE_FILE = "scene.toml"  # name of a saved scene
 Table = dict[str, Any]
-# Keys that a table must have, at values that show: mist of a room.
+# Required keys of a table, with clearly visible values: indoor mist.
 _COMPLETE = {"fog": {"color": [0.7, 0.75, 0.8], "visibility_m": 20.0}}
-# Options of the command line that tables take the place of.
+# Command-line options that the tables override.
 _OVERRULED = {"--sky": {"sky"}, "--baked": {"sky", "light"}}
 
 
 @dataclass(frozen=True)
 class SceneInLight:
-    """Scene that can be read again, in another light.
+    """Scene that can be reloaded in another light.
 
     Attributes:
         source: name or path of the scene.
-        read: reads a TOML that extends it, with those of the options that tables leave.
+        read: function that reads a TOML file that extends the scene; given the file's tables, it
+            applies only the options that they do not override.
     """
 
     source: str
     read: Callable[[Path, Mapping[str, Any]], Scene]
 
     def scene(self, tables: Mapping[str, Any]) -> Scene:
-        """Scene in the light of some tables.
+        """Load the scene in the light of the tables.
 
         Raises:
-            SceneError: naming key, value and what was expected.
+            SceneError: names key, the actual value and the expected one.
         """
         path = Path(self.source)
         with tempfile.TemporaryDirectory() as folder:
@@ -52,26 +53,26 @@ class SceneInLight:
 
 
 def completed(tables: Table) -> Table:
-    """Tables with the keys that they must have, and without empty light."""
+    """Add required keys to tables, and remove an empty light table."""
     complete = {name: {**_COMPLETE.get(name, {}), **table} for name, table in tables.items()}
     fog = complete.get("fog", {})
-    if "attenuation_per_m" in fog:  # the other measure of the same
+    if "attenuation_per_m" in fog:  # an alternative to the visibility
         fog.pop("visibility_m", None)
     return {name: table for name, table in complete.items() if table or name != "light"}
 
 
 def scene_text(source: str, tables: Mapping[str, Any]) -> str:
-    """Text of a scene's TOML in the light of some tables, which extends another scene."""
+    """Text of a TOML file that extends a scene with tables of light."""
     return toml_text({"extends": source, **tables})
 
 
 def without_overruled(words: Sequence[str], tables: Mapping[str, Any]) -> tuple[str, ...]:
-    """Words of a command line without the options that tables take the place of."""
+    """Arguments of a command line without the options that the tables override."""
     kept: list[str] = []
     at = 0
     while at < len(words):
         if _OVERRULED.get(words[at], set()) & tables.keys():
-            at += 1  # and its value
+            at += 1  # skips the option's value as well
         else:
             kept.append(words[at])
         at += 1

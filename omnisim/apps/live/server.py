@@ -1,4 +1,4 @@
-"""Server of the live page: its files, and the stream to and from it (the home of websockets)."""
+"""Server of the live page: its files, and the stream to and from it, over websockets."""
 
 from __future__ import annotations
 
@@ -40,18 +40,18 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
 }
-IDLE_S = 3.0  # of the one who drives, after which another page may
+IDLE_S = 3.0  # idle time of the driving page before another page may take control
 MAX_PAGES = 64
-KEPT = ("camera", "map", "frame")  # kinds of messages that a new page gets at once
+KEPT = ("camera", "map", "frame")  # kinds of messages that a new page receives at once
 
 
 def is_local(host: str) -> bool:
-    """True for names of this machine alone."""
+    """True for host names of the local machine only."""
     return host in LOCAL
 
 
 class _Page:
-    """One open page."""
+    """Connection to an open page."""
 
     _numbers = itertools.count(1)
 
@@ -62,14 +62,14 @@ class _Page:
 
 
 class LiveServer:
-    """Serves the page to browsers, and their wishes to a session.
+    """Serves the page to browsers, and passes their input to a session.
 
     Args:
-        session: takes the wishes.
-        about: first message of each page.
+        session: session that receives the input.
+        about: content of the first message to each page.
         host: address to listen on.
-        port: 0 takes a free one.
-        token: that the page must know; None: none is asked for.
+        port: port to listen on; 0: any free port.
+        token: token that a page must present; None: no token is required.
     """
 
     def __init__(
@@ -87,28 +87,28 @@ class LiveServer:
         self._driven_s = 0.0
         self._kept: dict[str, bytes] = {}
         self._frames = 0
-        self._change = -1  # state in the last frame
+        self._change = -1  # number of the state in the last frame
         self._loop: asyncio.AbstractEventLoop | None = None
         self._server: Server | None = None
 
     @property
     def port(self) -> int:
-        """Port that it listens on."""
+        """Port that the server listens on."""
         return self._port
 
     @property
     def url(self) -> str:
-        """Address for a browser, with the token."""
+        """URL for a browser, including the token."""
         host = "localhost" if self._host in ("", "0.0.0.0", "::") else self._host
         shown = f"[{host}]" if ":" in host else host
         token = "" if self._token is None else f"?token={self._token}"
         return f"http://{shown}:{self._port}/{token}"
 
     async def open(self) -> None:
-        """Listen.
+        """Start listening.
 
         Raises:
-            OutputError: the port is taken, or the address is not this machine's.
+            OutputError: the port is taken, or the address does not belong to this machine.
         """
         self._loop = asyncio.get_running_loop()
         try:
@@ -119,9 +119,9 @@ class LiveServer:
                 server_header=None,
             )  # fmt: skip
         except (OSError, OverflowError) as reason:
-            words = getattr(reason, "strerror", None) or str(reason)
+            cause = getattr(reason, "strerror", None) or str(reason)
             raise OutputError(
-                f"--port {self._port}: cannot listen on {self._host}: {words}"
+                f"--port {self._port}: cannot listen on {self._host}: {cause}"
             ) from None
         first: socket.socket = next(iter(self._server.sockets))
         self._port = int(first.getsockname()[1])
@@ -133,7 +133,7 @@ class LiveServer:
             await asyncio.wait([asyncio.ensure_future(self._server.wait_closed())], timeout=0.5)
 
     def publish(self, kind: str, data: bytes, change: int = 0) -> None:
-        """Send a message to all pages, from any thread; `change`: the state that a frame shows."""
+        """Send a message to all pages, from any thread; `change` is a frame's state number."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._spread, kind, data, change)
 
@@ -166,7 +166,7 @@ class LiveServer:
                 return
 
     def _serve_file(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request for a file of the page; None: a stream that may open."""
+        """Answer a request for a file of the page; None accepts a stream."""
         parts = urlsplit(request.path)
         if not self._is_expected_host(request.headers.get("Host", "")):
             return _refusal(http.HTTPStatus.FORBIDDEN, "expected the name of this machine as host")
@@ -185,7 +185,7 @@ class LiveServer:
         return Response(200, "OK", headers, content)
 
     def _is_expected_host(self, host: str) -> bool:
-        """Refuse names that somebody else's page had resolved to this machine."""
+        """True unless another site's host name was resolved to this machine (DNS rebinding)."""
         return self._token is not None or is_local(urlsplit(f"//{host}").hostname or "")
 
     def _refuse_stream(self, request: Request, query: dict[str, list[str]]) -> Response | None:
@@ -224,7 +224,7 @@ class LiveServer:
             self._tell_roles()
 
     def _take(self, page: _Page, text: str | bytes) -> None:
-        """Take a message of a page; one that cannot be is answered in words."""
+        """Handle a message from a page; an invalid one is answered with its error."""
         try:
             message = messages.parse_message(text)
             reply = functools.partial(self._reply, page)
@@ -277,13 +277,13 @@ class LiveServer:
 
 
 def new_token() -> str:
-    """Random token, 128 bits."""
+    """Random token of 128 bits."""
     return secrets.token_urlsafe(16)
 
 
 @functools.cache
 def _page_files() -> dict[str, bytes]:
-    """Files of the page by their names in its address."""
+    """Files of the page, by URL path."""
     return {
         path.relative_to(PAGE).as_posix(): path.read_bytes()
         for path in sorted(PAGE.rglob("*"))
@@ -292,7 +292,7 @@ def _page_files() -> dict[str, bytes]:
 
 
 def page_bytes() -> int:
-    """Size of all files of the page, uncompressed."""
+    """Total size of the page's files, uncompressed."""
     return sum(map(len, _page_files().values()))
 
 

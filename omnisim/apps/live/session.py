@@ -1,6 +1,6 @@
-"""Wishes of those who drive, and the next piece of work for the thread that draws.
+"""User input and the render thread's next job.
 
-Nothing queues: the newest wish is drawn, coarse while something moves, fine when it rests.
+Nothing queues: only the newest state is drawn, coarse during motion, fine at rest.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from omnisim.apps.live.presets import with_preset
 from omnisim.apps.live.viewpoint_motion import Pilot, Place, Wish
 from omnisim.core.errors import OutputError, SceneError
 
-REST_S, MAX_REST_S = 0.12, 1.5  # after the last change until the fine image
-HELD_S = 1.0  # after which keys count as let go: the page repeats them
-SAME_EDIT_S = 1.5  # changes of one key within this time are undone together
+REST_S, MAX_REST_S = 0.12, 1.5  # delay from the last change to the fine image
+HELD_S = 1.0  # keys count as released after this time, as the page repeats them
+SAME_EDIT_S = 1.5  # changes of one key within this time form a single undo step
 UNDO_STEPS = 200
 MAX_JOBS = 8
 
 
 @dataclass(frozen=True)
 class Shown:
-    """All that an image depends on.
+    """State that determines an image.
 
     Attributes:
-        document: of the camera.
-        place: of the viewpoint, or of the robot's base.
-        views: names beside the camera.
-        gaze: of the perspective view.
-        time_s: of the world.
-        step: of a replayed run.
+        document: document of the camera.
+        place: pose of the viewpoint, or of the robot's base.
+        views: names of the views beside the camera.
+        gaze: direction of the perspective view.
+        time_s: world time.
+        step: step of a replayed run.
         change: number of this state.
     """
 
@@ -49,7 +49,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Draw:
-    """Image to draw: coarse while something moves, or fine."""
+    """Image to draw: coarse during motion, or fine."""
 
     shown: Shown
     is_fine: bool
@@ -57,7 +57,7 @@ class Draw:
 
 @dataclass(frozen=True)
 class Job:
-    """Work for somebody who waits for it: a file, or a point."""
+    """Request that a page waits for: files, or a probe."""
 
     message: messages.Message
     shown: Shown
@@ -65,13 +65,13 @@ class Job:
 
 
 class Session:
-    """State of the page, shared by the server's thread and the one that draws.
+    """State of the page, shared by the server thread and the render thread.
 
     Args:
-        document: of the camera.
-        pilot: of the viewpoint or the robot.
-        last_step: of a replayed run; None: no run.
-        time_s: of the world at the start.
+        document: document of the camera.
+        pilot: motion of the viewpoint or the robot.
+        last_step: last step of a replayed run; None: no run.
+        time_s: world time at the start.
     """
 
     def __init__(
@@ -89,39 +89,39 @@ class Session:
         self._is_running = False
         self._undo: deque[CameraDocument] = deque(maxlen=UNDO_STEPS)
         self._redo: list[CameraDocument] = []
-        self._edit = ("", 0.0)  # key and time of the last one
+        self._edit = ("", 0.0)  # key and time of the last edit
         self._jobs: deque[Job] = deque()
         self._probe: Job | None = None
-        self._coarse = self._fine = -1  # states drawn
+        self._coarse = self._fine = -1  # numbers of the last drawn states
         self._rest_s = REST_S
         self._changed_s = self._advanced_s = self._driven_s = time.monotonic()
         self._is_asked = self._is_stopping = False
 
     @property
     def shown(self) -> Shown:
-        """State now."""
+        """Current state."""
         with self._condition:
             return self._shown
 
     @property
     def history(self) -> tuple[int, int]:
-        """Numbers of steps that can be undone and done again."""
+        """Numbers of edits that can be undone and redone."""
         with self._condition:
             return len(self._undo), len(self._redo)
 
     @property
     def blocked_by(self) -> str:
-        """Instance that the robot has driven against; empty: none."""
+        """Instance that blocks the robot; empty: none."""
         return self._pilot.blocked_by
 
     def ask(self) -> None:
-        """Somebody has drawn the last image and takes another."""
+        """Request the next image for a page that has displayed the last one."""
         with self._condition:
             self._is_asked = True
             self._condition.notify()
 
     def rest(self) -> None:
-        """Nobody drives any more: keys are let go."""
+        """Release all keys, because no page is driving."""
         with self._condition:
             self._pilot.stop()
             self._is_running = False
@@ -133,10 +133,10 @@ class Session:
             self._condition.notify()
 
     def apply(self, message: messages.Message) -> None:
-        """Take a message of the one who drives.
+        """Apply a message from the driving page.
 
         Raises:
-            OmnisimError: a value that cannot be; nothing changes then.
+            OmnisimError: an invalid value; the state is unchanged.
         """
         with self._condition:
             self._apply(message)
@@ -145,15 +145,15 @@ class Session:
     def look_up(
         self, message: messages.Probe | messages.Save, reply: Callable[[bytes], None]
     ) -> None:
-        """Take a question of anybody, about what is shown.
+        """Queue a question about the current state; any page may ask.
 
         Raises:
-            OutputError: too many wait already.
+            OutputError: too many requests are waiting.
         """
         with self._condition:
             job = Job(message, self._shown, reply)
             if isinstance(message, messages.Probe):
-                self._probe = job  # the mouse has gone on since the one before
+                self._probe = job  # replaces the previous one, as the mouse has moved
             elif len(self._jobs) >= MAX_JOBS:
                 raise OutputError("save: expected fewer at once, others are being written")
             else:
@@ -161,12 +161,12 @@ class Session:
             self._condition.notify()
 
     def accept(self, document: CameraDocument) -> None:
-        """The camera of a document could be made."""
+        """Record that the camera of a document works."""
         with self._condition:
             self._good = document
 
     def reject(self, document: CameraDocument) -> None:
-        """The camera of a document could not be made: go back to the last that could."""
+        """Revert to the last working document, as the camera of this one failed."""
         with self._condition:
             if self._undo and self._undo[-1] == self._good:
                 self._undo.pop()
@@ -174,7 +174,7 @@ class Session:
                 self._change(document=self._good)
 
     def next_work(self) -> Draw | Job | None:
-        """Wait for work; None: the end."""
+        """Wait for work; None: the session has ended."""
         with self._condition:
             while not self._is_stopping:
                 work, wait_s = self._work(time.monotonic())
@@ -184,7 +184,7 @@ class Session:
             return None
 
     def drawn(self, draw: Draw, seconds: float = 0.0) -> None:
-        """An image is done, in a time: the longer the fine ones take, the later they begin."""
+        """Record a drawn image; the slower fine images are, the later the next one starts."""
         with self._condition:
             if draw.is_fine:
                 self._rest_s = min(max(REST_S, 0.3 * seconds), MAX_REST_S)
@@ -203,7 +203,7 @@ class Session:
                 self._change(gaze=gaze)
 
     def _work(self, now_s: float) -> tuple[Draw | Job | None, float | None]:
-        """Next piece of work, or seconds to wait for it; None: until something happens."""
+        """Next piece of work, or the seconds to wait for it; None: wait for an event."""
         if self._jobs:
             return self._jobs.popleft(), None
         if now_s - self._driven_s > HELD_S and not self._pilot.wish.is_rest:
@@ -248,7 +248,7 @@ class Session:
         pilot, shown = self._pilot, self._shown
         match message:
             case messages.Drive():
-                # a key that is pressed and let go while an image is drawn counts, too
+                # a key that is pressed and released during a single image has an effect as well
                 self._advance(time.monotonic(), pilot.is_moving)
                 self._driven_s = time.monotonic()
                 pilot.wish = Wish(**dict(message))

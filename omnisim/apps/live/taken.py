@@ -1,4 +1,4 @@
-"""Image with its camera and pose, whatever made it: the renderer, or a recorded run."""
+"""Captured image with its camera and pose, from the renderer or a recorded run."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from omnisim.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """Image of a camera.
+    """Image with its camera and pose, live or replayed.
 
     Attributes:
-        model: of the camera.
-        base_from_optical: (4, 4) camera on its vehicle.
+        model: model of the camera.
+        base_from_optical: (4, 4) pose of the camera on its vehicle.
         world_from_base: (4, 4) pose of the vehicle.
         rgb: (height, width, 3) uint8 sRGB.
-        png: bytes of its file; None: a coarse image.
+        png: contents of the image file; None for a coarse image.
         channels: ground truth by name.
-        labels: of the IDs in it.
+        labels: labels of the IDs in the channels; None: no labels.
     """
 
     model: CentralCamera
@@ -43,12 +43,12 @@ class Taken:
     @property
     def world_from_optical(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the camera's optical frame."""
-        found: NDArray[np.float64] = self.world_from_base @ self.base_from_optical
-        return found
+        pose: NDArray[np.float64] = self.world_from_base @ self.base_from_optical
+        return pose
 
     @property
     def viewpoint(self) -> Place:
-        """Effective viewpoint and the vehicle's attitude, as `omnisim render` takes them."""
+        """Effective viewpoint with the vehicle's attitude, as the options of `omnisim render`."""
         x, y, z = self.world_from_optical[:3, 3].tolist()
         angles = np.degrees(roll_pitch_yaw_from_rotation(self.world_from_base[:3, :3]))
         roll, pitch, yaw = (float(angle) + 0.0 for angle in angles)
@@ -56,11 +56,11 @@ class Taken:
 
 
 class Source(Protocol):
-    """Maker of images for the live page; all of it belongs to one thread.
+    """Source of images for the live page; usable by a single thread only.
 
     Attributes:
-        scene: that is seen.
-        channel_names: channels of ground truth that it has.
+        scene: scene of the images.
+        channel_names: available ground-truth channels.
     """
 
     scene: Scene
@@ -70,7 +70,7 @@ class Source(Protocol):
         """Image of a state with channels of ground truth.
 
         Raises:
-            OmnisimError: a camera that cannot be, or a file of the run that is damaged.
+            OmnisimError: an invalid camera, or a damaged file of the run.
         """
         ...
 
@@ -78,16 +78,16 @@ class Source(Protocol):
         """Files of the image with all its channels, by name.
 
         Raises:
-            OmnisimError: as `take`.
+            OmnisimError: see `take`.
         """
         ...
 
     def command(self, shown: Shown, taken: Taken) -> str:
-        """Shell commands that make the same image."""
+        """Shell commands that produce the same image."""
         ...
 
     def about(self) -> dict[str, Any]:
-        """Title, robot, steps and the like, for the page."""
+        """Properties of the source for the page, such as title, robot and steps."""
         ...
 
     def close(self) -> None:
@@ -96,5 +96,5 @@ class Source(Protocol):
 
 
 def degrees(radians: float) -> float:
-    """Angle for people, in thousandths of a degree."""
+    """Convert an angle to degrees, rounded to thousandths."""
     return round(math.degrees(radians), 3) + 0.0

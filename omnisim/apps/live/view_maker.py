@@ -1,4 +1,4 @@
-"""Views beside the camera's image: unwarped, each with its own camera at the same viewpoint."""
+"""Unwarped views beside the camera's image, each with its own camera at the same viewpoint."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ PANORAMA_PX, LOWEST_RAD = 720, math.radians(-45.0)
 PERSPECTIVE_PX = (480, 360)
 BIRDSEYE_PX, EXTENT_PER_HEIGHT = 360, 4.0
 MIN_HEIGHT_M = 0.02
-FINE_SAMPLES = 2  # to a side of a pixel: a table has 24 bytes of each
-_KEPT = 8  # remap tables, coarse and fine
+FINE_SAMPLES = 2  # per pixel side: a remap table takes 24 bytes per sample
+_KEPT = 8  # maximum number of cached remap tables, coarse and fine
 
 
 class _Key(NamedTuple):
-    """Camera, its rotation on the vehicle and view that a remap table is of."""
+    """Cache key of a remap table: camera, its rotation on the vehicle, and view."""
 
     model: int
     rotation: bytes
@@ -41,10 +41,10 @@ class _Key(NamedTuple):
 
 
 class ViewMaker:
-    """Makes views of images; keeps their remap tables while the camera stays."""
+    """Creates views of images, and caches their remap tables while the camera stays the same."""
 
     def __init__(self) -> None:
-        # with the camera itself, or another may have its identity later
+        # The camera is kept as well: after its deletion, another one could have its id.
         self._tables: dict[_Key, tuple[CentralCamera, Unwarping]] = {}
         self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
 
@@ -53,12 +53,12 @@ class ViewMaker:
 
         Args:
             name: one of `UNWARPED`.
-            taken: image to view.
+            taken: image to unwarp.
             gaze: direction of the perspective view.
-            height_m: of the viewpoint above the ground.
+            height_m: height of the viewpoint above the ground.
 
         Raises:
-            OpticsError: a camera that sees no horizon has no panorama.
+            OpticsError: the camera does not see the horizon, so it has no panorama.
         """
         if name == "panorama":
             return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest_rad(taken))
@@ -71,16 +71,17 @@ class ViewMaker:
     def image(
         self, name: str, taken: Taken, gaze: Gaze, height_m: float, is_fine: bool
     ) -> NDArray[np.uint8]:
-        """Unwarped image (height, width, 3), see `view`; fine ones have four samples a pixel.
+        """Unwarped image (height, width, 3) of `view`; fine images have four samples per pixel.
 
         Raises:
-            OpticsError: the camera sees nothing of it, or its rays do not meet in one point.
+            OpticsError: the camera sees nothing of the view, or it is non-central.
         """
         rotation = taken.base_from_optical[:3, :3]
         numbers: tuple[float, ...] = ()
         if name == "perspective":
             numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
-        # of a map: its extent grows with the height, and its image stays
+        # no height in the key of a map: its extent grows with the height, so its table stays the
+        # same
         key = _Key(id(taken.model), rotation.tobytes(), name, numbers, is_fine)
         if key not in self._tables:
             view = self.view(name, taken, gaze, height_m)
@@ -102,13 +103,13 @@ class ViewMaker:
         if key not in self._highest:
             if len(self._highest) >= _KEPT:
                 self._highest.clear()
-            found = math.radians(max(highest_elevation_deg(taken.model, rotation), 5.0))
-            self._highest[key] = (taken.model, found)
+            highest_rad = math.radians(max(highest_elevation_deg(taken.model, rotation), 5.0))
+            self._highest[key] = (taken.model, highest_rad)
         return self._highest[key][1]
 
 
 def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
-    """Direction (3,) in the vehicle's base of a place in a view, as shares of its sides.
+    """Direction (3,) in the vehicle's base at a position in a view, given as shares of its sides.
 
     Raises:
         OpticsError: the view has no ray there.
@@ -122,7 +123,7 @@ def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
 
 
 def place_in(view: View, direction: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Shares of a view's sides where a direction (3,) in the base is seen; None: nowhere."""
+    """Position of a direction (3,), base, in a view, as shares of its sides; None: outside."""
     pixels = view.camera.pixel_from_ray(view.base_from_view.T @ direction)
     u, v = ((pixels.positions_px + 0.5) / (view.camera.width_px, view.camera.height_px)).tolist()
     return (u, v) if pixels.valid and 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else None

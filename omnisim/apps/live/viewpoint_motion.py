@@ -1,4 +1,4 @@
-"""Motion of the viewpoint: free flight, or a robot on wheels, by keys and to clicked points."""
+"""Motion of the viewpoint by keys or to clicked points: free flight, or a robot on wheels."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from omnisim.apps.live.ground import Ground
 from omnisim.core.poses import pose, wrap_angle
 from omnisim.robots.kinematics import Kinematics
 
-FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # of free flight at full keys
-SPEED_UP_S = 0.15  # to full speed in free flight
-NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # of a point that is reached
-MAX_STEP_S = 0.2  # of a motion between two images: a pause is no jump
+FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # full speed and turn rate of free flight
+SPEED_UP_S = 0.15  # time constant of acceleration in free flight
+NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # tolerances for reaching a point
+MAX_STEP_S = 0.2  # maximum motion time between two images, so that a pause causes no jump
 FARTHEST_M = 1e5
-# Digits of positions in meters and angles in degrees: what a command line is to repeat.
+# Decimals of positions in meters and of angles in degrees, so that commands repeat them exactly.
 DIGITS_M, DIGITS_DEG = 4, 3
 
 
 @dataclass(frozen=True)
 class Wish:
-    """Motion that keys ask for, each from −1 to 1.
+    """Motion requested by keys, each component from −1 to 1.
 
     Attributes:
-        ahead, left, up: of the position.
-        turn: to the left.
-        tilt: of the front downwards.
-        fast: factor of all.
+        ahead, left, up: requested velocity.
+        turn: requested turn rate, to the left.
+        tilt: requested pitch rate, front down.
+        fast: factor of all components.
     """
 
     ahead: float = 0.0
@@ -42,13 +42,13 @@ class Wish:
 
     @property
     def is_rest(self) -> bool:
-        """True where nothing is asked for."""
+        """True if no motion is requested."""
         return not (self.ahead or self.left or self.up or self.turn or self.tilt)
 
 
 @dataclass(frozen=True)
 class Place:
-    """Position in meters and attitude in degrees, world."""
+    """Position in meters and attitude in degrees, in the world."""
 
     position_m: tuple[float, float, float]
     yaw_deg: float = 0.0
@@ -61,7 +61,7 @@ class Place:
         return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
 
     def rounded(self) -> Place:
-        """Place in the digits of a command line, angles within ±180°."""
+        """Round to the decimals of a command line; angles are wrapped to ±180°."""
         x, y, z = (
             round(min(max(value, -FARTHEST_M), FARTHEST_M), DIGITS_M) + 0.0
             for value in self.position_m
@@ -74,13 +74,13 @@ class Place:
 
 
 class Pilot(ABC):
-    """Position and speeds of what is driven.
+    """Position and speed of the viewpoint or the robot.
 
     Attributes:
-        place: now.
-        wish: of the keys.
+        place: current pose.
+        wish: motion requested by keys.
         goal_m: clicked point (x, y) on the ground, or None.
-        blocked_by: instance that the robot has driven against; empty: none.
+        blocked_by: instance that blocks the robot; empty: none.
     """
 
     def __init__(self, place: Place):
@@ -92,18 +92,18 @@ class Pilot(ABC):
     @property
     @abstractmethod
     def is_moving(self) -> bool:
-        """True while a next moment shows another place."""
+        """True while the pose is about to change."""
 
     @abstractmethod
     def advance(self, seconds: float) -> None:
-        """Move on."""
+        """Advance the motion by a time."""
 
     def stop(self) -> None:
-        """Forget keys and goal."""
+        """Clear the keys and the goal."""
         self.wish, self.goal_m = Wish(), None
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
-        """Turn at once, as a drag does."""
+        """Turn immediately, as by a drag."""
         pitch = min(max(self.place.pitch_deg + pitch_deg, -89.0), 89.0)
         self.place = replace(
             self.place, yaw_deg=self.place.yaw_deg + yaw_deg, pitch_deg=pitch
@@ -111,7 +111,7 @@ class Pilot(ABC):
 
 
 class FreeFlight(Pilot):
-    """Viewpoint without a body, along its own heading, through anything."""
+    """Viewpoint without a body: flies along its heading, through obstacles."""
 
     def __init__(self, place: Place):
         super().__init__(place)
@@ -119,16 +119,16 @@ class FreeFlight(Pilot):
 
     @property
     def is_moving(self) -> bool:
-        """True while keys are held or speed is left."""
+        """True while a key is pressed, a goal is set, or the speed is not zero."""
         return not self.wish.is_rest or self.goal_m is not None or bool(np.any(self._speeds))
 
     def stop(self) -> None:
-        """Forget keys, goal and speed."""
+        """Clear the keys, the goal and the speed."""
         super().stop()
         self._speeds[:] = 0.0
 
     def advance(self, seconds: float) -> None:
-        """Move on; speeds follow the keys within a fraction of a second."""
+        """Advance by a time; speeds follow the keys within a fraction of a second."""
         seconds = min(seconds, MAX_STEP_S)
         wish, place = self.wish, self.place
         asked = np.array((wish.ahead, wish.left, wish.up, wish.turn, wish.tilt)) * wish.fast
@@ -166,21 +166,21 @@ class WheelDrive(Pilot):
 
     @property
     def is_moving(self) -> bool:
-        """True while keys are held, a goal is ahead, or speed is left."""
+        """True while a key is pressed, a goal is set, or the speed is not zero."""
         has_speed = bool(self._speed_mps or self._rate_radps)
         return not self.wish.is_rest or self.goal_m is not None or has_speed
 
     def stop(self) -> None:
-        """Forget keys and goal, and stand."""
+        """Clear the keys and the goal, and stop at once."""
         super().stop()
         self._speed_mps = self._rate_radps = 0.0
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
-        """Turn at once; a robot does not tilt."""
+        """Turn immediately; a robot does not tilt."""
         super().turn(yaw_deg, 0.0)
 
     def advance(self, seconds: float) -> None:
-        """Move on along an arc; a contact stops the robot."""
+        """Advance along an arc by a time; a contact stops the robot."""
         seconds = min(seconds, MAX_STEP_S)
         if seconds <= 0.0:
             return
@@ -198,16 +198,16 @@ class WheelDrive(Pilot):
         x += self._speed_mps * seconds * math.cos(middle)
         y += self._speed_mps * seconds * math.sin(middle)
         z = self._ground.height_m((x, y), z)
-        there = Place((x, y, z), math.degrees(yaw + self._rate_radps * seconds)).rounded()
-        self.blocked_by = self._ground.contact(self.place, there)
+        next_place = Place((x, y, z), math.degrees(yaw + self._rate_radps * seconds)).rounded()
+        self.blocked_by = self._ground.contact(self.place, next_place)
         if self.blocked_by:
             self._speed_mps = self._rate_radps = 0.0
             self.goal_m = None
         else:
-            self.place = there
+            self.place = next_place
 
     def _asked(self) -> tuple[float, float]:
-        """Speed and turn rate that keys or the goal ask for."""
+        """Speed and turn rate requested by keys or the goal."""
         limits, wish = self._limits, self.wish
         most_radps = min(limits.max_turn_rate_radps, math.radians(120.0))
         if not wish.is_rest:
@@ -232,5 +232,5 @@ class WheelDrive(Pilot):
 
 
 def _towards(value: float, wanted: float, step: float) -> float:
-    """Value that approaches another by at most one step."""
+    """Move a value towards another by at most one step."""
     return min(value + step, wanted) if wanted > value else max(value - step, wanted)

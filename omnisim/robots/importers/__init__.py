@@ -1,1 +1,1 @@
-"""Importers of robots from models of other simulators."""
+"""Importers of robot models from other simulators, and the robot files they write."""

@@ -1,4 +1,4 @@
-"""Imported robots as data, and the robot files written from them."""
+"""Robots imported from other simulators, and the robot files written from them."""
 
 from __future__ import annotations
 
@@ -26,16 +26,15 @@ _MAX_M = 1e6
 
 
 class ImportedSensor(NamedTuple):
-    """Sensor of a model at rest.
+    """Sensor of a model in its rest pose.
 
     Attributes:
         name: unique name of the sensor.
-        type: kind of sensor in a robot file.
-        position_m: (3,) position in the model's frame.
+        type: sensor type in a robot file.
+        position_m: (3,) in the model's frame.
         angles_deg: roll, pitch and yaw in the model's frame.
-        values: its other keys in a robot file.
-        camera: lens and quality of an omnidirectional camera; None: another sensor, or the
-            paper's camera.
+        values: further keys of its table in a robot file.
+        camera: lens and quality of an omnicamera; None: the paper's camera, or not an omnicamera.
         notices: one line for each omission.
         comments: lines above its table in the robot file.
     """
@@ -51,25 +50,25 @@ class ImportedSensor(NamedTuple):
 
     @classmethod
     def at(cls, name: str, kind: str, pose: NDArray[np.float64], *rest: Any) -> Self:
-        """Sensor at a pose (4, 4) in the model's frame; `rest` are the other attributes."""
+        """Sensor at a pose (4, 4) in the model's frame; `rest` are the fields from `values` on."""
         angles_deg = np.degrees(roll_pitch_yaw_from_rotation(pose[:3, :3]))
         return cls(name, kind, pose[:3, 3].tolist(), angles_deg.tolist(), *rest)
 
 
 @dataclass(frozen=True, eq=False)
 class ImportedRobot:
-    """Robot of a model at rest; its tables have the keys of a robot file.
+    """Robot of a model in its rest pose; its tables have the keys of a robot file.
 
     Attributes:
         name: name of the model.
         source: file of the model.
-        section: part of the file with the model, for messages.
-        sensors: sensors, in the order of the file.
-        notices: one line each.
-        comments: lines of the robot file, below its first.
-        body: file of the body's meshes; None: invisible.
-        resources: folders with the body's models and packages.
-        base_m: (3,) base on the ground, in the model's frame.
+        section: description of the model's part of the file.
+        sensors: sensors in the file's order.
+        notices: one line per omission or assumption.
+        comments: comment lines at the head of the robot file, after the first.
+        body: geometry of the model, or None.
+        resources: folders of models and packages that the body references.
+        base_m: (3,) position of the base, which is on the ground, in the model's frame.
         kinematics, footprint, physics: tables of the robot file; None: unknown.
     """
 
@@ -88,19 +87,19 @@ class ImportedRobot:
 
     @property
     def cameras(self) -> dict[str, OmniCamera]:
-        """Cameras with lenses of their own, by the names of their sensors."""
+        """Cameras with lenses of their own, by sensor name."""
         return {one.name: one.camera for one in self.sensors if one.camera is not None}
 
     def robot(self, file: Path) -> Robot:
-        """Robot of the file that `write` would write, with `cameras` in place of sensor files.
+        """Robot as read from a robot file; its cameras are in `cameras`, not in sensor files.
 
         Raises:
-            RobotFileError: values that are invalid in a robot file.
+            RobotFileError: a value is invalid in a robot file.
         """
         return parse_robot(self._table(file.parent), str(file), file.parent)
 
     def write(self, output: Path) -> None:
-        """Write the robot file, and before it the sensor files beside it.
+        """Write the sensor files, then the robot file beside them.
 
         Raises:
             OutputError: a file cannot be written.
@@ -110,7 +109,7 @@ class ImportedRobot:
         write_text(output, self.text(output))
 
     def text(self, output: Path) -> str:
-        """Text of a robot file with paths relative to the folder of `output`."""
+        """Text of the robot file at `output`; its paths are relative to the folder of `output`."""
         table = self._table(output.parent, self._sensor_files(output))
         table["sensors"] = [
             _commented(one.comments) | keys
@@ -124,7 +123,7 @@ class ImportedRobot:
         return {name: f"{output.stem}-{name}.toml" for name in self.cameras}
 
     def _table(self, folder: Path, files: Mapping[str, str] = {}) -> dict[str, Any]:
-        """Keys of the robot file of a folder, with the names of sensor files by sensor name."""
+        """Table of a robot file in `folder`; `files` are the sensor files' names by sensor name."""
         table: dict[str, Any] = {"name": folder_name(self.name).lower(), "title": self.name}
         if self.body is not None:
             table["body"] = os.path.relpath(self.source, folder)
@@ -149,9 +148,9 @@ class ImportedRobot:
         if file is not None:
             table["file"] = file
         origin_m = np.array(sensor.position_m)
-        # a sensor farther away is refused with the robot file
+        # positions beyond the limit are rejected when the robot file is parsed
         if self.body is not None and sensor.type != "imu" and np.abs(origin_m).max() < _MAX_M:
-            # simulators do not draw the inside of a housing
+            # other simulators cull the back faces of a housing around the sensor
             hides = enclosing_nodes(self.body, origin_m)
             table |= {"hides": hides} if hides else {}
         return table
@@ -162,7 +161,7 @@ def _commented(lines: Sequence[str]) -> dict[str, Any]:
 
 
 def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -> Scene | None:
-    """Load the meshes of a model; None, with a notice: they cannot be read."""
+    """Load the model's geometry; a failure adds a notice and returns None."""
     try:
         return read_scene(path, resources=resources, animation="none")
     except SceneError as reason:
@@ -171,7 +170,7 @@ def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -
 
 
 def footprint(body: Scene, base_m: NDArray[np.float64]) -> dict[str, float]:
-    """Footprint of a body, about the base (3,) in the body's frame."""
+    """Footprint table of a body, centered at the base; `base_m` (3,) is in the body's frame."""
     low, high = body.bounds_m() - base_m
     length, width = (2.0 * float(max(-low[axis], high[axis])) for axis in (0, 1))
     sizes = {"length_m": length, "width_m": width, "height_m": max(float(high[2]), 0.01)}

@@ -1,4 +1,4 @@
-"""Importers of robots, by file format."""
+"""Importers of robots, selected by file format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from omnisim.robots.vehicle import Vehicle
 
 Resources = Sequence[str | Path]
 
-# Their drives import none of the formats.
+# Imported on demand: robot files need none of the formats.
 
 
 def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
@@ -39,7 +39,7 @@ def _import_mjcf(path: Path, name: str | None, resources: Resources) -> Imported
         return _import_urdf(path, name, resources)
     _check_no_name(path, name)
     require_extra("mujoco", str(path))
-    from omnisim.robots.importers.mjcf_robot import import_mjcf  # of the extra
+    from omnisim.robots.importers.mjcf_robot import import_mjcf  # needs the extra
 
     return import_mjcf(path, resources)
 
@@ -55,15 +55,15 @@ SUFFIXES = tuple(_IMPORTERS)
 
 
 def import_model(path: Path, name: str | None = None, resources: Resources = ()) -> ImportedRobot:
-    """Import the robot of a model.
+    """Import the robot of a model file.
 
     Args:
-        path: model file with one of `SUFFIXES`.
-        name: name of the model in a file of several.
-        resources: folders with its models and packages.
+        path: model file with one of the `SUFFIXES`; any other suffix is read as MJCF.
+        name: name of the model, for a file with several.
+        resources: folders of referenced models and packages.
 
     Raises:
-        RobotFileError: no such file or model, or an invalid value.
+        RobotFileError: the file or the model is missing, or a value is invalid.
         OmnisimError: MuJoCo is not installed.
     """
     if not path.is_file():
@@ -77,12 +77,12 @@ def _check_no_name(path: Path, name: str | None) -> None:
 
 
 class LoadedModel(NamedTuple):
-    """Robot of a model without a robot file.
+    """Robot loaded from a model, without a robot file.
 
     Attributes:
-        robot: robot, as from a robot file.
+        robot: robot as parsed from the equivalent robot file.
         vehicle: vehicle with its body and sensors.
-        notices: one line each.
+        notices: one line per omission or assumption.
     """
 
     robot: Robot
@@ -91,7 +91,7 @@ class LoadedModel(NamedTuple):
 
 
 def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:
-    """Load a model file as a robot.
+    """Load a model file as a vehicle.
 
     Raises:
         OmnisimError: see `import_model` and `Vehicle.from_robot`.

@@ -1,4 +1,4 @@
-"""Robots of URDF and MuJoCo: body, wheels, masses and sensors."""
+"""Conversion of URDF and MuJoCo robots: body, wheels, masses and sensors."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSenso
 from omnisim.robots.importers.wheels import Wheel, drive_of
 from omnisim.scene import Scene
 
-CLEARANCE = 0.25  # share of a wheel's diameter that the wheel can climb
+CLEARANCE = 0.25  # ground clearance as a share of the wheel diameter
 
 
 class Mechanics(NamedTuple):
-    """Robot of a model at rest, in the file's frame.
+    """Mechanics and sensors of a robot model in its rest pose, in the file's frame.
 
     Attributes:
         name: name of the model.
@@ -26,7 +26,7 @@ class Mechanics(NamedTuple):
         mass_kg: total mass; 0: unknown.
         center_m: (3,) center of mass.
         sensors: sensors with unique names.
-        limits: keys of `[kinematics]` that the model states.
+        limits: limits that the model states, with the keys of `[kinematics]`.
     """
 
     name: str
@@ -44,14 +44,14 @@ def imported_robot(
     resources: Sequence[Path],
     notices: list[str],
 ) -> ImportedRobot:
-    """Make the robot of a model; its base is on the ground between its wheels.
+    """Convert a model to a robot whose base is on the ground, centered between its wheels.
 
     Args:
-        mechanics: parts of the robot.
+        mechanics: wheels, mass and sensors of the model.
         source: file of the model.
-        body: body in the file's frame; None: invisible.
-        resources: folders with the body's models and packages.
-        notices: list that notices of the drive are appended to.
+        body: geometry in the file's frame, or None.
+        resources: folders of packages that the body references.
+        notices: list to which the notices about the drive and the sensors are appended.
     """
     drive = drive_of(mechanics.wheels, notices)
     base_m = np.zeros(3)

@@ -1,4 +1,4 @@
-"""Robots of MuJoCo models: wheels by their joints, cameras, and IMUs."""
+"""Import of MuJoCo robots: wheels by their joints, cameras and IMUs."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _OBJECTS = mujoco.mjtObj
 
 
 def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
-    """Import the robot of a model; it must be the only body of its world.
+    """Import the robot of a model, which must be the only top-level body.
 
     Args:
         path: model file.
-        resources: unused; MuJoCo resolves files itself.
+        resources: unused; MuJoCo resolves its own paths.
 
     Raises:
-        RobotFileError: MuJoCo cannot read the file, or the model does not have exactly one robot.
+        RobotFileError: MuJoCo cannot read the model, or it does not have exactly one robot.
     """
     notices: list[str] = []
     try:
         model, data, _ = load_model(path)
-        found = _mechanics(model, data, path, notices)
+        mechanics = _mechanics(model, data, path, notices)
     except RobotFileError:
         raise
     except OmnisimError as reason:
@@ -52,7 +52,7 @@ def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
     body = load_body(path, resources, notices)
     if body is not None:
         body = without_world(body, path)
-    return imported_robot(found, path, body, (), notices)
+    return imported_robot(mechanics, path, body, (), notices)
 
 
 def _mechanics(
@@ -68,7 +68,7 @@ def _mechanics(
 
 
 def _root(model: mujoco.MjModel, path: Path, notices: list[str]) -> int:
-    """Body of the robot, the only one in the world; the world's own geometry is left out."""
+    """Index of the robot's root body; a notice lists the world's own geoms, which are left out."""
     roots = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
     others = [
         name
@@ -88,7 +88,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _wheels(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Iterator[Wheel]:
-    """Bodies on unlimited hinges about y that carry no further moving bodies."""
+    """Wheels: bodies on unlimited hinges about y, fixed to the robot's root body."""
     for joint in range(model.njnt):
         body = int(model.jnt_bodyid[joint])
         parent = int(model.body_parentid[body])
@@ -121,7 +121,7 @@ def _geoms(model: mujoco.MjModel, body: int) -> range:
 def _tire(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int
 ) -> tuple[NDArray[np.float64], float] | None:
-    """Middle (3,) and radius of a round geom or of a mesh; None: another shape."""
+    """Center (3,) and radius of a round geom or a mesh; None for other shapes."""
     kinds, kind = mujoco.mjtGeom, int(model.geom_type[geom])
     middle_m = np.array(data.geom_xpos[geom])
     if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_SPHERE, kinds.mjGEOM_ELLIPSOID):
@@ -136,7 +136,7 @@ def _tire(
 def _cameras(
     model: mujoco.MjModel, data: mujoco.MjData, notices: list[str]
 ) -> Iterator[ImportedSensor]:
-    """Cameras with their own lenses, except cameras fixed in the world."""
+    """Cameras with lenses of their own; cameras fixed to the world are skipped."""
     taken: set[str] = set()
     for number in range(model.ncam):
         name = _name(model, _OBJECTS.mjOBJ_CAMERA, number)
@@ -153,7 +153,7 @@ def _cameras(
 
 
 def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor]:
-    """IMU at each site with a gyroscope or accelerometer."""
+    """IMUs: one at each site with a gyroscope or an accelerometer."""
     sites = {
         int(model.sensor_objid[number])
         for number in range(model.nsensor)

@@ -1,4 +1,4 @@
-"""Robots of URDF: wheels by their joints, and the sensors of its `<gazebo>` elements."""
+"""Import of URDF robots: wheels by their joints, and sensors of `<gazebo>` elements."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.sensor_names import folder_name
 
-Poses = Mapping[str, NDArray[np.float64]]  # of the links
+Poses = Mapping[str, NDArray[np.float64]]  # poses (4, 4) by link name
 
 
 def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
-    """Import a robot.
+    """Import the robot of a URDF file.
 
     Args:
         path: URDF file.
-        resources: folders of its packages.
+        resources: folders of referenced packages.
 
     Raises:
-        RobotFileError: the file is damaged; the message names element, attribute and value.
+        RobotFileError: the file is damaged; names the element, attribute and value.
     """
     notices: list[str] = []
     try:
@@ -52,14 +52,14 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
         raise RobotFileError(f"{path}: cannot be read: {reason.strerror}") from None
     except (SceneError, RobotFileError) as reason:
         raise RobotFileError(f"{path}: {reason}") from None
-    found = Mechanics(robot.name or path.stem, wheels, mass_kg, center_m, sensors, limits)
+    mechanics = Mechanics(robot.name or path.stem, wheels, mass_kg, center_m, sensors, limits)
     texts = {value for element in root.iter() for value in element.attrib.values()}
     folders = ResourcePath(path, resources).used(sorted(one for one in texts if "://" in one))
-    return imported_robot(found, path, body, folders, notices)
+    return imported_robot(mechanics, path, body, folders, notices)
 
 
 def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Wheel]:
-    """Links on continuous joints about y that carry no further moving links."""
+    """Wheels: links on continuous joints about y, fixed to the base."""
     moved = {
         _link(joint, "child"): _link(joint, "parent")
         for joint in robot.children("joint")
@@ -88,19 +88,19 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
 
 
 def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
-    """True for each joint whose child is the link."""
+    """Yields True for each joint whose child is the given link."""
     return (True for joint in robot.children("joint") if _link(joint, "child") == link)
 
 
 def _link(joint: XmlElement, tag: str) -> str:
-    found = joint.find(tag)
-    return "" if found is None else found.attribute("link")
+    element = joint.find(tag)
+    return "" if element is None else element.attribute("link")
 
 
 def _tire(
     link: XmlElement, pose: NDArray[np.float64], body: Scene | None
 ) -> tuple[NDArray[np.float64], float] | None:
-    """Middle (3,) and radius of a wheel, from a round shape or else from all its visuals."""
+    """Center (3,) and radius of a wheel: of its round shape, else of its geometry's bounds."""
     for tag in ("collision", "visual"):
         for part in link.children(tag):
             geometry = part.find("geometry")
@@ -123,7 +123,7 @@ def _tire(
 
 
 def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
-    """Mass of all links, and their center of mass (3,)."""
+    """Total mass of all links, and the center of mass (3,)."""
     total_kg, moment = 0.0, np.zeros(3)
     for link in robot.children("link"):
         inertial = link.find("inertial")
@@ -139,7 +139,7 @@ def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
 def _sensors(
     root: Element, path: Path, poses: Poses, notices: list[str]
 ) -> Iterator[ImportedSensor]:
-    """Sensors of the `<gazebo>` elements, by their links."""
+    """Sensors of the `<gazebo>` elements, placed on their links; notices count the others."""
     others: Counter[str] = Counter()
     taken: set[str] = set()
     for extension in XmlElement(root, "robot", path).children("gazebo"):
@@ -154,7 +154,7 @@ def _sensors(
 
 
 def _plugin_limits(root: Element, path: Path) -> dict[str, float]:
-    """Limits stated by a Gazebo plugin, by the keys of `[kinematics]`."""
+    """Limits stated by Gazebo's drive plugin; empty without one."""
     for extension in XmlElement(root, "robot", path).children("gazebo"):
         for plugin in extension.children("plugin"):
             if is_wheel_drive(plugin):

@@ -1,4 +1,4 @@
-"""Wheels on joints, and the drive of a robot with such wheels."""
+"""Wheels on joints, and the drive that they form."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 ACROSS_COSINE = 0.9  # minimum cosine between a wheel's axis and y
-GROUND_SHARE = 0.25  # maximum difference between the wheels' lowest points, as a share of a radius
+GROUND_SHARE = 0.25  # maximum height of a wheel's lowest point above the ground, in radii
 
 
 class Wheel(NamedTuple):
-    """Wheel of a model at rest.
+    """Wheel of a model in its rest pose.
 
     Attributes:
-        name: name of its joint.
-        middle_m: (3,) middle of the tire, in the file's frame.
+        name: name of the wheel's joint.
+        middle_m: (3,) center of the tire, in the file's frame.
         radius_m: radius of the tire.
-        speed_radps: maximum speed stated by its joint; 0: not stated.
+        speed_radps: maximum speed that the joint states; 0: unstated.
     """
 
     name: str
@@ -29,17 +29,17 @@ class Wheel(NamedTuple):
 
     @property
     def lowest_m(self) -> float:
-        """Height of its lowest point."""
+        """Height of the wheel's lowest point."""
         return float(self.middle_m[2]) - self.radius_m
 
 
 class WheelDrive(NamedTuple):
-    """Drive of a robot on wheels that turn in pairs.
+    """Drive of a robot whose wheels turn in pairs.
 
     Attributes:
-        base_m: (3,) point on the ground between the wheels, in the file's frame.
-        table: keys of `[kinematics]` without limits.
-        speed_mps: maximum speed stated by the joints; 0: not stated.
+        base_m: (3,) point on the ground, centered between the wheels, in the file's frame.
+        table: keys of `[kinematics]` without the limits.
+        speed_mps: maximum speed from the joints' limits; 0: unstated.
     """
 
     base_m: NDArray[np.float64]
@@ -48,12 +48,12 @@ class WheelDrive(NamedTuple):
 
 
 def is_across(axis: NDArray[np.float64]) -> bool:
-    """True for an axis (3,) that points left or right."""
+    """True if an axis (3,) points left or right."""
     return bool(abs(axis[1]) > ACROSS_COSINE * np.linalg.norm(axis))
 
 
 def drive_of(wheels: Sequence[Wheel], notices: list[str]) -> WheelDrive | None:
-    """Drive of the wheels on the ground; None, with a notice: the wheels are not in pairs."""
+    """Drive of the wheels on the ground; None, with a notice, if they do not form pairs."""
     ground_m = min((one.lowest_m for one in wheels), default=0.0)
     standing = [one for one in wheels if one.lowest_m - ground_m < GROUND_SHARE * one.radius_m]
     middles = np.array([one.middle_m for one in standing]).reshape(-1, 3)

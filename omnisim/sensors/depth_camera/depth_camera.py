@@ -1,13 +1,13 @@
-"""Depth cameras by triangulation: a camera, and next to it a projector or a second camera.
+"""Depth cameras by triangulation: a camera and, beside it, a projector or a second camera.
 
     disparity = f baseline/z + noise, rounded to a step        z = f baseline/disparity
 
-so that σ_z = σ_disparity z²/(f baseline). A pixel is a hole if the second view does not see its
-point, if its surface is seen at a grazing angle, or if it is out of range.
+so that σ_z = σ_disparity z²/(f baseline). A pixel is a hole if its point is hidden from the second
+view or out of range, or if the ray grazes the surface.
 
-The second view is to the right: shadows lie to the left of the surfaces that cast them. Noise is
-independent between pixels; real cameras match windows, which smooths noise and makes edges ragged.
-Dark, shiny and transparent surfaces, sunlight and lens distortion are not modeled.
+The second view is to the right, so shadows are on the left of the objects that cast them. Noise is
+independent per pixel. Real devices match windows, which makes noise smooth and edges ragged. The
+model omits dark, shiny and transparent surfaces, sunlight and lens distortion.
 
 Sources: Khoshelham and Elberink, "Accuracy and resolution of Kinect depth data", Sensors 12(2),
 2012; Konolige and Mihelich, "Technical description of Kinect calibration", ROS, 2010; Nguyen, Izadi
@@ -44,26 +44,25 @@ from omnisim.rendering.shared_scene import SharedScene
 MAX_RANGE_M = 65.535  # 16 bits of millimeters
 # A surface casts a shadow if it is nearer to the second view by this share of the depth.
 SHADOW_SHARE = 1e-3
-# Minimum depth ratio of neighbors at an edge: more than along a surface at 85° to the rays.
+# Ratio of neighboring depths at an edge: more than along a surface inclined by 85° to the rays.
 EDGE_RATIO = 1.05
 Size = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE_PX)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DepthCamera(Parameters, name="depth_camera"):
-    """Geometry and errors of a depth camera; the defaults are those of the first Kinect.
+    """Geometry and errors of a depth camera; the default is a Kinect of the first version.
 
     Attributes:
-        width_px, height_px: image size; the optical axis is in the middle of the image.
+        width_px, height_px: image size; the optical axis passes through the center.
         focal_length_px: focal length.
         baseline_m: distance from the camera to the second view, to the right.
-        is_stereo: True: the second view is a camera with the same image, beyond whose edge are
-            holes;
-            False: a projector that lights the camera's whole image.
-        range_min_m, range_max_m: limits of the depth along the optical axis.
+        is_stereo: True: the second view is a camera with the same image size; points outside its
+            image are holes. False: a projector that illuminates the whole view of the camera.
+        range_min_m, range_max_m: depth limits along the optical axis; pixels outside are holes.
         max_incidence_deg: maximum angle between a surface's normal and the ray.
-        disparity_sigma_px: standard deviation of the disparity, rounding included.
-        disparity_step_px: step that disparities are rounded to; 0: no rounding.
+        disparity_sigma_px: standard deviation of the disparity, including rounding.
+        disparity_step_px: disparities are rounded to multiples of this step; 0: no rounding.
     """
 
     width_px: Size = 640
@@ -81,12 +80,12 @@ class DepthCamera(Parameters, name="depth_camera"):
         return short_repr(self, self.summary())
 
     def summary(self) -> str:
-        """Size and range."""
+        """Short description: image size and range."""
         size = f"{self.width_px} × {self.height_px} px"
         return f"{size}, {self.range_min_m:.3g} to {self.range_max_m:g} m"
 
     def open(self, stage: SharedScene, mounting: Mounting) -> DepthRenderer:
-        """Open a renderer of depths on a stage."""
+        """Open a renderer of depth images on a stage."""
         return DepthRenderer(stage, self, mounting)
 
     def _check(self) -> None:
@@ -99,10 +98,12 @@ class DepthCamera(Parameters, name="depth_camera"):
     def kinect_v1(cls) -> DepthCamera:
         """Microsoft's Kinect of 2010, with structured light.
 
-        580 px, 75 mm and a step of an eighth of a pixel: Konolige and Mihelich. Sigma is half of
-        this step, and the range 0.5 to 5 m: Khoshelham and Elberink, whose σ_z = 1.425e-3 z² agrees
-        to 1 %.
-        80° is an assumption, from the angles up to which Nguyen et al. measure depth.
+        The focal length of 580 px, the baseline of 75 mm and the step of 1/8 px are from Konolige
+        and
+        Mihelich. A sigma of half a step and the range of 0.5 to 5 m are from Khoshelham and
+        Elberink;
+        their σ_z = 1.425e-3 z² agrees to 1 %. 80° is an assumption, based on the angles at which
+        Nguyen et al. measure depth.
         """
         return cls()
 
@@ -110,8 +111,9 @@ class DepthCamera(Parameters, name="depth_camera"):
     def d435(cls) -> DepthCamera:
         """Intel's RealSense D435 at 848 × 480: stereo with a projected texture.
 
-        90° wide, 50 mm, 0.08 px and steps of 1/32 px: Intel. The minimum depth is that of the
-        maximum disparity, 126 px. 10 m is the maker's maximum range; 85° is an assumption.
+        The 90° field of view, the baseline of 50 mm, the noise of 0.08 px and the steps of 1/32 px
+        are Intel's. The minimum depth follows from the maximum disparity of 126 px. The
+        range of 10 m is the maker's; 85° is an assumption.
         """
         focal_length_px, baseline_m = 424.0, 0.05
         return cls(
@@ -128,7 +130,7 @@ class DepthCamera(Parameters, name="depth_camera"):
         )
 
     def without_noise(self) -> DepthCamera:
-        """The same camera with exact depths; holes remain."""
+        """Copy of the camera with exact depths; holes remain."""
         return dataclasses.replace(self, disparity_sigma_px=0.0, disparity_step_px=0.0)
 
     @property
@@ -139,7 +141,7 @@ class DepthCamera(Parameters, name="depth_camera"):
 
     @property
     def second_model(self) -> PerspectiveCamera:
-        """Camera model of the second view; a projector's covers all points in range."""
+        """Camera model of the second view; a projector's is wide enough for all points in range."""
         u, v = self.model.principal_point_px
         return PerspectiveCamera(
             self.second_width_px, self.height_px, self.focal_length_px, (u + self._margin_px, v)
@@ -147,21 +149,21 @@ class DepthCamera(Parameters, name="depth_camera"):
 
     @property
     def second_width_px(self) -> int:
-        """Width of the second view."""
+        """Width of the second view, px."""
         return self.width_px + self._margin_px
 
     @property
     def _margin_px(self) -> int:
-        """Columns of the second view to the left of the camera's image."""
+        """Number of columns that the second view extends beyond the camera's left edge."""
         return 0 if self.is_stereo else math.ceil(self._disparity_m / self.range_min_m)
 
     @property
     def _disparity_m(self) -> float:
-        """Product of disparity and depth, pixels times meters."""
+        """Product of disparity and depth, in pixels times meters."""
         return self.focal_length_px * self.baseline_m
 
     def sigma_m(self, z_m: float) -> float:
-        """Standard deviation of the measurement at a depth."""
+        """Standard deviation of a depth measurement at depth `z_m`."""
         return self.disparity_sigma_px * z_m**2 / self._disparity_m
 
     def measure(
@@ -172,18 +174,18 @@ class DepthCamera(Parameters, name="depth_camera"):
         seed: int | str = 0,
         frame_number: int = 0,
     ) -> NDArray[np.float32]:
-        """Measured depths (height, width) along the optical axis in meters, 0 in holes.
+        """Simulate depths (height, width) along the optical axis in meters; 0 in holes.
 
         Args:
             z_m: (height, width) true depths; +inf: no surface.
-            second_z_m: (height, second_width_px) true depths in the second view.
+            second_z_m: (height, second_width_px) true depths of the second view.
             incidence_cosines: (height, width) cosines between normals and rays.
             seed: seed of the noise.
-            frame_number: number of the frame; noise differs between frames.
+            frame_number: index of the frame; each frame has its own noise.
         """
         measured = self._with_noise(z_m, seed, frame_number)
         is_steep = incidence_cosines < math.cos(math.radians(self.max_incidence_deg))
-        with np.errstate(invalid="ignore"):  # from infinite depths
+        with np.errstate(invalid="ignore"):  # infinite depths
             is_out = ~((measured >= self.range_min_m) & (measured <= self.range_max_m))
         holes = is_steep | is_out | ~np.isfinite(z_m)
         seen = np.nonzero(~holes)
@@ -193,13 +195,13 @@ class DepthCamera(Parameters, name="depth_camera"):
     def _with_noise(
         self, z_m: NDArray[np.float32], seed: int | str, frame_number: int
     ) -> NDArray[np.float32]:
-        """Depths from disparities with noise; +inf if these are not positive."""
+        """Depths computed from noisy disparities; +inf if a disparity is not positive."""
         sigma_px, step_px = self.disparity_sigma_px, self.disparity_step_px
         if not sigma_px and not step_px:
             return z_m
         rows, columns = np.indices(z_m.shape)
         hashes = pcg4d(columns, rows, frame_number, key_of("depth", seed))
-        # rounding adds uniformly distributed noise
+        # rounding contributes uniformly distributed noise
         white_px = math.sqrt(max(sigma_px**2 - step_px**2 / 12.0, 0.0))
         disparity_px = self._disparity_m / z_m + white_px * normal(hashes[0], hashes[1])
         if step_px:
@@ -215,14 +217,14 @@ class DepthCamera(Parameters, name="depth_camera"):
         rows: NDArray[np.intp],
         columns: NDArray[np.intp],
     ) -> NDArray[np.bool_]:
-        """True for points (n,), given by depths and pixels, that the second view sees."""
+        """Mask (n,) of the points, given by depth and pixel, that the second view sees."""
         second_u = columns + self._margin_px - self._disparity_m / z_m.astype(np.float64)
         left = np.clip(np.floor(second_u).astype(np.intp), 0, self.second_width_px - 2)
         beside = second_z_m[rows, left], second_z_m[rows, left + 1]
         farther = np.maximum(*beside)
         is_edge = farther > EDGE_RATIO * np.minimum(*beside)
         nearest = np.where(second_u - left < 0.5, *beside) * math.sqrt(EDGE_RATIO)
-        # along a surface, the point lies between the depths of two neighbors
+        # on a smooth surface the point's depth lies between those of two neighboring pixels
         limit_m = np.where(is_edge, nearest, farther * (1.0 + SHADOW_SHARE))
         in_image = (second_u >= -0.5) & (second_u <= self.second_width_px - 0.5)
         seen: NDArray[np.bool_] = in_image & (z_m <= limit_m)
@@ -230,17 +232,17 @@ class DepthCamera(Parameters, name="depth_camera"):
 
 
 class _Views:
-    """Back ends of the camera's view and of the second view.
+    """Render passes of the camera and of the second view.
 
     Args:
-        backends: both back ends.
+        backends: back ends of the camera and of the second view.
     """
 
     def __init__(self, backends: Iterable[CameraBackend]):
         self.first, self.second = backends
 
     def refresh(self) -> None:
-        """Update to the stage's current content."""
+        """Refresh both back ends after a change of the stage."""
         self.first.refresh()
         self.second.refresh()
 
@@ -258,7 +260,7 @@ def _channels(
 
 
 class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
-    """Renderer of a depth camera's images of a scene."""
+    """Renders a depth camera's images of a scene."""
 
     def __init__(self, stage: SharedScene, sensor: DepthCamera, mounting: Mounting):
         self._seed = mounting.seed
@@ -266,7 +268,7 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> _Views:
         stage, camera, mount = self._stage, self.sensor, self._base_from_sensor
-        # to the right, seen along x
+        # to the right as seen along x
         beside = mount @ pose((0.0, -camera.baseline_m, 0.0))
         size_m, vehicles = scene_size_m(stage.scene), tuple(stage.vehicles)
         cameras = (
@@ -277,15 +279,14 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
         return _Views(stage.backend.camera(setup) for setup in setups)
 
     def measure(self, state: WorldState | ArrayLike, frame_number: int = 0) -> NDArray[np.float32]:
-        """Depths (height, width) along the optical axis in meters, 0 in holes.
+        """Render depths (height, width) along the optical axis in meters; 0 in holes.
 
         Args:
-            state: world state; or, if nothing else moves, the pose (4, 4) of the vehicle.
-            frame_number: number of the frame; noise differs between frames.
+            state: state of the world; if nothing else moves, the vehicle's (4, 4) pose suffices.
+            frame_number: index of the frame; each frame has its own noise.
 
         Raises:
-            OmnisimError: an invalid pose, an object without a pose, or the renderer or its stage is
-                closed.
+            OmnisimError: an invalid pose, an object without a pose, or a closed renderer or stage.
         """
         now = self._state(state)
         world_from_base = now.world_from_object[self.vehicle]
@@ -303,7 +304,7 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
         )
 
     def _incidence_cosines(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Cosines (height, width) between normals (height, width, 3), optical frame, and rays."""
+        """Cosines (height, width) between rays and normals (height, width, 3), optical frame."""
         model = self.sensor.model
         u, v = np.meshgrid(np.arange(model.width_px), np.arange(model.height_px))
         rays = model.ray_from_pixel(np.stack((u, v), axis=-1)).directions.astype(np.float32)

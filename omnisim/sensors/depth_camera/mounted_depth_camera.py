@@ -35,7 +35,7 @@ DEVICES = {"kinect_v1": DepthCamera.kinect_v1, "d435": DepthCamera.d435}
 
 
 class MountedDepthCamera(RenderedSensor):
-    """Depth camera on its vehicle."""
+    """Depth camera mounted on a vehicle."""
 
     sensor: DepthCamera
     noun: ClassVar[str] = "depth"
@@ -45,11 +45,11 @@ class MountedDepthCamera(RenderedSensor):
 
     @property
     def near_m(self) -> float:
-        """Minimum visible distance."""
+        """Minimum distance of visible surfaces."""
         return self._camera.near_m
 
     def documents(self) -> dict[str, str]:
-        """Calibration file of the camera."""
+        """Text of the calibration file, by file name."""
         return {CALIBRATION: calibration_json(self._camera)}
 
     @property
@@ -59,49 +59,49 @@ class MountedDepthCamera(RenderedSensor):
     def measure(
         self, renderer: DepthRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Measure the depths at a moment, without an exposure time."""
+        """Measure the depths at a moment, with an instantaneous shutter."""
         depths_m = renderer.measure(moment.motion(moment.time_s), moment.number)
         return FileMeasurement(DEPTH_SUFFIX, partial(_write_depths, depths_m))
 
 
 def _write_depths(depths_m: NDArray[np.float32], path: Path) -> None:
-    """Write depths as 16-bit millimeters, 0 in holes (ROS, REP 118)."""
+    """Write depths as 16-bit millimeters, 0 in holes. Source: ROS, REP 118."""
     steps = np.round(depths_m * STEPS_PER_M).astype(np.uint16)
     write_numbers(path, steps, {"unit_m": 1.0 / STEPS_PER_M})
 
 
 class DepthCameraMount(SensorMount):
-    """Depth camera that looks along x; its errors follow from the drive's seed."""
+    """Depth camera, looking along x; the drive's seed determines its errors."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedDepthCamera
 
     type: Literal["depth_camera"]
     device: Literal["kinect_v1", "d435"] = "kinect_v1"
-    """Size, field of view, range and errors: "kinect_v1" or Intel's "d435"."""
+    """Device that sets size, field of view, range and errors: "kinect_v1" or Intel's "d435"."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """True: the device's errors; false: depths exact to the millimeter, with the same holes."""
+    """True: the device's errors; false: depths exact to the millimeter, with holes."""
     width_px: Size | None = None
-    """Image width in pixels; this and the following keys: left out, the device's."""
+    """Image width in pixels. Default here and for all further keys: the device's value."""
     height_px: Size | None = None
     """Image height in pixels."""
     focal_length_px: AboveZero | None = None
-    """Focal length in pixels; the optical axis is in the middle of the image."""
+    """Focal length in pixels; the optical axis passes through the image center."""
     baseline_m: AboveZero | None = None
-    """Meters from the camera to the projector or second camera, to the right."""
+    """Distance in meters to the projector or the second camera, to the right."""
     is_stereo: Annotated[bool, Field(strict=True)] | None = None
-    """True: a second camera with the same image; false: a projector that lights the whole image."""
+    """True: a second camera with the same image size; false: a projector that lights all of it."""
     range_min_m: AboveZero | None = None
-    """Minimum depth along the optical axis in meters; below are holes."""
+    """Minimum depth along the optical axis in meters; nearer pixels are holes."""
     range_max_m: Annotated[Number, Field(gt=0.0, le=MAX_RANGE_M)] | None = None
-    """Maximum depth along the optical axis in meters; beyond are holes."""
+    """Maximum depth along the optical axis in meters; farther pixels are holes."""
     max_incidence_deg: Annotated[Number, Field(gt=0.0, le=90.0)] | None = None
-    """Maximum angle between ray and normal in degrees; beyond are holes."""
+    """Maximum angle between ray and surface normal in degrees; steeper pixels are holes."""
     disparity_sigma_px: Level | None = None
-    """Standard deviation of the disparity, rounding included."""
+    """Standard deviation of the disparity in pixels, including rounding."""
     disparity_step_px: Level | None = None
-    """Step of the disparity; 0: none."""
+    """Step of the disparity in pixels; 0: no rounding."""
 
     def parameters(self) -> DepthCamera:
-        """Build the camera."""
+        """Build the camera's parameters."""
         camera = self.overriding(DEVICES[self.device]())
         return camera if self.noise else camera.without_noise()

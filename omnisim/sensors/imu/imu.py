@@ -1,18 +1,17 @@
 """Inertial measurement units: angular rate and specific force.
 
-A reading is the mean over its period, centered at its time stamp, in the frame of the unit (REP
-103),
-as for a MEMS unit that integrates and corrects its stamps for the delay: the sum of the readings is
-the change of velocity and heading, even if acceleration jumps, and the trapezoidal rule recovers
-the motion. White noise and a randomly walking bias are added, as in Kalibr's model and in data sets
-for visual-inertial odometry:
+A reading is the mean over one period centered on its time, in the frame of the unit (REP 103). This
+matches a MEMS unit that integrates and corrects its stamps for the delay. The sum of the readings
+is the change of velocity and heading, even if acceleration jumps, and the trapezoidal rule
+recovers the motion. White noise and a random-walk bias are added, as in Kalibr's model and in
+visual-inertial data sets:
 
     rate = true rate + bias + density·√rate_hz·n        bias += random walk/√rate_hz·n
 
-The first reading is the mean after the start, the last one the mean before the end. Scale errors,
-misalignment, saturation, rounding, temperature and the earth's rotation are not modeled.
+The first reading averages only the time after the start, the last only the time before the end. The
+model omits scale errors, misalignment, saturation, rounding, temperature and the earth's rotation.
 
-Noise and bias depend only on a key and the number of the reading.
+Noise and bias depend only on a key and the index of the reading.
 
 Sources: Furgale et al., "Unified temporal and spatial calibration for multi-sensor systems", IROS
 2013; IEEE Std 952-1997 (Allan variance); Burri et al., "The EuRoC micro aerial vehicle datasets",
@@ -33,15 +32,15 @@ from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 _READING, _START = 0, 1  # streams of random numbers
-_BLOCK = 100_000  # readings at a time, which bounds memory
+_BLOCK = 100_000  # readings per block, which bounds memory
 
 
 @dataclass(frozen=True)
 class ImuErrors:
-    """Noise of an inertial measurement unit.
+    """Noise and bias of an inertial measurement unit.
 
     Attributes:
-        gyro_noise_radps_per_sqrt_hz, accel_noise_mps2_per_sqrt_hz: densities of white noise.
+        gyro_noise_radps_per_sqrt_hz, accel_noise_mps2_per_sqrt_hz: densities of the white noise.
         gyro_bias_walk_radps2_per_sqrt_hz, accel_bias_walk_mps3_per_sqrt_hz: random walks of the
             biases.
         gyro_bias_sigma_radps, accel_bias_sigma_mps2: standard deviations of the initial biases.
@@ -55,7 +54,7 @@ class ImuErrors:
     accel_bias_sigma_mps2: float = 0.0
 
     def biases(self, count: int, rate_hz: float, key: int) -> NDArray[np.float64]:
-        """Biases (count, 6) of the first readings: three rates, then three forces."""
+        """Biases (count, 6) of the first `count` readings: three rates, then three forces."""
         walk = self._six(
             self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz
         )
@@ -84,7 +83,7 @@ class ImuErrors:
 DEVICES = {
     # EuRoC MAV: sensor.yaml of imu0
     "adis16448": ImuErrors(1.6968e-4, 1.9393e-5, 2.0e-3, 3.0e-3),
-    # TUM VI: values from its Allan plots, not the inflated ones
+    # TUM VI: values read from its Allan plots, not the inflated ones
     "bmi160": ImuErrors(8.0e-5, 2.2e-6, 1.4e-3, 8.6e-5),
     "ideal": ImuErrors(),
 }
@@ -97,14 +96,14 @@ def true_readings(
     times_s: NDArray[np.float64],
     period_s: float,
 ) -> NDArray[np.float64]:
-    """Angular rates and specific forces (n, 6) at times (n,), without errors, frame of the unit.
+    """Error-free angular rate and specific force (n, 6) at times (n,), in the unit's frame.
 
     Args:
         motion: motion of the base.
-        base_from_imu: (4, 4); off the base's origin, turns add accelerations.
+        base_from_imu: (4, 4) pose of the unit; off the base's origin, turns cause accelerations.
         gravity_mps2: gravity along the world's −z.
-        times_s: times of the readings.
-        period_s: averaging period of a reading; shorter at the start and end of the motion.
+        times_s: (n,) times of the readings.
+        period_s: averaging time of a reading, cut off at the start and the end of the motion.
     """
     begin, end = times_s - 0.5 * period_s, times_s + 0.5 * period_s
     if motion.end_s > motion.start_s:
@@ -121,6 +120,6 @@ def true_readings(
 
 
 def _numbers(indices: NDArray[np.int64], stream: int, key: int) -> NDArray[np.float64]:
-    """Two sets of normal numbers (2, n, 6) for readings (n,) and axes."""
+    """Two sets of standard normal numbers (2, n, 6), per reading (n,) and axis."""
     hashes = pcg4d(indices[:, None], np.arange(6), stream, key)
     return np.stack((normal(hashes[0], hashes[1]), normal(hashes[2], hashes[3]))).astype(np.float64)

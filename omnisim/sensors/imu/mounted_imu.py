@@ -1,6 +1,6 @@
 """Inertial measurement units on vehicles: readings at their own rate, in one file per run.
 
-Noise and bias depend only on the drive's seed, the sensor's name and the number of the reading.
+Noise and bias depend on the drive's seed, the sensor's name and the index of the reading.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ READINGS_SUFFIX, PARAMETERS = ".csv", "sensor.yaml"
 READINGS, BIASES = "readings.csv", "biases.csv"
 COLUMNS = "t_s,wx_radps,wy_radps,wz_radps,fx_mps2,fy_mps2,fz_mps2"
 BIAS_COLUMNS = COLUMNS.replace(",w", ",bias_w").replace(",f", ",bias_f")
-MAX_TURN_DEG = 120.0  # between poses: smooth motion is ambiguous near half a turn
+MAX_TURN_DEG = 120.0  # between poses: near a half turn a smooth motion is ambiguous
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MountedImu(MountedSensor):
-    """Inertial measurement unit on its vehicle.
+    """Inertial measurement unit mounted on a vehicle.
 
     Attributes:
         rate_hz: readings per second.
@@ -51,11 +51,11 @@ class MountedImu(MountedSensor):
 
     @property
     def near_m(self) -> float:
-        """Infinite: an IMU sees nothing, and may be inside the body."""
+        """Infinite: the unit does not see and may be inside the body."""
         return math.inf
 
     def summary(self) -> str:
-        """Rate and gravity."""
+        """Short description: rate and gravity."""
         return f"{self.rate_hz:g} Hz, gravity {self.gravity_mps2:g} m/s²"
 
     def documents(self) -> dict[str, str]:
@@ -75,10 +75,10 @@ class MountedImu(MountedSensor):
         return {PARAMETERS: "\n".join((*lines, *rest)) + "\n"}
 
     def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
-        """Refuse turns between poses that are too wide to interpolate.
+        """Raise an error if the turn between two poses is too wide.
 
         Raises:
-            RunError: the message names the sensor, the fault and the expected value.
+            RunError: names sensor and step, the turn and its limit.
         """
         rotations = truth.world_from_base[:, :3, :3]
         turns_deg = np.abs(np.degrees(rotation_angles(rotations[:-1], rotations[1:])))
@@ -97,17 +97,17 @@ class MountedImu(MountedSensor):
 
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
-        """Suffixes of files per step: none, as one file has all readings; older runs have some."""
+        """No suffixes: one file holds all readings. Runs of older versions have a file per step."""
         return () if "readings" in content.settings else cls.suffixes
 
     def settings(self) -> dict[str, Any]:
-        """Name of the file of readings."""
+        """Setting with the name of the readings' file."""
         return {"readings": READINGS}
 
     def write_readings(
         self, folder: Path, settings: DriveSettings, times_s: NDArray[np.float64]
     ) -> None:
-        """Write all readings and their biases, unless the files exist.
+        """Write the files of all readings and of their biases, unless they exist.
 
         Raises:
             OutputError: a file cannot be written.
@@ -138,7 +138,7 @@ class MountedImu(MountedSensor):
         key: int,
         part: slice,
     ) -> NDArray[np.float64]:
-        """Rows (n, 7) of a slice of the readings, times first."""
+        """Table rows (n, 7) of a slice of the readings, times first."""
         times, indices = times_s[part], np.arange(len(times_s))[part]
         ideal = true_readings(
             motion, self.base_from_sensor, self.gravity_mps2, times, 1.0 / self.rate_hz
@@ -148,39 +148,39 @@ class MountedImu(MountedSensor):
 
 
 class ImuMount(SensorMount):
-    """Inertial measurement unit: angular rate and specific force, at its own rate."""
+    """Inertial measurement unit that measures angular rate and specific force at its own rate."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedImu
 
     type: Literal["imu"]
     device: Literal["adis16448", "bmi160", "ideal"] = "adis16448"
-    """Device with this noise: "adis16448" as in EuRoC, "bmi160" as in TUM VI, "ideal": no noise."""
+    """Device that sets the noise: "adis16448" as in EuRoC, "bmi160" as in TUM VI, or "ideal"."""
     rate_hz: Rate | None = 200.0
     """Readings per second, from the start of the drive."""
     gravity_mps2: Level = STANDARD_GRAVITY_MPS2
-    """Gravity in m/s² along the world's −z; at rest and level, it is the specific force along z."""
+    """Gravity along the world's −z; at rest and level, the specific force along z equals it."""
     gyro_noise_radps_per_sqrt_hz: Level | None = None
-    """Density of the angular rate's white noise, rad/s/√Hz; left out: the device's."""
+    """Density of the angular rate's white noise, rad/s/√Hz. Default: the device's."""
     gyro_bias_walk_radps2_per_sqrt_hz: Level | None = None
-    """Random walk of its bias, rad/s²/√Hz; left out: the device's."""
+    """Random walk of the angular rate's bias, rad/s²/√Hz. Default: the device's."""
     accel_noise_mps2_per_sqrt_hz: Level | None = None
-    """Density of the specific force's white noise, m/s²/√Hz; left out: the device's."""
+    """Density of the specific force's white noise, m/s²/√Hz. Default: the device's."""
     accel_bias_walk_mps3_per_sqrt_hz: Level | None = None
-    """Random walk of its bias, m/s³/√Hz; left out: the device's."""
+    """Random walk of the specific force's bias, m/s³/√Hz. Default: the device's."""
     gyro_bias_sigma_radps: Level = 0.0
     """Standard deviation of the angular rate's initial bias, rad/s."""
     accel_bias_sigma_mps2: Level = 0.0
     """Standard deviation of the specific force's initial bias, m/s²."""
 
     def parameters(self) -> ImuErrors:
-        """Build the errors of each axis."""
+        """Build the errors, which all axes share."""
         return self.overriding(DEVICES[self.device])
 
     def settings(self) -> dict[str, Any]:
-        """Rate and gravity."""
+        """Rate and gravity of the mounted unit."""
         return {"rate_hz": self.rate_hz or 200.0, "gravity_mps2": self.gravity_mps2}
 
 
 def _yaml_number(number: float) -> str:
-    """Number as YAML 1.1 requires: with a point, also before an exponent."""
+    """Format a number as a YAML 1.1 float, which needs a point even before an exponent."""
     return np.format_float_scientific(number, trim="0")

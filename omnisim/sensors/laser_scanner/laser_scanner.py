@@ -1,9 +1,8 @@
-"""Laser range scanners: beams, limits, errors, and their scans of a scene.
+"""Laser range scanners: beams, limits, errors and scans.
 
-Frame of the scanner: x forward, y left, z up (REP 103); the beams start at its origin and lie in
-its
-plane z = 0. They are numbered from right to left, counter-clockwise seen from above, as in ROS's
-LaserScan and in USARSim.
+The scanner's frame has x forward, y left and z up (REP 103). The beams lie in its plane z = 0 and
+start at its origin. They are numbered from right to left, counter-clockwise as seen from above, as
+in ROS's LaserScan and USARSim.
 """
 
 from __future__ import annotations
@@ -37,22 +36,22 @@ _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 @dataclass(frozen=True, kw_only=True)
 class LaserScanner(Parameters, name="scanner"):
-    """Range and error model of a scanner; the defaults are those of an LMS200 in mm mode.
+    """Range and error model of a scanner; the default is an LMS200 in mm mode.
 
     Attributes:
-        field_of_view_deg: angle from the first beam to the last, centered ahead.
+        field_of_view_deg: angle from the first beam to the last, symmetric about straight ahead.
         resolution_deg: angle between beams; the last beam is the last that fits.
-        range_min_m, range_max_m: limits; hits nearer are −inf, farther hits and misses +inf (REP
-            117). The LMS200's minimum range is an assumption.
-        step_m: step that ranges are rounded to; 0: no rounding.
-        sigma_m: standard deviation of a range's statistical error, normally distributed.
-        sigma_per_m: further standard deviation as a share of the range, added in quadrature.
-        systematic_error_m: bound of the device's constant error, drawn once from the seed,
-            uniformly (an assumption).
-        seed: seed of the device: its constant error and all its noise.
+        range_min_m, range_max_m: limits; nearer hits become −inf, farther ones and misses +inf
+            (REP 117). The LMS200's minimum range is an assumption.
+        step_m: ranges are rounded to multiples of this step; 0: no rounding.
+        sigma_m: standard deviation of a range's normally distributed error.
+        sigma_per_m: relative error, added to `sigma_m` as the root of the sum of squares.
+        systematic_error_m: bound of the device's constant error, which is drawn once from the seed.
+            Its uniform distribution is an assumption.
+        seed: seed of the device, which sets its constant error and all its noise.
 
     Raises:
-        OpticsError: the message names the parameter, its value and the expected value.
+        OpticsError: names the parameter, the expected value and the actual one.
     """
 
     field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0
@@ -70,7 +69,7 @@ class LaserScanner(Parameters, name="scanner"):
         return short_repr(self, beams, f"{self.range_min_m:g} to {self.range_max_m:g} m")
 
     def summary(self) -> str:
-        """Beams and range."""
+        """Short description: beams and range."""
         return f"{self.beams} beams at {self.resolution_deg:.4g}° to {self.range_max_m:g} m"
 
     def open(self, stage: SharedScene, mounting: Mounting) -> LaserRenderer:
@@ -85,15 +84,15 @@ class LaserScanner(Parameters, name="scanner"):
 
     @classmethod
     def lms200(cls, resolution_deg: float = 0.5, mode: str = "mm", seed: int = 0) -> LaserScanner:
-        """A SICK LMS200 in one of its configurations.
+        """SICK LMS200 in one of its configurations.
 
         Args:
             resolution_deg: 1 or 0.5 over 180°, or 0.25 over 100° (an assumption).
-            mode: "mm": to 8.19 m in steps of 1 mm; "cm": to 81.9 m in steps of 10 mm.
+            mode: "mm": up to 8.19 m in steps of 1 mm; "cm": up to 81.9 m in steps of 10 mm.
             seed: seed of the device.
 
         Raises:
-            OpticsError: a resolution or mode that the device does not have.
+            OpticsError: the LMS200 lacks this resolution or mode.
         """
         if resolution_deg not in _LMS200_FIELDS_DEG:
             raise OpticsError(
@@ -121,13 +120,13 @@ class LaserScanner(Parameters, name="scanner"):
         noise: float = 0.001,
         seed: int = 0,
     ) -> LaserScanner:
-        """The LMS200 of USARSim's configuration: ScanFov, Resolution, MaxRange, Noise.
+        """LMS200 with USARSim's parameters: ScanFov, Resolution, MaxRange, MinRange and Noise.
 
-        USARSim writes ranges with two decimals, and MaxRange for a miss: here +inf. Its noise is a
-        share of the range; the normal distribution is an assumption.
+        USARSim writes ranges with two decimals, and MaxRange for misses, which are +inf here. Its
+        noise is relative to the range; the normal distribution is an assumption.
 
         Raises:
-            OpticsError: values that no scanner has.
+            OpticsError: invalid parameters.
         """
         return cls(
             field_of_view_deg=math.degrees(scan_fov_rad),
@@ -142,17 +141,17 @@ class LaserScanner(Parameters, name="scanner"):
         )
 
     def without_noise(self) -> LaserScanner:
-        """The same scanner without statistical and systematic errors; it still rounds."""
+        """Copy of the scanner without random and systematic errors; ranges are still rounded."""
         return dataclasses.replace(self, sigma_m=0.0, sigma_per_m=0.0, systematic_error_m=0.0)
 
     def without_errors(self) -> LaserScanner:
-        """The same scanner without noise and without rounding."""
+        """Copy of the scanner without noise and rounding."""
         return dataclasses.replace(self.without_noise(), step_m=0.0)
 
     @property
     def beams(self) -> int:
         """Number of beams."""
-        # 1e-9: steps that fit except for float rounding
+        # 1e-9: tolerates rounding errors of a step that fits exactly
         return math.floor(self.field_of_view_deg / self.resolution_deg + 1e-9) + 1
 
     @cached_property
@@ -163,12 +162,12 @@ class LaserScanner(Parameters, name="scanner"):
 
     @cached_property
     def angles_rad(self) -> NDArray[np.float64]:
-        """Angles (beams,) from straight ahead, positive to the left."""
+        """Angles (beams,) in radians from straight ahead, positive to the left."""
         return np.radians(self.angles_deg)
 
     @property
     def angle_min_rad(self) -> float:
-        """Angle of the first beam, the rightmost."""
+        """Angle of the first, rightmost beam."""
         return float(self.angles_rad[0])
 
     @property
@@ -183,7 +182,7 @@ class LaserScanner(Parameters, name="scanner"):
 
     @property
     def reach_m(self) -> float:
-        """Range beyond which no noise brings a surface back into range."""
+        """Range beyond which noise brings no surface back into range."""
         # ten sigmas occur once in 1e23 beams
         return (self.range_max_m + self.step_m + self.systematic_error_m + 10.0 * self.sigma_m) * (
             1.0 + 10.0 * self.sigma_per_m
@@ -191,30 +190,30 @@ class LaserScanner(Parameters, name="scanner"):
 
     @cached_property
     def device_error_m(self) -> float:
-        """Constant error of the device, from its seed."""
+        """Constant error of the device, determined by the seed."""
         bound = self.systematic_error_m
         return float(np.random.default_rng((self.seed, _DEVICE)).uniform(-bound, bound))
 
     def measure(self, true_ranges_m: NDArray[np.float64], scan_number: int) -> NDArray[np.float64]:
-        """Measured ranges (beams,) in meters.
+        """Simulate measured ranges (beams,) in meters.
 
-        Errors are added, the sum is rounded, and values outside the limits become −inf or +inf. The
-        noise depends only on the seed, the scan number and the beam, so that any scan of a drive
-        can be repeated alone.
+        Errors are added and the sum is rounded; ranges outside the limits become −inf or +inf. The
+        noise depends only on the seed, the scan number and the beam, so any scan of a drive can be
+        reproduced separately.
 
         Args:
-            true_ranges_m: (beams,), +inf for a miss.
-            scan_number: number of the scan in its drive; equal numbers give equal noise.
+            true_ranges_m: (beams,) true ranges, +inf for misses.
+            scan_number: index of the scan in the drive; equal numbers have equal noise.
 
         Raises:
-            OpticsError: a scan number that is not a whole number of 32 bits.
+            OpticsError: the scan number is not a whole number of 32 bits.
         """
         check_number("scanner: scan_number", scan_number)
         hit = np.isfinite(true_ranges_m)
         ranges = np.asarray(true_ranges_m, dtype=np.float64)[hit]
         if self.sigma_m or self.sigma_per_m:
             random = np.random.default_rng((self.seed, _NOISE, scan_number))
-            noise = random.standard_normal(self.beams)[hit]  # the same for a beam, hit or miss
+            noise = random.standard_normal(self.beams)[hit]  # independent of which beams hit
             ranges = ranges + noise * np.hypot(self.sigma_m, self.sigma_per_m * ranges)
         ranges = ranges + self.device_error_m
         ranges = rounded(ranges, self.step_m)
@@ -226,14 +225,14 @@ class LaserScanner(Parameters, name="scanner"):
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Ranges of a scanner, beam by beam from right to left.
+    """Measured ranges of one scan, beam by beam from right to left.
 
     Attributes:
-        angles_rad: (beams,) counter-clockwise from straight ahead.
-        ranges_m: (beams,); +inf: out of range; −inf: too near (REP 117).
+        angles_rad: (beams,) angles counter-clockwise from straight ahead.
+        ranges_m: (beams,) ranges; +inf: out of range; −inf: too near (REP 117).
         scanner: scanner of the scan.
         world_from_scanner: (4, 4) pose of the scanner.
-        metadata: omnisim's version, the scene, the scan number.
+        metadata: omnisim's version, the scene and the scan number.
     """
 
     angles_rad: NDArray[np.float64]
@@ -249,24 +248,23 @@ class Scan:
 
     @property
     def hit(self) -> NDArray[np.bool_]:
-        """Mask (beams,) of beams with a range."""
+        """Mask (beams,) of the beams with a finite range."""
         return np.isfinite(self.ranges_m)
 
     @property
     def points_m(self) -> NDArray[np.float64]:
-        """Points (k, 3) of beams with a range, in the scanner's frame."""
+        """Points (k, 3) in the scanner's frame, one per beam with a finite range."""
         angles, ranges = self.angles_rad[self.hit], self.ranges_m[self.hit]
         return np.stack(
             (ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)), axis=-1
         )
 
     def save_csv(self, path: str | Path) -> None:
-        """Write the columns beam, angle_deg and range_m; atomically.
+        """Atomically write the columns beam, angle_deg and range_m.
 
-        The first lines are comments, `# key: value` with JSON values: the metadata, the scanner's
-        parameters by name, and `world_from_scanner`, the pose by rows. Ranges are `inf` out of
-        range and
-        `-inf` too near, as NumPy reads them.
+        Comment lines `# key: value` with JSON values come first: the metadata, the scanner's
+        parameters under their own names, and the pose `world_from_scanner` row by row. Ranges are
+        `inf` if out of range and `-inf` if too near, in NumPy's notation.
 
         Raises:
             OutputError: the file cannot be written.
@@ -286,23 +284,23 @@ class Scan:
 
 
 class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
-    """Renderer of a scanner's scans of a scene."""
+    """Renders a scanner's scans of a scene."""
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
         angles_rad, reach_m = self.sensor.angles_rad, self.sensor.reach_m
         return self._stage.backend.range_finder(angles_rad, reach_m, hidden)
 
     def scan(self, state: WorldState | ArrayLike, scan_number: int = 0) -> Scan:
-        """Take one scan.
+        """Render one scan.
 
         Args:
-            state: world state; or, if nothing else moves, the pose (4, 4) of the vehicle.
-            scan_number: number of the scan in its drive; the noise depends on it and the scanner's
-                seed only.
+            state: state of the world; if nothing else moves, the vehicle's (4, 4) pose suffices.
+            scan_number: index of the scan in the drive; with the scanner's seed it determines the
+                noise.
 
         Raises:
-            OmnisimError: an invalid pose, an object without a pose, an invalid scan number, or the
-                renderer or its stage is closed.
+            OmnisimError: an invalid pose, an object without a pose, an invalid scan number, or a
+                closed renderer or stage.
         """
         now = self._state(state)
         world_from_scanner = self._world_from_sensor(now)

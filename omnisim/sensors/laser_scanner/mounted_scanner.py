@@ -1,4 +1,4 @@
-"""Planar laser range scanners on vehicles: the SICK LMS200, and USARSim's."""
+"""Planar laser range scanners on vehicles: the SICK LMS200 and USARSim's scanner."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from omnisim.sensors.sensor_mount import SensorMount
 
 
 class MountedScanner(RenderedSensor):
-    """Laser scanner on its vehicle."""
+    """Laser scanner mounted on a vehicle."""
 
     sensor: LaserScanner
     noun: ClassVar[str] = "scanner"
@@ -30,7 +30,7 @@ class MountedScanner(RenderedSensor):
     def measure(
         self, renderer: LaserRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Take the scan at a moment."""
+        """Render the scan at a moment."""
         scan = renderer.scan(moment.motion(moment.time_s), moment.number)
         return FileMeasurement(TABLE_SUFFIX, scan.save_csv)
 
@@ -42,49 +42,49 @@ def _check_resolution(resolution_deg: float) -> float:
 
 
 class Lms200Mount(SensorMount):
-    """SICK LMS200 with the errors of one device."""
+    """SICK LMS200 with the errors of one individual device."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedScanner
 
     type: Literal["lms200"]
     resolution_deg: Annotated[Number, AfterValidator(_check_resolution)] = 0.5
-    """Degrees between beams: 1 or 0.5 over 180°, or 0.25 over 100°."""
+    """Angle between beams in degrees: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: Literal["mm", "cm"] = "mm"
-    """Range and step: "mm" for 8.19 m and 1 mm, "cm" for 81.9 m and 1 cm."""
+    """Range and step: "mm" up to 8.19 m by 1 mm, "cm" up to 81.9 m by 1 cm."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """True: the device's errors; false: none."""
+    """True: the device's errors; false: ranges are exact except for rounding."""
     seed: Seed = 0
-    """Seed of the device's errors."""
+    """Seed of the device, which determines its errors."""
 
     def parameters(self) -> LaserScanner:
-        """Build the LMS200."""
+        """Build the LMS200's parameters."""
         scanner = LaserScanner.lms200(self.resolution_deg, self.mode, self.seed)
         return scanner if self.noise else scanner.without_noise()
 
 
 class RangeScannerMount(SensorMount):
-    """Range scanner of USARSim's configuration; by default its SICK LMS200."""
+    """Range scanner with USARSim's parameters; the default is USARSim's SICK LMS200."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedScanner
 
     type: Literal["usarsim_range_scanner"]
     scan_fov_rad: Annotated[Number, Field(gt=0.0, le=6.2832)] = 3.14159
-    """Radians from the first beam to the last: USARSim's ScanFov."""
+    """Angle from the first beam to the last in radians: USARSim's ScanFov."""
     resolution_rad: AboveZero = 0.01745
-    """Radians between beams: USARSim's Resolution."""
+    """Angle between beams in radians: USARSim's Resolution."""
     max_range_m: AboveZero = 20.0
-    """Meters; farther hits are out of range: USARSim's MaxRange."""
+    """Maximum range in meters; farther hits are out of range: USARSim's MaxRange."""
     min_range_m: Level = 0.0
-    """Meters; nearer hits are too near: USARSim's MinRange."""
+    """Minimum range in meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
-    """Standard deviation as a share of the range: USARSim's Noise."""
+    """Standard deviation relative to the range: USARSim's Noise."""
     seed: Seed = 0
-    """Seed of the device's noise."""
+    """Seed of the device, which determines its noise."""
 
     def parameters(self) -> LaserScanner:
-        """Build USARSim's scanner."""
+        """Build the parameters of USARSim's scanner."""
         return LaserScanner.usarsim(
-            # a full turn, whose last digit is rounded up
+            # 6.2832 is a full turn with its last digit rounded up
             scan_fov_rad=min(self.scan_fov_rad, 2.0 * math.pi),
             resolution_rad=self.resolution_rad,
             max_range_m=self.max_range_m,

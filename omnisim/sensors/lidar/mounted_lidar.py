@@ -1,4 +1,4 @@
-"""Spinning 3-D lidars on vehicles: a point cloud per step, skewed by the motion."""
+"""Spinning 3-D lidars on vehicles: point clouds skewed by the motion within a revolution."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from omnisim.sensors.sensor import (
 )
 from omnisim.sensors.sensor_mount import Rate, SensorMount
 
-STATES = 16  # true states per revolution
+STATES = 16  # number of recorded true states per revolution
 DEVICES = {"vlp16": SpinningLidar.vlp16, "hdl64e": SpinningLidar.hdl64e}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MountedLidar(RenderedSensor):
-    """Lidar on its vehicle.
+    """Lidar mounted on a vehicle.
 
     Attributes:
         file_format: format of the point clouds, "ply" or "pcd".
@@ -41,12 +41,12 @@ class MountedLidar(RenderedSensor):
     has_instances: ClassVar[bool] = True
 
     def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Times within all revolutions, dense enough to remove the skew from a cloud."""
+        """Times within all revolutions, dense enough for removing a cloud's skew."""
         since_s = np.arange(STATES) / (STATES * self.sensor.rate_hz)
         return (times_s[:, None] - since_s).ravel()
 
     def note(self, times_s: NDArray[np.float64]) -> str | None:
-        """Note on revolutions between the steps, which have no point cloud, or None."""
+        """Notice that revolutions between the steps have no cloud; None if all have one."""
         turns = int(float(np.ptp(times_s)) * self.sensor.rate_hz + LATE) + 1
         if self.rate is not None or turns <= len(times_s):
             return None
@@ -56,24 +56,24 @@ class MountedLidar(RenderedSensor):
         )
 
     def settings(self) -> dict[str, Any]:
-        """Format of the files."""
+        """Setting with the format of the point clouds."""
         return {"file_format": self.file_format}
 
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
-        """Suffix of the format."""
+        """Suffix of the run's point clouds."""
         return (f".{content.settings['file_format']}",)
 
     def measure(
         self, renderer: LidarRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Measure the point cloud of the revolution that ends at a moment."""
+        """Render the cloud of the revolution that ends at a moment."""
         cloud = renderer.scan(moment.motion, moment.time_s, moment.number)
         return FileMeasurement(f".{self.file_format}", cloud.save)
 
 
 class LidarMount(SensorMount):
-    """Spinning 3-D lidar; keys that are left out have the device's values."""
+    """Spinning 3-D lidar; missing keys default to the device's values."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedLidar
 
@@ -81,18 +81,18 @@ class LidarMount(SensorMount):
     device: Literal["vlp16", "hdl64e"] = "vlp16"
     """Velodyne's VLP-16 (16 rings, ±15°) or HDL-64E S2 (64 rings, −24.3° to 2°)."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """True: the device's noise; false: exact ranges except for rounding."""
+    """True: the device's noise; false: ranges are exact except for rounding."""
     seed: Seed = 0
-    """Seed of the device's noise."""
+    """Seed of the device, which determines its noise."""
     file_format: Literal["ply", "pcd"] = "ply"
-    """Format of the point clouds, binary: PLY, or PCD of the Point Cloud Library."""
+    """Binary format of the point clouds: PLY, or PCD of the Point Cloud Library."""
     elevations_deg: tuple[Number, ...] | None = None
-    """Degrees above the lidar's x-y plane, one per ring, ascending; left out, as other keys below:
-    the device's."""
+    """Elevation per ring in degrees above the lidar's x-y plane, ascending. Default here and for
+    all further keys: the device's value."""
     firings: Annotated[int, Field(strict=True)] | None = None
     """Firings of all rings per revolution; 1800 are 0.2° apart."""
     rate_hz: Rate | None = None
-    """Revolutions per second, each with a cloud; left out: the device's, and a cloud per step."""
+    """Revolutions per second, with one cloud each. Default: the device's, with a cloud per step."""
     range_min_m: Level | None = None
     """Minimum range in meters; nearer hits give no point."""
     range_max_m: AboveZero | None = None
@@ -100,13 +100,13 @@ class LidarMount(SensorMount):
     sigma_m: Level | None = None
     """Standard deviation of a range in meters."""
     step_m: Level | None = None
-    """Step in meters that ranges are rounded to; 0: no rounding."""
+    """Ranges are rounded to multiples of this step in meters; 0: no rounding."""
 
     def parameters(self) -> SpinningLidar:
-        """Build the lidar."""
+        """Build the lidar's parameters."""
         lidar = self.overriding(DEVICES[self.device]())
         return lidar if self.noise else lidar.without_noise()
 
     def settings(self) -> dict[str, Any]:
-        """Format of the files."""
+        """File format of the mounted lidar."""
         return {"file_format": self.file_format}

@@ -1,4 +1,4 @@
-"""Files of point clouds: PLY and PCD, both binary."""
+"""Point cloud files: binary PLY and PCD."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _PLY_TYPES = {"<f4": "float", "<u2": "ushort", "<u4": "uint"}
 def write_points(
     path: Path, points: NDArray[np.void], world_from_lidar: Pose, metadata: Mapping[str, Any]
 ) -> None:
-    """Write points (n,) of type `POINT` in the format of the suffix, .ply or .pcd; atomically.
+    """Atomically write points as .ply or .pcd, depending on the path's suffix.
 
     Args:
-        path: file to write.
-        points: see `PointCloud`.
+        path: output path.
+        points: (n,) points of type `POINT`, as in `PointCloud`.
         world_from_lidar: (4, 4) viewpoint.
-        metadata: comments of the header, `key: value` with JSON values.
+        metadata: header comments, written as `key: value` with the value in JSON.
 
     Raises:
         OutputError: the file cannot be written.
-        KeyError: another suffix.
+        KeyError: any other suffix.
     """
     comments = [f"{key}: {json.dumps(value)}" for key, value in metadata.items()]
     content = FORMATS[path.suffix](len(points), world_from_lidar, comments) + points.tobytes()

@@ -13,11 +13,11 @@ from omnisim.core.errors import OmnisimError
 from omnisim.ground_truth.lidar_beams import LidarPoses, Revolution, Slice
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
-SLICES = (8, 16, 32, 64)  # per revolution in motion
-# Maximum motion of lidar and objects within a slice: the texel of a surface seen from the middle is
-# then next to the one that a firing hits, except for firings along a surface.
+SLICES = (8, 16, 32, 64)  # candidate numbers of slices of a revolution with motion
+# Maximum motion of the lidar and of objects within a slice. A firing's hit then lies within one
+# texel of the view from the slice's middle, except on grazed surfaces.
 MAX_PATH_M, MAX_TURN_RAD = 0.01, 0.06
-# Points move straight within a slice. Maximum distance from their true path, in its middle.
+# Points move straight within a slice. This bounds their distance from the true path in its middle.
 MAX_SKEW_M = 1e-4
 
 PosesAt = Callable[[float], LidarPoses]
@@ -30,14 +30,14 @@ def plan_revolution(
     start_s: float,
     boxes: MovingBoxes,
 ) -> Revolution:
-    """Cut a revolution into slices that are short enough; one slice, if nothing moves.
+    """Cut a revolution into slices that are short enough; a static one is a single slice.
 
     Args:
-        firings: number of firings per revolution.
+        firings: number of firings in the revolution.
         period_s: duration of the revolution.
-        poses_at: seconds.
+        poses_at: function that returns the poses at a time in seconds.
         start_s: time of the first firing.
-        boxes: boxes around the moving objects.
+        boxes: bounding boxes of all moving objects.
 
     Raises:
         OmnisimError: the lidar turns too fast.
@@ -62,10 +62,10 @@ def plan_revolution(
 def _cut(
     firings: int, period_s: float, poses_at: PosesAt, start_s: float, count: int
 ) -> tuple[Slice, ...]:
-    """Slices of a revolution, about `count`."""
+    """Cut a revolution into about `count` slices."""
     width = -(-firings // count)
     bounds = [*range(0, firings, width), firings]
-    step_s = 0.5 * period_s / firings  # half of a firing
+    step_s = 0.5 * period_s / firings  # half a firing period
     halves = [a + b for a, b in itertools.pairwise(bounds)]
     times = sorted([2 * bound for bound in bounds] + halves)
     poses = [poses_at(start_s + step_s * time) for time in times]
@@ -92,7 +92,7 @@ def _revolution(count: int, slices: tuple[Slice, ...]) -> Revolution:
 def _rotations(
     knots: NDArray[np.float64], index: NDArray[np.intp], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Rotations (n, 3, 3) at shares (n,) of the path from knots (k, 3, 3) to the next: slerp."""
+    """Slerp between knots (k, 3, 3): rotations (n, 3, 3) at fractions `share` (n,) past `index`."""
     rotation = scipy.spatial.transform.Rotation
     changes = np.swapaxes(knots[:-1], 1, 2) @ knots[1:]
     vectors = rotation.from_matrix(changes).as_rotvec()
@@ -111,7 +111,7 @@ def _is_same(one: LidarPoses, other: LidarPoses, boxes: MovingBoxes) -> bool:
 
 
 def _is_short(one: Slice, boxes: MovingBoxes) -> bool:
-    """True if a slice is within the limits."""
+    """True if the motion within a slice is within the limits."""
     moving = [(np.zeros((1, 3)), *(pose.world_from_lidar for pose in _poses(one)))]
     moved = (boxes.poses(pose.world_from_objects) for pose in _poses(one))
     moving += zip(boxes.corners_m, *moved, strict=True)
@@ -132,8 +132,8 @@ def _poses(one: Slice) -> tuple[LidarPoses, LidarPoses, LidarPoses]:
 
 
 def _turn_rad(one: Slice) -> float:
-    """Angle by which the lidar turns within a slice."""
+    """Angle by which the lidar turns during a slice."""
     start, end = one.start.world_from_lidar[:3, :3], one.end.world_from_lidar[:3, :3]
-    # the chord between two rotations is exact for small angles, too
+    # the chord between two rotations is accurate for small angles as well
     chord = float(np.linalg.norm(end - start)) / np.sqrt(8.0)
     return float(2.0 * np.arcsin(min(chord, 1.0)))

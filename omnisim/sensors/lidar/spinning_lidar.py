@@ -1,11 +1,10 @@
-"""Spinning 3-D lidars: rings, limits, noise, and their point clouds of a scene.
+"""Spinning 3-D lidars: rings, limits, noise and point clouds.
 
-Frame of the lidar: x forward, y left, z up (REP 103). All lasers start at its origin; ring 0 points
-down the most, as in ROS drivers. The head turns clockwise seen from above, as Velodyne's do, and a
-revolution begins straight behind. All rings of a firing fire at once, in one direction; a laser has
-one return. The devices' lasers fire within 46 µs, their lenses are some centimeters apart, and a
-beam
-that two surfaces share has two returns: this is not modeled.
+The lidar's frame has x forward, y left and z up (REP 103). All lasers start at its origin, and ring
+0 has the lowest elevation, as in ROS's drivers. The head turns clockwise as seen from above, as in
+Velodyne's lidars, and a revolution begins straight behind. All rings fire simultaneously and in
+one azimuth, with one return per laser. Three effects of real devices are not modeled: their lasers
+fire within 46 µs, their lenses are centimeters apart, and a beam on two surfaces has two returns.
 """
 
 from __future__ import annotations
@@ -47,19 +46,19 @@ Elevation = Annotated[Number, Field(ge=-MAX_ELEVATION_DEG, le=MAX_ELEVATION_DEG)
 
 @dataclass(frozen=True, kw_only=True)
 class SpinningLidar(Parameters, name="lidar"):
-    """Rings and range model of a lidar; the defaults are those of a VLP-16 at 10 Hz.
+    """Rings and range model of a lidar; the default is a VLP-16 at 10 revolutions per second.
 
     Attributes:
-        elevations_deg: elevations of the rings, ascending.
-        firings: number of firings per revolution, evenly spaced.
+        elevations_deg: elevation per ring, ascending.
+        firings: number of evenly spaced firings per revolution.
         rate_hz: revolutions per second.
         range_min_m, range_max_m: limits; nearer and farther hits give no point.
-        step_m: step that ranges are rounded to; 0: no rounding.
-        sigma_m: standard deviation of a range, normally distributed.
-        seed: seed of all of the device's noise.
+        step_m: ranges are rounded to multiples of this step; 0: no rounding.
+        sigma_m: standard deviation of a range's normally distributed error.
+        seed: seed of the device, which sets all its noise.
 
     Raises:
-        OpticsError: the message names the parameter, its value and the expected value.
+        OpticsError: names the parameter, the expected value and the actual one.
     """
 
     elevations_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=MAX_RINGS)] = (
@@ -78,7 +77,7 @@ class SpinningLidar(Parameters, name="lidar"):
         return short_repr(self, rings, f"{self.range_min_m:g} to {self.range_max_m:g} m")
 
     def summary(self) -> str:
-        """Rings, firings and range."""
+        """Short description: rings, firings and range."""
         rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"
         return f"{rings} to {self.range_max_m:g} m"
 
@@ -94,21 +93,25 @@ class SpinningLidar(Parameters, name="lidar"):
 
     @classmethod
     def vlp16(cls) -> SpinningLidar:
-        """A Velodyne VLP-16 at 10 Hz.
+        """Velodyne VLP-16 at 10 Hz.
+
+        Its typical accuracy of ±3 cm is used as the standard deviation; the minimum range is an
+        assumption.
 
         Source: Velodyne, VLP-16 User Manual, 63-9243 Rev. D: 16 lasers 2° apart, 0.2° at 10 Hz,
-        100 m, steps of 2 mm. Its typical accuracy of ±3 cm is taken as the standard deviation; the
-        minimum range is an assumption.
+        100 m, steps of 2 mm.
         """
         return cls()
 
     @classmethod
     def hdl64e(cls) -> SpinningLidar:
-        """A Velodyne HDL-64E S2 at 10 Hz.
+        """Velodyne HDL-64E S2 at 10 Hz.
+
+        Its 2083 firings are 0.173° apart. Values without a verified source are assumptions, above
+        all the minimum range.
 
         Source: Velodyne, HDL-64E S2 User's Manual, specifications: 32 lasers 1/3° apart above 32
-        that are 1/2° apart, 120 m, less than 2 cm (one sigma), steps of 2 mm. 2083 firings are
-        0.173° apart. Values that could not be checked are assumptions, such as the minimum range.
+        that are 1/2° apart, 120 m, less than 2 cm (one sigma), steps of 2 mm.
         """
         return cls(
             elevations_deg=HDL64E_ELEVATIONS_DEG,
@@ -119,11 +122,11 @@ class SpinningLidar(Parameters, name="lidar"):
         )
 
     def without_noise(self) -> SpinningLidar:
-        """The same lidar without noise; it still rounds."""
+        """Copy of the lidar without noise; ranges are still rounded."""
         return dataclasses.replace(self, sigma_m=0.0)
 
     def without_errors(self) -> SpinningLidar:
-        """The same lidar without noise and without rounding."""
+        """Copy of the lidar without noise and rounding."""
         return dataclasses.replace(self.without_noise(), step_m=0.0)
 
     @property
@@ -138,36 +141,36 @@ class SpinningLidar(Parameters, name="lidar"):
 
     @property
     def reach_m(self) -> float:
-        """Range beyond which no noise brings a surface back into range."""
-        return self.range_max_m + self.step_m + 10.0 * self.sigma_m  # once in 1e23 points
+        """Range beyond which noise brings no surface back into range."""
+        return self.range_max_m + self.step_m + 10.0 * self.sigma_m  # exceeded once in 1e23 points
 
     @cached_property
     def azimuths_rad(self) -> NDArray[np.float64]:
-        """Azimuths (firings,) from straight ahead, counter-clockwise: descending from π."""
+        """Azimuths (firings,) counter-clockwise from straight ahead, descending from π."""
         return math.pi - 2.0 * math.pi * np.arange(self.firings, dtype=np.float64) / self.firings
 
     @cached_property
     def times_s(self) -> NDArray[np.float64]:
-        """Times (firings,) of the firings after the revolution's start, seconds."""
+        """Times (firings,) of the firings since the revolution's start."""
         return np.arange(self.firings, dtype=np.float64) * (self.period_s / self.firings)
 
     @cached_property
     def beams(self) -> LidarBeams:
-        """Directions of the beams."""
+        """Directions of all beams."""
         return LidarBeams(np.radians(self.elevations_deg), self.azimuths_rad, self.reach_m)
 
     def measure(self, true_ranges_m: NDArray[np.floating], revolution: int) -> NDArray[np.float64]:
-        """Measured ranges (rings, firings) in meters; +inf: no return.
+        """Simulate measured ranges (rings, firings) in meters; +inf: no return.
 
-        The noise depends only on the seed and the numbers of revolution, ring and firing, so that
-        any revolution of a drive can be repeated alone.
+        The noise depends only on the seed, the revolution's number, the ring and the firing, so any
+        revolution of a drive can be reproduced separately.
 
         Args:
-            true_ranges_m: (rings, firings), +inf for a miss.
-            revolution: number of the revolution; equal numbers give equal noise.
+            true_ranges_m: (rings, firings) true ranges, +inf for misses.
+            revolution: index of the revolution; equal numbers have equal noise.
 
         Raises:
-            OpticsError: a revolution that is not a whole number of 32 bits.
+            OpticsError: the index is not a whole number of 32 bits.
         """
         check_number("lidar: revolution", revolution)
         ranges_m = np.array(true_ranges_m, dtype=np.float64)
@@ -181,7 +184,7 @@ class SpinningLidar(Parameters, name="lidar"):
     def points(
         self, ranges_m: NDArray[np.float64], instances: NDArray[np.uint32]
     ) -> NDArray[np.void]:
-        """Points (n,) from measured ranges (rings, firings), +inf for none, and instances."""
+        """Points (n,) of ranges, +inf for misses, and instance IDs, both (rings, firings)."""
         firings, rings = np.nonzero(np.isfinite(ranges_m.T))
         points = np.empty(len(rings), dtype=POINT)
         ranges = ranges_m[rings, firings]
@@ -196,16 +199,16 @@ class SpinningLidar(Parameters, name="lidar"):
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """Points of one revolution, in the order in which they are measured.
+    """Point cloud of one revolution, in the order of measurement.
 
     Attributes:
-        points: (n,) of type `POINT`: meters in the lidar's frame at each point's own time, ring,
-            seconds since the revolution's start, azimuth in radians counter-clockwise, range in
-            meters, and instance ID as in ground truth.
-        lidar: lidar that measured them.
-        world_from_lidar_at_start, world_from_lidar: (4, 4) poses of the lidar at the revolution's
-            start and end.
-        metadata: omnisim's version, the scene, number and end of the revolution.
+        points: (n,) points of type `POINT`: position in meters in the lidar's frame at the point's
+            own time, ring number, seconds since the revolution's start, azimuth in radians
+            counter-clockwise, range in meters, and instance ID as in the ground truth.
+        lidar: lidar of the cloud.
+        world_from_lidar_at_start, world_from_lidar: (4, 4) lidar poses at the start and the end of
+            the revolution.
+        metadata: omnisim's version, the scene, and the revolution's number and end time.
     """
 
     points: NDArray[np.void]
@@ -219,18 +222,18 @@ class PointCloud:
 
     @property
     def points_m(self) -> NDArray[np.float32]:
-        """Points (n, 3) in the lidar's frame at each point's own time."""
+        """Points (n, 3) in the lidar's frame, each at its own time."""
         return np.stack([self.points[axis] for axis in "xyz"], axis=-1)
 
     def save(self, path: str | Path) -> None:
-        """Write the point cloud in the format of the suffix, .ply or .pcd; atomically.
+        """Atomically write the cloud in the format of the path's suffix, .ply or .pcd.
 
-        Comments of the header are `key: value` with JSON values: the metadata, the lidar's
-        parameters, and its poses by rows.
+        The header's comments hold `key: value` lines with JSON values: the metadata, the lidar's
+        parameters, and its poses row by row.
 
         Raises:
             OutputError: the file cannot be written.
-            KeyError: another suffix.
+            KeyError: any other suffix.
         """
         comments = {
             **self.metadata,
@@ -242,7 +245,7 @@ class PointCloud:
 
 
 class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
-    """Renderer of a lidar's point clouds of a scene."""
+    """Renders a lidar's point clouds of a scene."""
 
     def __init__(self, stage: SharedScene, sensor: SpinningLidar, mounting: Mounting):
         super().__init__(stage, sensor, mounting)
@@ -255,18 +258,18 @@ class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
     def scan(
         self, motion: Motion | WorldState | ArrayLike, time_s: float = 0.0, revolution: int = 0
     ) -> PointCloud:
-        """Measure the point cloud of the revolution that ends at a time.
+        """Render the point cloud of the revolution that ends at a time.
 
         Args:
-            motion: world states by time in seconds, or poses (4, 4) of the vehicle if nothing else
-                moves; or a single state or pose, at rest.
-            time_s: end of the revolution.
-            revolution: number of the revolution in its drive; the noise depends on it and the
-                lidar's seed only.
+            motion: function from seconds to the state of the world, or to the vehicle's (4, 4) pose
+                if nothing else moves; a constant state or pose is allowed as well.
+            time_s: end time of the revolution.
+            revolution: index of the revolution in the drive; with the lidar's seed it determines
+                the noise.
 
         Raises:
-            OmnisimError: an invalid pose, an object without a pose, an invalid number, a vehicle
-                that turns too fast, or the renderer or its stage is closed.
+            OmnisimError: an invalid pose, an object without a pose, an invalid index, a vehicle
+                that turns too fast, or a closed renderer or stage.
         """
 
         def poses_at(at_s: float) -> LidarPoses:

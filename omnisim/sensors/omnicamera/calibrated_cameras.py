@@ -1,7 +1,7 @@
 """Cameras of a calibration file on vehicles: models, extrinsics and time shifts in one table.
 
-The mount is the pose of the reference frame that the file names besides its cameras, such as
-Kalibr's IMU; without one, of the first camera, looking along x.
+The mount positions the body frame that the file defines beside its cameras, such as Kalibr's IMU.
+A file without such a frame mounts its first camera, looking along x.
 """
 
 from __future__ import annotations
@@ -29,20 +29,19 @@ class CalibratedCamerasMount(SensorMount):
 
     type: Literal["omnicamera"]
     name: SensorName = "cameras"
-    """Name of a single camera, and prefix of several: "rig" makes rig_cam0; left out: names as in
+    """Name of a single camera, or prefix for several: "rig" makes rig_cam0. Default: the names in
     the file."""
     position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     """Position in the base frame in meters: of the file's IMU or base, or of its first camera."""
     file: Name
-    """Calibration file, relative to this file, in any format that is read, such as Kalibr's
-    camchain-imucam.yaml."""
+    """Calibration file in any supported format, such as Kalibr's camchain-imucam.yaml, relative to
+    this file."""
     camera: Name | None = None
-    """Name in the file of a single camera to use; left out: all cameras."""
+    """Name in the file of the only camera to use. Default: all cameras."""
 
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
         """Read the calibration and mount its cameras."""
-        # only robots with a calibration need the formats and their parsers, which are slow to
-        # import
+        # only robots with a calibration pay the import time of the formats and their parsers
         from omnisim.cameras.calibration import load_calibration
         from omnisim.cameras.calibration.rig import Rig
 
@@ -72,7 +71,7 @@ class CalibratedCamerasMount(SensorMount):
         return tuple(cameras)
 
     def _name(self, camera: str, count: int) -> str:
-        """Name of a camera and its folder."""
+        """Name of a camera, which is also the name of its folder."""
         if "name" not in self.model_fields_set:
             return folder_name(camera)
         return self.name if count == 1 else folder_name(f"{self.name}_{camera}")

@@ -1,8 +1,8 @@
 """Omnidirectional cameras on vehicles: images with channels of ground truth.
 
-A camera moves during its exposure, has its own noise, and its auto-exposure depends on the previous
-image. The metadata of an image have the two numbers for that, so that an interrupted drive resumes
-with the same bytes.
+A camera moves during the exposure, has its own noise, and its auto-exposure depends on the previous
+image. That image's file stores the two required numbers in its metadata, so an interrupted drive
+resumes with the same bytes.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ from omnisim.sensors.sensor_names import Name
 IMAGE_SUFFIX, CHANNELS_SUFFIX, BOXES_SUFFIX = ".png", ".channels.exr", ".coco.json"
 DESCRIPTION_SUFFIX, BOXES_3D_SUFFIX = ".channels.json", f".{BOXES_3D}"
 CAMERA_POSES = "poses.tum"  # poses of a rig's camera
-VIEWPOINT_GRID = 33  # rays per image side for the point nearest to all rays
+VIEWPOINT_GRID = 33  # maximum number of rays per image side that define the viewpoint
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MountedCamera(RenderedSensor):
-    """Camera on its vehicle.
+    """Omnidirectional camera mounted on a vehicle.
 
     Attributes:
-        sensor: camera whose `base_from_rig` composes the mounts of the robot file and the sensor
+        sensor: camera; its `base_from_rig` composes the mounts of the robot file and the sensor
             file.
-        time_shift_s: time from an image's stamp to its exposure.
+        time_shift_s: offset from an image's stamp to its capture time.
     """
 
     sensor: OmniCamera
@@ -77,11 +77,11 @@ class MountedCamera(RenderedSensor):
 
     @property
     def origin_m(self) -> NDArray[np.float64]:
-        """Viewpoint (3,) in the base frame; non-central optics: the point nearest to the rays."""
+        """Effective viewpoint (3,), base; for non-central optics, the point nearest the rays."""
         model, base_from_optical = self.sensor.model, self.sensor.base_from_optical
         if not isinstance(model, NonCentralCamera):
             return base_from_optical[:3, 3]
-        from omnisim.cameras.optics.centrality import common_point  # few cameras need it
+        from omnisim.cameras.optics.centrality import common_point  # needed by few cameras
 
         sizes = model.width_px, model.height_px
         u, v = (np.linspace(0.0, size - 1.0, min(size, VIEWPOINT_GRID)) for size in sizes)
@@ -89,17 +89,17 @@ class MountedCamera(RenderedSensor):
         if rays.origins_m is None or not rays.valid.any():
             return base_from_optical[:3, 3]
         nearest_m = common_point(rays.origins_m[rays.valid], rays.directions[rays.valid])
-        nearest_base_m: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
-        return nearest_base_m + base_from_optical[:3, 3]
+        nearest_from_origin_m: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
+        return nearest_from_origin_m + base_from_optical[:3, 3]
 
     @property
     def near_m(self) -> float:
-        """Minimum visible distance."""
+        """Minimum distance of visible surfaces."""
         return self.sensor.near_m
 
     @classmethod
     def suffixes_of(cls, content: StepContent) -> tuple[str, ...]:
-        """Suffixes of an image, its channels, and its instances' boxes."""
+        """Suffixes of an image, its channels, and its instances' bounding boxes."""
         channels, channel_format, boxes_3d, _ = content
         suffixes = [IMAGE_SUFFIX]
         if channels and channel_format is not ChannelFormat.NPY:
@@ -113,10 +113,10 @@ class MountedCamera(RenderedSensor):
         return tuple(suffixes)
 
     def settings(self) -> dict[str, Any]:
-        """Degradation and quality, and the whole table of an optical system.
+        """Settings of degradation and quality, and all parameters of an optical system.
 
-        The system's files may change, and undecided samples are cast as rays only if embreex is
-        installed.
+        The optics are included because their files may change. Ray casting of unreliable samples is
+        recorded because it depends on installed packages.
         """
         model, optics = self.sensor.model, {}
         if isinstance(model, NonCentralCamera):
@@ -132,17 +132,17 @@ class MountedCamera(RenderedSensor):
         }
 
     def documents(self) -> dict[str, str]:
-        """Sensor file and calibration."""
+        """Texts of the sensor file and the calibration file, by file name."""
         return {
             "sensor.toml": sensor_toml(self.sensor),
             CALIBRATION: calibration_json(self.sensor),
         }
 
     def check_trajectory(self, truth: Trajectory, times_s: NDArray[np.float64]) -> None:
-        """Refuse an exposure that overlaps the next image's.
+        """Raise an error if an exposure lasts longer than the time to the next image.
 
         Raises:
-            RunError: the message names camera, step, and the expected exposure.
+            RunError: names camera and step, the exposure and its limit.
         """
         exposure_s = self.sensor.degradation.exposure_s
         periods_s = np.diff(times_s)
@@ -158,7 +158,7 @@ class MountedCamera(RenderedSensor):
     def measure(
         self, renderer: Renderer, settings: DriveSettings, moment: Moment
     ) -> CameraMeasurement:
-        """Take the image at a moment; a metered one reads the file of the previous image."""
+        """Render the image at a moment; auto-exposure reads the previous image's file."""
         is_ideal = self.sensor.degradation.is_ideal
 
         def motion(time_s: float) -> WorldState | NDArray[np.float64]:
@@ -177,7 +177,7 @@ class MountedCamera(RenderedSensor):
         return CameraMeasurement(frame, moment.number, settings.channel_format)
 
     def _exposure_ev(self, moment: Moment) -> float | None:
-        """Exposure of the auto-exposure so far; None: it settles on the image itself."""
+        """Exposure reached by auto-exposure, EV; None: the image itself determines it."""
         degradation = self.sensor.degradation
         if degradation.exposure is None or not degradation.is_metered:
             return None
@@ -194,7 +194,7 @@ class OmniCameraMount(SensorMount):
 
     type: Literal["omnicamera"]
     file: Name | None = None
-    """Sensor file, relative to this file; left out: the paper's camera."""
+    """Sensor file, relative to this file. Default: the paper's camera."""
 
     def sensor(self, folder: Path, source: str) -> MountedSensor:
         """Read the sensor file and mount its camera."""
@@ -211,9 +211,9 @@ class CameraMeasurement(Measurement):
     """Image of a camera with channels of ground truth.
 
     Attributes:
-        frame: image and ground truth.
-        number: number of the step.
-        channel_format: format of ground-truth files.
+        frame: rendered image with its channels.
+        number: index of the step.
+        channel_format: file format of the ground truth.
     """
 
     frame: Frame
@@ -221,7 +221,7 @@ class CameraMeasurement(Measurement):
     channel_format: ChannelFormat
 
     def save(self, stem: Path) -> None:
-        """Write the missing files: channels and boxes first, the image last.
+        """Write the missing files: channels, boxes, and finally the image.
 
         Raises:
             OutputError: a file cannot be written.
@@ -246,7 +246,7 @@ class CameraMeasurement(Measurement):
 
 
 def _read_exposure(path: Path) -> tuple[float, float]:
-    """Exposure and metered exposure in the metadata of an image, EV."""
+    """Read the exposure and the metered exposure, EV, from the metadata of an image."""
     try:
         _, metadata = read_image(path)
         exposure = (metadata or {})["degradation"]["exposure"]

@@ -1,1 +1,1 @@
-"""Range sensors with a single value: sonars and infrared sensors."""
+"""Single-beam range sensors: sonars and infrared sensors."""

@@ -1,4 +1,4 @@
-"""Sonars and infrared sensors on vehicles, as in USARSim: one range per step."""
+"""USARSim's sonars and infrared sensors on vehicles: one range per measurement."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from omnisim.sensors.sensor_mount import SensorMount
 
 
 class MountedRangeSensor(RenderedSensor):
-    """Sonar or infrared sensor on its vehicle."""
+    """Sonar or infrared sensor mounted on a vehicle."""
 
     sensor: RangeSensor
     noun: ClassVar[str] = "range"
@@ -30,34 +30,34 @@ class MountedRangeSensor(RenderedSensor):
     def measure(
         self, renderer: RangeSensorRenderer, settings: DriveSettings, moment: Moment
     ) -> FileMeasurement:
-        """Measure the range at a moment."""
+        """Render the range at a moment."""
         reading = renderer.measure(moment.motion(moment.time_s), moment.number)
         return FileMeasurement(TABLE_SUFFIX, reading.save_csv)
 
 
 class SonarMount(SensorMount):
-    """Sonar of USARSim's configuration: the nearest hit of rays in a cone about x."""
+    """Sonar with USARSim's parameters: the nearest hit of rays in a cone about x."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedRangeSensor
 
     type: Literal["usarsim_sonar"]
     beam_angle_rad: Annotated[Number, Field(gt=0.0, lt=math.pi)] = 0.349
-    """Opening angle of the cone in radians: USARSim's beamAngle."""
+    """Full opening angle of the cone in radians: USARSim's beamAngle."""
     cones: Count = 10
-    """Cones of rays from the axis to the edge: USARSim's numberOfCones."""
+    """Number of ray cones from the axis to the edge: USARSim's numberOfCones."""
     rays_per_cone: Count = 16
-    """Rays per cone: USARSim's tracesPerCone."""
+    """Number of rays per cone: USARSim's tracesPerCone."""
     range_max_m: AboveZero = 5.0
-    """Meters; farther hits are out of range: USARSim's MaxRange."""
+    """Maximum range in meters; farther hits are out of range: USARSim's MaxRange."""
     range_min_m: Level = 0.1
-    """Meters; nearer hits are too near: USARSim's MinRange."""
+    """Minimum range in meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
-    """Standard deviation as a share of the range: USARSim's Noise."""
+    """Standard deviation relative to the range: USARSim's Noise."""
     seed: Seed = 0
-    """Seed of the device's noise."""
+    """Seed of the device, which determines its noise."""
 
     def parameters(self) -> RangeSensor:
-        """Build USARSim's sonar."""
+        """Build the parameters of USARSim's sonar."""
         return RangeSensor(
             beam_angle_deg=math.degrees(self.beam_angle_rad),
             cones=self.cones,
@@ -70,22 +70,22 @@ class SonarMount(SensorMount):
 
 
 class InfraredMount(SensorMount):
-    """Infrared sensor of USARSim's configuration: one ray along x."""
+    """Infrared sensor with USARSim's parameters: one ray along x."""
 
     sensor_class: ClassVar[type[MountedSensor]] = MountedRangeSensor
 
     type: Literal["usarsim_ir_sensor"]
     range_max_m: AboveZero = 1.5
-    """Meters; farther hits are out of range: USARSim's MaxRange."""
+    """Maximum range in meters; farther hits are out of range: USARSim's MaxRange."""
     range_min_m: Level = 0.2
-    """Meters; nearer hits are too near: USARSim's MinRange."""
+    """Minimum range in meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
-    """Standard deviation as a share of the range: USARSim's Noise."""
+    """Standard deviation relative to the range: USARSim's Noise."""
     seed: Seed = 0
-    """Seed of the device's noise."""
+    """Seed of the device, which determines its noise."""
 
     def parameters(self) -> RangeSensor:
-        """Build USARSim's infrared sensor."""
+        """Build the parameters of USARSim's infrared sensor."""
         return RangeSensor(
             beam_angle_deg=0.0,
             range_min_m=self.range_min_m,

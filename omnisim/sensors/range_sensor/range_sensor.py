@@ -1,11 +1,11 @@
-"""Range sensors with a single value: sonars and infrared sensors, as in USARSim.
+"""Range sensors that measure a single number: USARSim's sonars and infrared sensors.
 
-A sonar measures the nearest surface in a cone: rays lie on cones about its axis, evenly spaced from
-the axis to the edge, and the shortest range counts. An infrared sensor has one ray.
+A sonar measures the distance of the nearest surface in a cone. Its rays lie on coaxial cones at
+even angles from the axis to the edge, and the shortest range counts. An infrared sensor has one
+ray.
 
-Slanted surfaces, which reflect sound away, and echoes are not modeled. USARSim's limit of the angle
-of
-incidence is left out: its own code never reaches it.
+The model omits echoes and the loss at slanted surfaces, which reflect the sound away. It also omits
+USARSim's limit of the incidence angle, which never takes effect in USARSim's code.
 
 Source: USARSim's SonarSensor and IRSensor, and their defaults in its configuration.
 """
@@ -37,19 +37,19 @@ Count = Annotated[int, Field(strict=True, ge=1, le=360)]
 
 @dataclass(frozen=True, kw_only=True)
 class RangeSensor(Parameters, name="range_sensor"):
-    """Cone and error model of a range sensor; the defaults are those of USARSim's sonar.
+    """Cone and error model of a range sensor; the default is USARSim's sonar.
 
     Attributes:
-        beam_angle_deg: opening angle of the whole cone; 0: one ray.
-        cones: number of cones of rays about the axis.
-        rays_per_cone: rays per cone, evenly spaced about the axis.
-        range_min_m, range_max_m: limits; hits nearer are −inf, farther hits and misses +inf (REP
-            117).
-        noise_share: standard deviation as a share of the range.
-        seed: seed of the device's noise.
+        beam_angle_deg: full opening angle of the cone; 0: one ray.
+        cones: number of ray cones about the axis.
+        rays_per_cone: number of rays per cone, evenly spaced about the axis.
+        range_min_m, range_max_m: limits; nearer hits become −inf, farther ones and misses +inf
+            (REP 117).
+        noise_share: standard deviation relative to the range.
+        seed: seed of the device, which determines its noise.
 
     Raises:
-        OpticsError: the message names the parameter, its value and the expected value.
+        OpticsError: names the parameter, the expected value and the actual one.
     """
 
     beam_angle_deg: Annotated[float, Field(strict=True, ge=0.0, lt=180.0)] = 20.0
@@ -66,12 +66,12 @@ class RangeSensor(Parameters, name="range_sensor"):
         )
 
     def summary(self) -> str:
-        """Cone and range."""
+        """Short description: cone and range."""
         rays = f"cone of {self.beam_angle_deg:.3g}°" if self.beam_angle_deg else "one ray"
         return f"{rays} to {self.range_max_m:g} m"
 
     def open(self, stage: SharedScene, mounting: Mounting) -> RangeSensorRenderer:
-        """Open a renderer of readings on a stage."""
+        """Open a renderer of range readings on a stage."""
         return RangeSensorRenderer(stage, self, mounting)
 
     def _check(self) -> None:
@@ -80,7 +80,7 @@ class RangeSensor(Parameters, name="range_sensor"):
 
     @cached_property
     def errors(self) -> LaserScanner:
-        """Limits and errors, as a scanner of one beam."""
+        """Limits and errors, as those of a scanner with a single beam."""
         return LaserScanner.usarsim(
             scan_fov_rad=1.0,
             resolution_rad=2.0,
@@ -96,13 +96,13 @@ class RangeSensor(Parameters, name="range_sensor"):
         if not self.beam_angle_deg:
             return np.zeros(1)
         half_rad = math.radians(0.5 * self.beam_angle_deg)
-        # a ray and the one on the opposite side of the axis are in one plane
+        # with an even number, a ray and its opposite ray share a plane
         least = -self.cones if self.rays_per_cone % 2 == 0 else 0
         return half_rad / self.cones * np.arange(least, self.cones + 1, dtype=np.float64)
 
     @property
     def rolls_deg(self) -> NDArray[np.float64]:
-        """Angles about the axis, in degrees, of the planes with rays; the first is upright."""
+        """Roll angles in degrees of the planes with rays; the first plane is upright."""
         if not self.beam_angle_deg:
             return np.zeros(1)
         planes = self.rays_per_cone // (2 if self.rays_per_cone % 2 == 0 else 1)
@@ -114,10 +114,10 @@ class RangeReading:
     """Reading of a range sensor.
 
     Attributes:
-        range_m: range in meters; +inf: out of range; −inf: too near (REP 117).
+        range_m: measured range; +inf: out of range; −inf: too near (REP 117).
         sensor: sensor of the reading.
-        world_from_sensor: (4, 4) pose of the sensor; its axis is x.
-        metadata: omnisim's version, the scene, the number of the reading.
+        world_from_sensor: (4, 4) pose of the sensor, whose axis is x.
+        metadata: omnisim's version, the scene and the reading's number.
     """
 
     range_m: float
@@ -129,7 +129,7 @@ class RangeReading:
         return short_repr(self, f"{self.range_m:g} m", repr(self.sensor))
 
     def save_csv(self, path: str | Path) -> None:
-        """Write the column range_m after comments `# key: value` in JSON; atomically.
+        """Atomically write the column range_m after comment lines `# key: value` with JSON values.
 
         Raises:
             OutputError: the file cannot be written.
@@ -145,22 +145,22 @@ class RangeReading:
 
 
 class RangeSensorRenderer(SensorRenderer[RangeSensor, RangeFinder]):
-    """Renderer of a range sensor's readings in a scene."""
+    """Renders a range sensor's readings in a scene."""
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
         reach_m = self.sensor.errors.reach_m
         return self._stage.backend.range_finder(self.sensor.fan_rad, reach_m, hidden)
 
     def measure(self, state: WorldState | ArrayLike, number: int = 0) -> RangeReading:
-        """Take one reading.
+        """Render one reading.
 
         Args:
-            state: world state; or, if nothing else moves, the pose (4, 4) of the vehicle.
-            number: number of the reading; the noise depends on it and the sensor's seed only.
+            state: state of the world; if nothing else moves, the vehicle's (4, 4) pose suffices.
+            number: index of the reading; with the sensor's seed it determines the noise.
 
         Raises:
-            OmnisimError: an invalid pose, an object without a pose, an invalid number, or the
-                renderer or its stage is closed.
+            OmnisimError: an invalid pose, an object without a pose, an invalid index, or a closed
+                renderer or stage.
         """
         now = self._state(state)
         world_from_sensor, objects = self._world_from_sensor(now), self._stage.poses_in(now)

@@ -1,1 +1,1 @@
-"""Commands of cameras and optics."""
+"""Commands for cameras and optics."""

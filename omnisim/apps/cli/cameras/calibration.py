@@ -33,14 +33,14 @@ from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, r
 from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
-if TYPE_CHECKING:  # seldom needed
+if TYPE_CHECKING:  # seldom needed at run time
     from omnisim.cameras.optics import OpticalSystem
 
 SHOWN_POSES = 8
 
 
 def list_formats() -> None:
-    """Print a table of the formats."""
+    """Print a table of the calibration formats."""
     table = Table(box=None, pad_edge=False)
     for heading in ("format", "what", "file", "cameras", "models that it says exactly"):
         table.add_column(heading)
@@ -84,7 +84,7 @@ def convert(request: ConvertRequest) -> None:
 
 
 def _source(request: ConvertRequest) -> tuple[Path, list[float]]:
-    """File to convert, and distances behind it; with --optics the first may be one, too."""
+    """Input file and further distances; with --optics, FILE may be the first distance."""
     more_m = list(request.more_distances or ())
     if request.optics is None:
         if request.source is None:
@@ -101,9 +101,9 @@ def _source(request: ConvertRequest) -> tuple[Path, list[float]]:
 
 
 def _system(request: ConvertRequest, source: Path) -> OpticalSystem | None:
-    """Optical system of --optics or of a sensor file; None: a central camera."""
+    """Optical system from --optics or a sensor file; None for a central camera."""
     if request.optics is not None:
-        from omnisim.cameras.optics.system_file import read_optics_file  # seldom asked for
+        from omnisim.cameras.optics.system_file import read_optics_file  # seldom needed
 
         return read_optics_file(request.optics)
     model = None if request.format is not None else _own_camera(source)
@@ -118,7 +118,7 @@ def _system(request: ConvertRequest, source: Path) -> OpticalSystem | None:
 def _convert_optics(
     request: ConvertRequest, system: OpticalSystem, source: Path, more_distances_m: list[float]
 ) -> None:
-    """Write the central camera that is nearest to an optical system, and print what is left."""
+    """Write the best central fit to an optical system, and print its residuals."""
     from omnisim.cameras.optics.central_fit import fit_central
     from omnisim.cameras.optics.central_view import DISTANCES_M
 
@@ -177,7 +177,7 @@ def read_calibration(
     """Read a calibration from a calibration file, a sensor file or an image; print its notes.
 
     Raises:
-        OmnisimError: naming the file and the key.
+        OmnisimError: names the file and the key.
     """
     camera = None if format is not None else _own_camera(path)
     if camera is not None:
@@ -201,7 +201,7 @@ def select_camera(calibration: Calibration, name: str | None) -> Calibration:
     """Reduce a calibration to one camera: the named one, or the first with a note.
 
     Raises:
-        CalibrationError: there is no camera of that name.
+        CalibrationError: no camera has the name.
     """
     if name is None and len(calibration.cameras) > 1:
         names = ", ".join(calibration.names)
@@ -213,7 +213,7 @@ def select_camera(calibration: Calibration, name: str | None) -> Calibration:
 
 
 def _own_camera(path: Path) -> CentralCamera | None:
-    """Camera of a sensor file or of an image, by the file's suffix; None: of neither."""
+    """Camera of a sensor file or an image, recognized by its suffix; None for other files."""
     suffix = path.suffix.lower()
     if suffix == ".toml":
         return OmniCamera.from_file(path).model
@@ -249,7 +249,7 @@ def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
 
 
 def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
-    """Model, parameters and domain of a camera, by name."""
+    """Table rows of a camera's model, parameters and domain."""
     camera = calibrated.camera
     parameters = camera.parameters()
     model = str(parameters.pop("model"))
@@ -270,7 +270,7 @@ def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
 
 
 def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
-    """Poses and fit of a camera in its file."""
+    """Table rows of a camera's poses and fit in its file."""
     rows = []
     for pose in calibrated.poses[:SHOWN_POSES]:
         x, y, z = pose.target_from_source[:3, 3]

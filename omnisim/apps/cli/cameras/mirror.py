@@ -19,7 +19,7 @@ from omnisim.scene.formats.mesh.mesh_files import check_mesh_target, write_mirro
 
 
 def run(request: MirrorRequest) -> None:
-    """Write the mesh and print its size and error; or write the profile."""
+    """Write the mesh and print its size and error, or write the profile."""
     if request.sensor is not None and request.optics is not None:
         raise OpticsError("--sensor, --optics: expected one of them, got both")
     if request.output.suffix.lower() == ".csv":

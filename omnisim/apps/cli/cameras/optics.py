@@ -44,14 +44,14 @@ _FATES = {
 
 
 def check(request: OpticsCheckRequest) -> None:
-    """Print what pixels see, and the errors of a central model by distance."""
+    """Print the shares of pixels by ray outcome, and the errors of a central model by distance."""
     system = read_optics_file(request.system)
     distances_m = (*(request.at_distance or ()), *(request.more_distances or ()))
-    found = measure_centrality(system, distances_m or DISTANCES_M)
+    centrality = measure_centrality(system, distances_m or DISTANCES_M)
     out.print(f"{request.system}: {_summary(system)}", markup=False)
     out.print(_shares(system), markup=False)
-    x, y, z = found.viewpoint_m
-    misses_mm = 1e3 * found.misses_m
+    x, y, z = centrality.viewpoint_m
+    misses_mm = 1e3 * centrality.misses_m
     out.print(
         f"best viewpoint: ({x:.5f}, {y:.5f}, {z:.5f}) m in the sensor's optical frame; rays miss "
         f"it by {misses_mm.mean():.3g} mm on average, {misses_mm.max():.3g} mm at most",
@@ -66,7 +66,7 @@ def check(request: OpticsCheckRequest) -> None:
             markup=False,
         )
     out.print("A central model with the same directions is off, for points")
-    out.print(error_table(found.errors))
+    out.print(error_table(centrality.errors))
 
 
 def plot(request: OpticsPlotRequest) -> None:
@@ -82,7 +82,7 @@ def plot(request: OpticsPlotRequest) -> None:
 
 
 def rays(request: OpticsRaysRequest) -> None:
-    """Write the rays of all pixels."""
+    """Write the rays of all pixels as a ray table."""
     if request.color is not None and request.color not in WAVELENGTHS_UM:
         raise OpticsError(f"--color: expected R, G or B, got {request.color!r}")
     check_suffix(request.output, ".exr")
@@ -96,7 +96,7 @@ def rays(request: OpticsRaysRequest) -> None:
 
 
 def design(request: OpticsDesignRequest) -> None:
-    """Write the profile of a designed mirror, and for a .toml the system around it."""
+    """Write the profile of a designed mirror; for a .toml, also the system that uses it."""
     check_suffix(request.output, ".csv", ".toml")
     is_system = request.output.suffix.lower() == ".toml"
     if request.size_px is not None and not is_system:
@@ -141,7 +141,7 @@ def write_profile_of(path: Path, number: int, output: Path, points: int = PROFIL
     """Write the profile of a surface of an optical system, and print its size.
 
     Raises:
-        OpticsError: there is no such surface, or it has no rim.
+        OpticsError: no such surface, or it has no rim.
         OutputError: the file cannot be written.
     """
     surface = read_optics_file(path).surface(number, str(path))
@@ -157,13 +157,13 @@ def write_surface_profile(output: Path, surface: Surface, points: int = PROFILE_
         OutputError: the file cannot be written.
     """
     radius_m = surface.visible_radius_m
-    found = sampled(surface.shape, radius_m, points)
-    write_profile(output, found.radii_m, found.heights_m)
-    tip = ', tip = "pointed"' if found.pointed else ""
+    samples = sampled(surface.shape, radius_m, points)
+    write_profile(output, samples.radii_m, samples.heights_m)
+    tip = ', tip = "pointed"' if samples.pointed else ""
     out.print(
         f"{output}: {pluralize(points, 'point')} of {surface.name}, radius "
         f"{1e3 * radius_m:.4g} mm{tip}; a spline through them is off by "
-        f"{1e9 * found.deviation_m:.2g} nm at most",
+        f"{1e9 * samples.deviation_m:.2g} nm at most",
         markup=False,
     )
 
@@ -180,7 +180,7 @@ def _summary(system: OpticalSystem) -> str:
 
 
 def _shares(system: OpticalSystem) -> str:
-    """Shares of the pixels by their rays' fates."""
+    """Summarize the shares of pixels by the outcome of their rays."""
     fates = system.all_rays().fates
     shares = {fate: 100.0 * float(np.mean(fates == fate)) for fate in Fate}
     others = [f"{shares[fate]:.1f} % {words}" for fate, words in _FATES.items() if shares[fate]]

@@ -28,42 +28,42 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
         {"what is written": request.output},
         {"the optics file": request.system, "the corners' file": request.corners},
     )
-    read_optics_file(request.system)  # its faults by their names
+    read_optics_file(request.system)  # reports faults with the names of the keys
     table = read_tables(request.system, SensorFileError)
     keys = [key.strip() for key in request.free.split(",")]
     boards = read_corners(request.corners)
-    found = calibrate_system(table, keys, boards, str(request.system))
+    fit = calibrate_system(table, keys, boards, str(request.system))
     corners = sum(len(board.points_m) for board in boards)
     summary = (
         f"{pluralize(len(boards), 'image')}, {pluralize(corners, 'corner')}: RMS "
-        f"{_rms(found.before_px):.3g} px before, {_rms(found.errors_px):.3g} px after, at most "
-        f"{np.linalg.norm(found.errors_px, axis=1).max():.3g} px"
+        f"{_rms(fit.before_px):.3g} px before, {_rms(fit.errors_px):.3g} px after, at most "
+        f"{np.linalg.norm(fit.errors_px, axis=1).max():.3g} px"
     )
-    write_text(request.output, _text(request, found, summary))
+    write_text(request.output, _text(request, fit, summary))
     out.print(f"{request.output}: {summary}", markup=False)
     shown = Table(box=None, pad_edge=False)
     for heading in ("", "before", "fitted", "±"):
         shown.add_column(heading, justify="right" if heading else "left")
-    for one in found.parameters:
+    for one in fit.parameters:
         shown.add_row(one.name, f"{one.before:.6g}", f"{one.value:.6g}", f"{one.sigma:.2g}")
     out.print(shown)
 
 
 def _rms(errors_px: Floats) -> float:
-    """Root mean square of errors (n, 2) along an axis of the image."""
+    """Root mean square of errors (n, 2) per image axis."""
     return float(np.sqrt(np.mean(errors_px * errors_px)))
 
 
-def _text(request: OpticsCalibrateRequest, found: SystemCalibration, summary: str) -> str:
+def _text(request: OpticsCalibrateRequest, fit: SystemCalibration, summary: str) -> str:
     """Text of the fitted optics file."""
     lines = [f"Fitted to {request.corners.name}: {summary}."]
-    lines += [f"{one.name}: {one.value:.6g} ± {one.sigma:.2g}" for one in found.parameters]
-    table = _beside(found.table, request.system.parent, request.output.parent)
+    lines += [f"{one.name}: {one.value:.6g} ± {one.sigma:.2g}" for one in fit.parameters]
+    table = _beside(fit.table, request.system.parent, request.output.parent)
     return toml_text({f"# {line}": Comment(line) for line in lines} | table)
 
 
 def _beside(table: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:
-    """Table whose files are named from another folder."""
+    """Rebase the table's relative file names from the old folder to the new one."""
 
     def moved(part: dict[str, Any], key: str) -> dict[str, Any]:
         if not isinstance(part.get(key), str):

@@ -1,4 +1,4 @@
-"""Requests of the commands on cameras: sensor files, mirrors, calibrations, optics."""
+"""Requests of the camera commands: sensor files, mirrors, calibrations, optics."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,22 +26,22 @@ class MirrorRequest:
     """Parameters of `omnisim mirror`."""
 
     output: Path
-    """Mesh: .glb .obj .ply; profile: .csv."""
+    """Mesh (.glb .obj .ply) or profile (.csv) to write."""
     polygons: Annotated[
         int | None,
         Option(
             flags=("-n", "--polygons"),
             metavar="POLYGONS",
-            default="as many as 0.1 px need, or the sensor file's",
+            default="as many as 0.1 px accuracy needs, or the sensor file's",
         ),
     ] = None
-    """Polygons of the mesh."""
+    """Number of polygons of the mesh."""
     sensor: Annotated[Path | None, Option(default="the paper's mirror")] = None
     """Sensor file: .toml."""
     optics: Path | None = None
-    """Optics file instead: .toml."""
+    """Optics file, in place of a sensor file: .toml."""
     surface: int = 0
-    """Number of its surface, from 0."""
+    """Index of the optics file's surface, from 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,23 +61,23 @@ class ConvertRequest:
     output: Path
     """Calibration file to write."""
     camera_name: CameraName = None
-    """Camera of the calibration file."""
+    """Name of the camera in the calibration file."""
     format: Format = None
     """Format of FILE."""
     model: Annotated[str | None, Option(metavar="MODEL", default="the same, or the nearest")] = None
     """Camera model to write."""
     mirrored: Mirrored = None
-    """The camera of the calibration file looks into a mirror, or not."""
+    """Whether the camera of the calibration file looks into a mirror."""
     optics: Path | None = None
-    """Optics file, in place of FILE: a central camera is fitted to it."""
+    """Optics file, in place of FILE, to which a central camera is fitted."""
     at_distance: Distances = None
-    """Optics: report residuals of points at these distances: --at-distance 0.3 1 5."""
+    """Optics: distances of points for the residuals: --at-distance 0.3 1 5."""
     right_at: Annotated[float | None, Option(metavar="M", default="infinity")] = None
-    """Optics: fit points at this distance from the viewpoint."""
+    """Optics: distance from the viewpoint of the points to fit."""
     source: Annotated[str | None, Argument(metavar="FILE")] = None
-    """Calibration file, sensor file, or an image of omnisim's."""
+    """Calibration file, sensor file, or image by omnisim."""
     more_distances: MoreDistances = None
-    """More distances."""
+    """Further distances for --at-distance."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +85,13 @@ class ShowRequest:
     """Parameters of `omnisim calibration show`."""
 
     source: Annotated[Path, Argument(metavar="FILE")]
-    """Calibration file, sensor file, or an image of omnisim's."""
+    """Calibration file, sensor file, or image by omnisim."""
     camera_name: CameraName = None
-    """Camera of the calibration file."""
+    """Name of the camera in the calibration file."""
     format: Format = None
     """Format of FILE."""
     mirrored: Mirrored = None
-    """The camera of the calibration file looks into a mirror, or not."""
+    """Whether the camera of the calibration file looks into a mirror."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +103,7 @@ class OpticsCheckRequest:
     at_distance: Distances = None
     """Distances of points from the viewpoint: --at-distance 0.3 1 5."""
     more_distances: MoreDistances = None
-    """More distances."""
+    """Further distances for --at-distance."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +113,7 @@ class OpticsPlotRequest:
     system: SystemFile
     """Optics file: .toml."""
     output: Path
-    """Plot: .png .pdf .svg."""
+    """Plot to write: .png .pdf .svg."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,9 +123,9 @@ class OpticsRaysRequest:
     system: SystemFile
     """Optics file: .toml."""
     output: Path
-    """Ray table: .exr, 32-bit floats."""
-    color: Annotated[str | None, Option(metavar="R|G|B", default="that of the file")] = None
-    """Wavelength of a color."""
+    """Ray table to write: .exr with 32-bit floats."""
+    color: Annotated[str | None, Option(metavar="R|G|B", default="the file's")] = None
+    """Color whose wavelength is traced."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,17 +133,18 @@ class OpticsDesignRequest:
     """Parameters of `omnisim optics design`."""
 
     output: Path
-    """Profile: .csv, r_m,z_m; or .toml: the whole system, its profile beside it."""
+    """Profile to write: .csv with r_m,z_m; or .toml for the whole system, with the profile beside
+    it."""
     distance_m: float
-    """From the pinhole to the mirror's tip."""
+    """Distance from the pinhole to the mirror's tip."""
     half_angle_deg: float
-    """From the axis to the rim, at the pinhole."""
+    """Angle at the pinhole from the axis to the rim."""
     equi_angular_deg: float | None = None
-    """Constant angular resolution, up to this angle from straight down at the rim."""
+    """Constant angular resolution: the rim shows this angle from straight down."""
     equi_ground_m: float | None = None
-    """Constant resolution on the ground, up to this distance at the rim."""
+    """Constant resolution on the ground: the rim shows this distance."""
     height_m: float | None = None
-    """Pinhole above the ground, for --equi-ground."""
+    """Height of the pinhole above the ground, for --equi-ground."""
     size_px: Annotated[int | None, Option(min=2, max=16384, default=str(DESIGN_SIZE_PX))] = None
     """Side of the square image of a .toml, which the rim fills."""
 
@@ -155,11 +156,11 @@ class OpticsProfileRequest:
     system: SystemFile
     """Optics file: .toml."""
     output: Path
-    """Profile: .csv, r_m,z_m."""
+    """Profile to write: .csv with r_m,z_m."""
     surface: int = 0
-    """Number of the surface, from 0."""
+    """Index of the surface, from 0."""
     points: Annotated[int, Option(metavar="POINTS", min=4, max=100_000)] = PROFILE_POINTS
-    """Lines."""
+    """Number of points of the profile."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,9 +170,9 @@ class OpticsCalibrateRequest:
     system: SystemFile
     """Optics file: .toml."""
     corners: Annotated[Path, Argument(metavar="CORNERS")]
-    """Corners of a flat board: .csv, image,x_m,y_m,u_px,v_px."""
+    """Corners of a flat board: .csv with image,x_m,y_m,u_px,v_px."""
     free: Annotated[str, Option(metavar="KEYS")]
-    """Keys of SYSTEM to fit, comma-separated, as surfaces.0.decenter_m."""
+    """Comma-separated keys of SYSTEM to fit, such as surfaces.0.decenter_m."""
     output: Path
     """Optics file to write: .toml."""
 

@@ -12,14 +12,14 @@ from omnisim.cameras.camera import ParameterValue
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 
-MAX_VALUES = 8  # of a list in a line
+MAX_VALUES = 8  # maximum list length that is printed in full
 
 
 def run(request: SensorRequest) -> None:
     """Print the default sensor file, or check one and summarize it.
 
     Raises:
-        SensorFileError: naming file, key and value.
+        SensorFileError: names file, key and value.
     """
     if request.check is None:
         out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), markup=False, end="")
@@ -44,7 +44,7 @@ def _model_lines(sensor: OmniCamera) -> list[str]:
 
 
 def _part_lines(key: str, value: ParameterValue) -> Iterator[str]:
-    """Lines of a key of an optical system: one for each part."""
+    """Lines for a key of an optical system, one per part."""
     parts = value if isinstance(value, list) and isinstance(value[0], dict) else [value]
     for part in parts:
         if isinstance(part, dict):
@@ -53,14 +53,14 @@ def _part_lines(key: str, value: ParameterValue) -> Iterator[str]:
 
 
 def _short(value: ParameterValue) -> str:
-    """A value; of a long list the number of its values."""
+    """Format a value; a long list only by its length."""
     if isinstance(value, list) and len(value) > MAX_VALUES:
         return f"{len(value)} values"
     return str(value)
 
 
 def mesh_text(sensor: OmniCamera) -> str:
-    """Polygons of a mirror's mesh, and by how much they are off at most, rounded up."""
+    """Summarize a mirror mesh: its polygons, and its maximum error rounded up."""
     if sensor.mesh_polygons is None:
         return f"{sensor.mesh_summary}, none"
     error_px = math.ceil(1000.0 * sensor.mesh_error_px) / 1000.0

@@ -12,7 +12,7 @@ from omnisim.validation.report.report import HTML, check_report_target
 
 
 def run(request: ExperimentsRequest) -> bool:
-    """Run the experiments, write their report, and return whether every bound holds."""
+    """Run the experiments, write their report, and return whether all bounds hold."""
     check_report_target(request.output)
     start = time.monotonic()
     report = run_experiments(request.output, request.device, _progress)
@@ -30,7 +30,7 @@ def run(request: ExperimentsRequest) -> bool:
 
 
 def _progress(description: str, total: int) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Show the progress of one part: a bar on a terminal, a line elsewhere."""
+    """Show the progress of one part: a bar on a terminal, else a line."""
 
     def along(steps: Iterable[int]) -> Iterator[int]:
         if not err.is_terminal:

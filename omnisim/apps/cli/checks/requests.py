@@ -16,9 +16,9 @@ class ValidateRequest(DeviceOptions):
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder for report.html, report.json and figures."""
     quick: bool = False
-    """Leave out the path tracer, the slowest check."""
+    """Skip the path tracer, the slowest check."""
     only: Annotated[list[str] | None, Option(metavar="CHECK", names=completion.check_names)] = None
-    """Only this check; may be repeated."""
+    """Run only this check; can be repeated."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,10 +21,10 @@ _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow"}
 
 
 def run(request: ValidateRequest) -> bool:
-    """Run the checks, write the report, and return whether every bound holds."""
+    """Run the checks, write the report, and return whether all bounds hold."""
     checks = _select(request.only or (), request.quick)
     check_report_target(request.output)
-    machine = machine_of_device(request.device)  # without OpenGL better now than after the work
+    machine = machine_of_device(request.device)  # missing OpenGL fails here, before the checks
     sections: list[Section] = []
     columns = (
         TextColumn("{task.description}"),

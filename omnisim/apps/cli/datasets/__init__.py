@@ -1,1 +1,1 @@
-"""Commands of data sets."""
+"""Commands for data sets."""

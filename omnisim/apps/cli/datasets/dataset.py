@@ -1,4 +1,4 @@
-"""`omnisim dataset`: what is in a data set."""
+"""`omnisim dataset`: inspection, checks and conversion of data sets."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from omnisim.validation.plots.sample_sheet import SampleTiles, channel_tile, sam
 
 
 def info(request: DatasetInfoRequest) -> None:
-    """Print counts of a data set."""
+    """Print the statistics of a data set."""
     manifest = read_manifest(request.folder)
     if request.json:
         out.print(json.dumps(manifest.to_json(), indent=1), markup=False)
@@ -48,12 +48,12 @@ def info(request: DatasetInfoRequest) -> None:
 
 
 def check(request: DatasetCheckRequest) -> None:
-    """Compare the hashes of all shards."""
+    """Compare the hash of every shard with the manifest."""
     manifest = read_manifest(request.folder)
-    found = check_hashes(request.folder, manifest)
+    hashes = check_hashes(request.folder, manifest)
     count = len(manifest.shards)
     for _ in track(range(count), "check", count):
-        next(found)
+        next(hashes)
     out.print(f"{request.folder}: {pluralize(count, 'shard')}, as in {MANIFEST}", markup=False)
 
 
@@ -69,7 +69,7 @@ def convert(request: DatasetConvertRequest) -> None:
         steps = write_recordings(shards, request.to, request.output, print_note)
     for _ in track(range(len(shards)), "convert", len(shards)):
         next(steps)
-    next(steps, None)  # what comes after the last
+    next(steps, None)  # work after the last sample
     out.print(f"{request.output}: {pluralize(len(shards), 'sample')}", markup=False)
 
 
@@ -77,7 +77,8 @@ def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
     """Settings of a COCO folder.
 
     Raises:
-        OutputError: options of COCO with another layout, or shares that are not all of a data set.
+        OutputError: a COCO option with another layout, a share outside 0 to 1, or split shares that
+            do not add up to 1.
     """
     for option, value in (
         ("--min-area-px", request.coco.min_area_px),
@@ -98,7 +99,7 @@ def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
 
 
 def _splits(text: str | None) -> dict[str, float]:
-    """Shares of splits by name."""
+    """Parse the shares of splits, by name."""
     if text is None:
         return {}
     splits: dict[str, float] = {}

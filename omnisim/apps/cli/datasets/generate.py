@@ -31,7 +31,7 @@ SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
 
 
 def run(request: GenerateRequest) -> None:
-    """Make a data set, or what comes before."""
+    """Generate a data set, or run one of its trials."""
     if request.engine not in ENGINES:
         raise PlanError(f"--engine {request.engine!r}: {did_you_mean(request.engine, ENGINES)}")
     if request.address is not None and request.engine != "ray":
@@ -58,10 +58,10 @@ def run(request: GenerateRequest) -> None:
 
 
 def parse_shards(text: str | None) -> range | None:
-    """Parse --shards: `3` or `0:100`, the last excluded; None: all.
+    """Parse --shards: `3` or `0:100`, where the last is excluded; None: all shards.
 
     Raises:
-        PlanError: another text.
+        PlanError: any other text.
     """
     if text is None:
         return None
@@ -69,10 +69,10 @@ def parse_shards(text: str | None) -> range | None:
     if match is None:
         raise PlanError(f"--shards: expected FROM:TO or a number, got {text!r}")
     first = int(match[1])
-    found = range(first, first + 1 if match[2] is None else int(match[2]))
-    if not found:
+    shards = range(first, first + 1 if match[2] is None else int(match[2]))
+    if not shards:
         raise PlanError(f"--shards: expected FROM less than TO, got {text!r}")
-    return found
+    return shards
 
 
 def _check(request: GenerateRequest) -> None:
@@ -130,16 +130,16 @@ def _map(request: GenerateRequest) -> None:
 
 
 def _estimate(request: GenerateRequest) -> None:
-    found = estimate(request.plan, request.workers, request.gpu.device)
-    hours = found.seconds / 3600.0
-    time = f"{hours:.1f} hours" if hours >= 1.0 else f"{found.seconds / 60.0:.1f} minutes"
-    if found.seconds < 60.0:
-        time = f"{found.seconds:.0f} seconds"
+    estimated = estimate(request.plan, request.workers, request.gpu.device)
+    hours = estimated.seconds / 3600.0
+    time = f"{hours:.1f} hours" if hours >= 1.0 else f"{estimated.seconds / 60.0:.1f} minutes"
+    if estimated.seconds < 60.0:
+        time = f"{estimated.seconds:.0f} seconds"
     out.print(
-        f"{request.plan}: {pluralize(found.samples, 'sample')}, "
-        f"{found.samples * found.sample_bytes / 1e9:.3g} GB, {time} by "
-        f"{pluralize(request.workers, 'worker')}: {found.samples_per_s:.1f} samples/s after "
-        f"{found.start_s:.1f} s",
+        f"{request.plan}: {pluralize(estimated.samples, 'sample')}, "
+        f"{estimated.samples * estimated.sample_bytes / 1e9:.3g} GB, {time} by "
+        f"{pluralize(request.workers, 'worker')}: {estimated.samples_per_s:.1f} samples/s after "
+        f"{estimated.start_s:.1f} s",
         markup=False,
     )
 
@@ -155,15 +155,15 @@ def _generate(request: GenerateRequest) -> None:
         print_note(notice)
     _run(request, generation)
     manifest = generation.finish()
-    made, there = len(generation.missing), len(generation.shards) - len(generation.missing)
-    before = f", {there} of them there before" if there else ""
+    made, existing = len(generation.missing), len(generation.shards) - len(generation.missing)
+    before = f", {existing} of them there before" if existing else ""
     total = generation.prepared.plan.shards
     rest = "" if manifest else f"; others of the plan's {total} are missing"
     size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
     redrawn = manifest.statistics.redrawn if manifest else 0
     again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
     out.print(
-        f"{request.output}: {pluralize(made + there, 'shard')}{before}{size}{again}{rest}",
+        f"{request.output}: {pluralize(made + existing, 'shard')}{before}{size}{again}{rest}",
         markup=False,
     )
 
@@ -198,7 +198,7 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
 def _counted(
     steps: Iterator[Made], done: dict[int, int], each: int, total: int, plan: Path
 ) -> Iterator[Made]:
-    """Steps below a progress bar, which only a terminal shows."""
+    """Yield steps while showing a progress bar, which appears on terminals only."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=32),

@@ -1,4 +1,4 @@
-"""Requests of the commands that make and read data sets."""
+"""Requests of the commands that generate and read data sets."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +14,18 @@ DataSet = Annotated[Path, Argument(metavar="DIR")]
 
 @dataclass(frozen=True, kw_only=True)
 class TrialOptions:
-    """Trials before the data set is made."""
+    """Trials before the data set is generated."""
 
     panel: ClassVar[str] = "Before it is made"
 
     check: bool = False
     """Only check the plan and its files."""
     preview: Annotated[int | None, Option(min=1, max=400)] = None
-    """Only render the first samples, onto one sheet."""
+    """Only render the first samples onto one sheet."""
     map: bool = False
-    """Only plot the free floors and the places of the first 400 samples, from above."""
+    """Only plot the free floors and the positions of the first 400 samples, from above."""
     estimate: bool = False
-    """Only render some samples, and estimate time and size of all."""
+    """Only render a few samples to estimate the total time and size."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,15 +33,15 @@ class GenerateRequest:
     """Parameters of `omnisim generate`."""
 
     plan: Annotated[Path, Argument(metavar="PLAN")]
-    """Plan of the data set: a .toml."""
+    """Plan of the data set: .toml."""
     output: Annotated[Path | None, Option(metavar="DIR")] = None
-    """Folder of the data set; its finished shards stay. With --preview and --map: an image."""
+    """Folder of the data set; finished shards in it are kept. With --preview or --map: an image."""
     shards: Annotated[str | None, Option(metavar="FROM:TO", default="all of the plan")] = None
-    """Numbers of the shards to make, the last excluded; or a single number."""
+    """Range of shards to generate, the last excluded; or a single number."""
     workers: Annotated[int, Option(min=1, max=1024)] = 1
-    """Processes that render."""
+    """Number of rendering processes."""
     engine: Annotated[str, Option(metavar="NAME", names=lambda: ENGINES)] = "local"
-    """Engine that spreads the shards: local, or ray."""
+    """Engine that distributes the shards: local or ray."""
     address: Annotated[
         str | None, Option(metavar="ADDRESS", default="a cluster on this machine")
     ] = None
@@ -70,19 +70,19 @@ class DatasetCheckRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class CocoOptions:
-    """Annotations of COCO."""
+    """COCO annotations."""
 
     panel: ClassVar[str] = "With --to coco"
 
     min_area_px: Annotated[int | None, Option(flags=("--min-area-px",), min=1, default="1")] = None
     """Minimum number of visible pixels of an annotated object."""
     min_visible: Annotated[float | None, Option(metavar="SHARE", default="any")] = None
-    """Minimum visible share, 0 to 1, of the pixels that an annotated object would cover alone; for
-    a data set whose plan has min_visible."""
+    """Minimum visible share, 0 to 1, of the pixels that an annotated object would cover alone;
+    requires a data set whose plan has min_visible."""
     polygons: bool = False
-    """Masks as polygons, in place of run lengths."""
+    """Write masks as polygons instead of run lengths."""
     split: Annotated[str | None, Option(metavar="NAME=SHARE,…", default="all in one")] = None
-    """Annotations in one file per split, such as train=0.8,val=0.2."""
+    """Splits, with one annotation file each, such as train=0.8,val=0.2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,10 +92,10 @@ class DatasetConvertRequest:
     folder: DataSet
     """Folder of a complete data set."""
     output: Annotated[Path, Option(metavar="DIR")]
-    """New folder to write."""
+    """New folder for the converted data set."""
     to: Annotated[str, Option(metavar="FORMAT", names=completion.data_set_layouts)] = "coco"
-    """Layout: coco, with boxes and masks; kitti360, nerfstudio, colmap or colmap-binary, with poses
-    and calibrations."""
+    """Layout: coco, with boxes and masks; or kitti360, nerfstudio, colmap or colmap-binary, with
+    poses and calibrations."""
     coco: CocoOptions
 
 
@@ -108,6 +108,6 @@ class DatasetViewRequest:
     output: Path
     """Sheet to write: .png or .jpg."""
     first: Annotated[int, Option(min=0)] = 0
-    """Number of the first sample."""
+    """Index of the first sample."""
     count: Annotated[int, Option(min=1, max=400)] = 16
     """Number of samples."""

@@ -1,1 +1,1 @@
-"""Commands that make images."""
+"""Commands that create images."""

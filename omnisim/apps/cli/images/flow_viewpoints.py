@@ -11,14 +11,14 @@ from omnisim.apps.cli.inputs import Viewpoint
 from omnisim.core.errors import OutputError
 from omnisim.ground_truth import CHANNELS
 
-DEFAULT_ADVANCE_M = 0.1  # from a frame to the next, for flow without --next
+DEFAULT_ADVANCE_M = 0.1  # forward motion between frames for flow without --next
 
 
 def check_channel_options(options: FlowOptions, channels: Collection[str]) -> None:
-    """Refuse options of channels that are not requested: they would have no effect.
+    """Raise an error for options of channels that are not requested.
 
     Raises:
-        OutputError: naming the option and the channel that it requires.
+        OutputError: names the option and the channel that it requires.
     """
     others = {CHANNELS[name].other for name in channels}
     for other, channel in (("next", "flow"), ("previous", "flow_backward")):
@@ -32,12 +32,12 @@ def check_channel_options(options: FlowOptions, channels: Collection[str]) -> No
 def other_viewpoints(
     options: FlowOptions, current: Viewpoint, channels: Collection[str]
 ) -> dict[str, Viewpoint]:
-    """Viewpoints of the "next" and the "previous" frame, if a channel needs them.
+    """Viewpoints of the "next" and "previous" frames that the channels require.
 
     Args:
         options: viewpoints and headings of the two frames.
         current: viewpoint of this frame.
-        channels: requested ground truth.
+        channels: requested ground-truth channels.
     """
     others = {CHANNELS[name].other for name in channels}
     advances_m = {"next": DEFAULT_ADVANCE_M, "previous": -DEFAULT_ADVANCE_M}
@@ -49,7 +49,7 @@ def other_viewpoints(
 
 
 def _other_options(options: FlowOptions, other: str) -> dict[str, Any]:
-    """Viewpoint and heading of the next or the previous frame, None: not given, by option."""
+    """Viewpoint and heading of the next or previous frame, by option; None: not set."""
     if other == "next":
         return {"--next": options.next_at, "--next-yaw": options.next_yaw_deg}
     return {"--previous": options.previous_at, "--previous-yaw": options.previous_yaw_deg}
@@ -61,7 +61,7 @@ def _other_viewpoint(
     at: tuple[float, float, float] | None,
     given_yaw_deg: float | None,
 ) -> Viewpoint:
-    """Viewpoint of another frame: as given, or a little ahead."""
+    """Viewpoint of another frame: from the options, else displaced along the heading."""
     yaw_deg = current.yaw_deg if given_yaw_deg is None else given_yaw_deg
     turned = dataclasses.replace(current, yaw_deg=yaw_deg)
     if at is not None:

@@ -82,7 +82,7 @@ def _serve(page: LivePage, request: LiveRequest) -> None:
 
     is_done = run_page(page, is_open)
     out.print("stopped")
-    if not is_done:  # an image of a large scene is in the way: its thread would hold the exit up
+    if not is_done:  # the thread that renders a large scene would delay the exit
         sys.stdout.flush()
         os._exit(0)
 
@@ -96,29 +96,33 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         refuse_given(request.viewpoint, reason, "pitch_deg")
         vehicle = Vehicle.load(request.robot)
         document = CameraDocument.of_camera(vehicle.camera(request.camera.camera_name).sensor)
-        words: tuple[str, ...] | None = _robot_words(request, vehicle, document)
+        camera_words: tuple[str, ...] | None = _robot_words(request, vehicle, document)
     else:
-        document, words = _document(request.camera)
+        document, camera_words = _document(request.camera)
     if request.image.preset is not None:
         document = document.with_degradation(request.image.preset)
-        words = None if words is None else (*words, "--preset", request.image.preset)
+        camera_words = (
+            None if camera_words is None else (*camera_words, "--preset", request.image.preset)
+        )
     size_px = request.image.size_px or SIZE_PX
     document = dataclasses.replace(document.with_value("size_px", size_px))
-    words = None if words is None else (*words, "--size", str(size_px))
+    camera_words = None if camera_words is None else (*camera_words, "--size", str(size_px))
     if request.image.quality is not None:
         document = document.with_value("sensor.camera.quality", request.image.quality)
-        document.camera()  # or there is no such quality
-        words = None if words is None else (*words, "--quality", request.image.quality)
+        document.camera()  # raises an error for an unknown quality
+        camera_words = (
+            None if camera_words is None else (*camera_words, "--quality", request.image.quality)
+        )
     name = request.world.scene or SCENE
     in_light = SceneInLight(name, partial(_read_in_light, request.world, request.light))
     return LiveSettings(
-        scene, document, vehicle, request.camera.camera_name, _scene_words(request), words,
+        scene, document, vehicle, request.camera.camera_name, _scene_words(request), camera_words,
         request.gpu.device, request.light.unlit, in_light,
     )  # fmt: skip
 
 
 def _scene_words(request: LiveRequest) -> tuple[str, ...]:
-    """Arguments of a command that shows the same scene and robot in the same light."""
+    """Command-line arguments that show the same scene and robot in the same light."""
     world, light = request.world, request.light
     words = [world.scene or SCENE]
     for option, value in (
@@ -137,7 +141,7 @@ def _scene_words(request: LiveRequest) -> tuple[str, ...]:
 def _read_in_light(
     world: LiveSceneOptions, light: LightOptions, path: Path, tables: Mapping[str, Any]
 ) -> Scene:
-    """Read a TOML that extends the scene, with those of its options that tables leave."""
+    """Read a TOML file that extends the scene; its own sky and light override the options."""
     own_sky, own_light = "sky" in tables, bool({"sky", "light"} & tables.keys())
     return read_scene(
         path,
@@ -152,7 +156,7 @@ def _read_in_light(
 def _robot_words(
     request: LiveRequest, vehicle: Vehicle, document: CameraDocument
 ) -> tuple[str, ...] | None:
-    """Options of the robot's camera; None where its document is another one by rounding."""
+    """Options that select the robot's camera; None if rounding has changed its document."""
     own, camera = vehicle.camera(request.camera.camera_name).sensor, document.camera()
     if camera.model.parameters() != own.model.parameters():
         return None
@@ -164,7 +168,7 @@ def _robot_words(
 
 
 def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...] | None]:
-    """Document of the camera, and its options; None: options cannot name the camera."""
+    """Document of the camera, and its options; None: no options describe the camera."""
     given = {
         flag_of(CameraFileOptions, name): getattr(files, name)
         for name in ("sensor", "optics", "calibration_file")

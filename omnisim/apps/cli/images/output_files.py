@@ -1,4 +1,4 @@
-"""Files of `omnisim render` beside the image: checks before rendering, and writing."""
+"""Further output files of `omnisim render`: checks before rendering, and writing."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ if TYPE_CHECKING:  # slow to import, and seldom needed
 
 
 def check_motion(options: MotionOptions) -> None:
-    """Refuse speeds and turn rates beyond `Twist`'s.
+    """Raise an error if a speed or turn rate exceeds the limits of `Twist`.
 
     Raises:
-        OutputError: naming the option.
+        OutputError: names the option.
     """
     for option, value, limit in (
         ("--speed", options.speed_mps, MAX_MPS),
         ("--turn-rate", options.turn_rate_degps, math.floor(math.degrees(MAX_RADPS))),
     ):
-        if not abs(value) <= limit:  # NaN is not, either
+        if not abs(value) <= limit:  # also true for NaN
             raise OutputError(
                 f"{option}: expected a number from −{limit:g} to {limit:g}, got {value:g}"
             )
 
 
 def check_outputs(request: RenderRequest) -> tuple[str, ...]:
-    """Check the files that are going to be written, and return the channels among them.
+    """Check all output paths, and return the requested channels.
 
     Raises:
-        OutputError: a file that cannot be written, or would overwrite another.
+        OutputError: a file cannot be written, or would overwrite another.
     """
     files = request.files
     check_target(request.output)
@@ -96,12 +96,12 @@ def write_other_files(
     base: NDArray[np.float64],
     faces: dict[str, NDArray[np.uint8]],
 ) -> None:
-    """Write rays, calibration and faces where they are requested, and print their names.
+    """Write the requested rays, calibration and faces, and print their names.
 
     Args:
-        files: to write.
-        camera: of the frame.
-        frame: with its metadata.
+        files: output files of the request.
+        camera: camera of the frame.
+        frame: rendered frame, for its metadata.
         base: pose (4, 4) world_from_base.
         faces: images of the virtual cameras, by name.
     """
@@ -121,7 +121,7 @@ def write_other_files(
 
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
-    """Calibration of the camera with its pose on the vehicle, and the vehicle's in the world."""
+    """Calibration of the camera, with its pose on the vehicle and the vehicle's in the world."""
     from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose
     from omnisim.cameras.calibration.calibrated_camera import OPTICS
 

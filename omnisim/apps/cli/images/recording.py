@@ -33,14 +33,14 @@ from omnisim.runs.route import Route
 
 
 class RateColumn(ProgressColumn):
-    """Column of a progress bar: unit per second."""
+    """Column of a progress bar with a rate in units per second."""
 
     def __init__(self, unit: str):
         super().__init__()
         self._unit = unit
 
     def render(self, task: Task) -> Text:
-        """Rate of a task."""
+        """Format the rate of a task."""
         return Text(f"{task.speed:.1f} {self._unit}/s" if task.speed else "", style="cyan")
 
 
@@ -48,7 +48,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
     """Drive of a vehicle, with the scene and the settings of a request.
 
     Raises:
-        OmnisimError: naming the option or the file.
+        OmnisimError: names the option or the file.
     """
     world, light, truth = request.world, request.light, request.truth
     channels = () if truth.also is None else parse_channels(truth.also)

@@ -50,7 +50,7 @@ from omnisim.scene import Scene
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.robots.vehicle import Vehicle
 
-SIGNS = {"next": 1.0, "previous": -1.0}  # of times
+SIGNS = {"next": 1.0, "previous": -1.0}  # signs of the time intervals
 
 
 def run(request: RenderRequest) -> None:
@@ -91,9 +91,10 @@ def run(request: RenderRequest) -> None:
         _note_near_plane(request.world.scene, scene, camera, renderer.camera, base)
         states = {
             other: WorldState(
-                {renderer.vehicle: there.base_of(camera)}, time_s + SIGNS[other] * interval_s
+                {renderer.vehicle: other_viewpoint.base_of(camera)},
+                time_s + SIGNS[other] * interval_s,
             )
-            for other, there in others.items()
+            for other, other_viewpoint in others.items()
         }
         frame = renderer.render(
             WorldState({renderer.vehicle: base}, time_s),
@@ -134,7 +135,7 @@ def _note_near_plane(
 def _vehicle(options: RigCameraOptions) -> Vehicle | None:
     if options.robot is None:
         return None
-    from omnisim.robots.vehicle import Vehicle  # few images have one
+    from omnisim.robots.vehicle import Vehicle  # needed by few images
 
     return Vehicle.load(options.robot)
 
@@ -144,7 +145,7 @@ def _has_own_camera(options: CameraFileOptions) -> bool:
 
 
 def _hidden(options: RigCameraOptions, vehicle: Vehicle | None) -> tuple[str, ...]:
-    """Parts of the robot that its camera, or the camera in its place, does not see."""
+    """Parts of the robot that are hidden from its camera, or from the camera in its place."""
     if vehicle is None:
         return ()
     return vehicle.camera(None if _has_own_camera(options) else options.camera_name).hides

@@ -1,4 +1,4 @@
-"""Requests of the commands that make images and scans, or read an image."""
+"""Requests of the commands that create images and scans, or read an image."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -34,12 +34,12 @@ class RigCameraOptions(CameraFileOptions):
     """Camera, or cameras along a trajectory."""
 
     robot: RobotName = None
-    """Robot whose body is in the image, and whose camera takes it where no other is given; with
-    --trajectory all of its sensors record, also its IMUs and lidars."""
+    """Robot whose body is in the image, and whose camera is used unless another is chosen. With
+    --trajectory, all of its sensors record, including IMUs and lidars."""
     camera_name: Annotated[
         str | None, Option(metavar="NAME|all", default="the first, or all with --trajectory")
     ] = None
-    """Camera of the calibration file."""
+    """Name of the camera in the calibration file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ class MotionOptions:
     seed: int = 0
     """Seed of the camera's noise."""
     speed_mps: float = 0.0
-    """Speed ahead, for motion blur and rolling shutter."""
+    """Forward speed, for motion blur and rolling shutter."""
     turn_rate_degps: float = 0.0
     """Turn rate to the left, for motion blur and rolling shutter."""
 
@@ -61,7 +61,7 @@ class CameraViewpointOptions(TiltedViewpointOptions):
     """Viewpoint, or a camera of the scene's file."""
 
     at_camera: Annotated[str | None, Option(metavar="NAME")] = None
-    """Viewpoint and attitude of a camera of the scene's file, as `omnisim scene` lists them."""
+    """Camera of the scene's file that sets viewpoint and attitude; `omnisim scene` lists them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +72,8 @@ class TrajectoryOptions:
 
     trajectory: Path | None = None
     """Poses to render at, instead of one viewpoint: TUM, KITTI, EuRoC, .csv, or nerfstudio's
-    transforms.json, also with its camera. --at, --yaw, --pitch and --roll place the file's origin
-    in the scene, at 0 without them."""
+    transforms.json, which also sets the camera. --at, --yaw, --pitch and --roll place the file's
+    origin in the scene; they default to 0."""
     trajectory_frame: Annotated[
         str | None,
         Option(metavar="body|camera|NAME", default="by the file's format, with a note"),
@@ -96,16 +96,16 @@ class FlowOptions:
         Position, Option(flags=("--next",), metavar="X Y Z", default="0.1 m ahead")
     ] = None
     """Viewpoint of the next frame, for flow."""
-    next_yaw_deg: Annotated[float | None, Option(default="that of --yaw")] = None
+    next_yaw_deg: Annotated[float | None, Option(default="same as --yaw")] = None
     """Heading at the next viewpoint, for flow."""
     previous_at: Annotated[
         Position, Option(flags=("--previous",), metavar="X Y Z", default="0.1 m behind")
     ] = None
     """Viewpoint of the previous frame, for flow_backward."""
-    previous_yaw_deg: Annotated[float | None, Option(default="that of --yaw")] = None
+    previous_yaw_deg: Annotated[float | None, Option(default="same as --yaw")] = None
     """Heading at the previous viewpoint, for flow_backward."""
     interval_s: float = 0.0
-    """Seconds to the next frame and from the previous, for the flow of moving objects."""
+    """Seconds between the frame and its neighbors, for the flow of moving objects."""
     preview: bool = False
     """Also write a preview image of each channel."""
 
@@ -127,10 +127,10 @@ class RenderRequest:
     """Parameters of `omnisim render`."""
 
     output: Annotated[Path, Option(metavar="FILE|DIR")]
-    """Image: .png .jpg .tif (sRGB) or .exr (linear); with --trajectory the folder of the run, which
-    resumes."""
+    """Image: .png .jpg .tif (sRGB) or .exr (linear). With --trajectory: folder of the run; an
+    unfinished run resumes."""
     force: bool = False
-    """Overwrite another run in the folder."""
+    """Overwrite an existing run in the folder."""
     light: ShadowedLightOptions
     files: FileOptions
     world: SceneOptions
@@ -162,13 +162,13 @@ class PageOptions:
     panel: ClassVar[str] = "Page"
 
     host: Annotated[str, Option(metavar="ADDRESS")] = "localhost"
-    """Address to listen on; any other than this machine's own asks for a token."""
+    """Address to listen on; any address but this machine's own requires a token."""
     port: Annotated[int, Option(min=0, max=65535)] = 8080
-    """Port to listen on; 0: a free one."""
+    """Port to listen on; 0: any free port."""
     open: bool = False
     """Open the page in a browser."""
     record: Path | None = None
-    """Record a short film of a drive around the start, and serve no page: .mp4 .mkv."""
+    """Record a short film of a drive around the start, without serving a page: .mp4 .mkv."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,9 +177,9 @@ class LiveRequest:
 
     world: LiveSceneOptions
     robot: RobotName = None
-    """Robot to drive, whose camera is shown; without one the camera flies freely."""
+    """Robot to drive, whose camera is shown; without a robot, the camera flies freely."""
     run: Annotated[Path | None, Option(metavar="DIR")] = None
-    """Replay a recorded run instead, with its images."""
+    """Recorded run to replay, with its images."""
     light: LightOptions
     camera: CameraFileOptions
     image: ImageOptions
@@ -201,36 +201,36 @@ class UnwarpRequest:
     """Parameters of `omnisim unwarp`."""
 
     source: Annotated[Path, Argument(metavar="IMAGE")]
-    """An image of omnisim's, or any other."""
+    """Image, by omnisim or any other source."""
     kind: Annotated[ViewKind, Option(flags=("--to",))]
-    """View: a panorama, that of a pinhole camera, a map of the ground."""
+    """View: a panorama, a pinhole camera's view, or a map of the ground."""
     output: Path
-    """Image: .png .jpg .tif (sRGB) or .exr (linear)."""
+    """Image to write: .png .jpg .tif (sRGB) or .exr (linear)."""
     also: Annotated[
         str | None, Option(metavar="CHANNELS", complete=completion.complete_channels)
     ] = None
-    """Ground-truth channels of the image to unwarp, too, comma-separated, or all."""
+    """Ground-truth channels of the image to unwarp as well, comma-separated, or all."""
     channel_format: Annotated[
         str | None,
         Option(metavar="auto|npy|both", default="auto", names=lambda: ("auto", "npy", "both")),
     ] = None
-    """Files of the channels: layers of an EXR, or PNG and others; an .npy each; or both."""
+    """Files of the channels: auto (EXR layers, or PNG and others), npy (one .npy each), or both."""
     sensor: Annotated[Path | None, Option(default="the image's metadata")] = None
     """Sensor file: .toml."""
     size_px: Annotated[
-        tuple[int, int] | None, Option(metavar="W H", default="as fine as the image")
+        tuple[int, int] | None, Option(metavar="W H", default="matching the image's resolution")
     ] = None
     """Width and height of the view in pixels."""
     yaw_deg: float = 0.0
     """Heading of the view, counter-clockwise from the front."""
     pitch_deg: Annotated[float | None, Option(default="0")] = None
-    """Perspective: tilt downwards."""
+    """Perspective: downward tilt."""
     field_of_view_deg: Annotated[float | None, Option(flags=("--fov",), default="90")] = None
     """Perspective: horizontal field of view."""
     elevation_deg: Annotated[
-        tuple[float, float] | None, Option(metavar="LOW HIGH", default="-45 to the highest seen")
+        tuple[float, float] | None, Option(metavar="LOW HIGH", default="-45 to the highest visible")
     ] = None
-    """Cylinder: lowest and highest row in degrees above the horizon."""
+    """Cylinder: elevations of the lowest and highest row in degrees above the horizon."""
     height_m: Annotated[float | None, Option(default="the image's z")] = None
     """Bird's eye: height of the viewpoint above the ground."""
     extent_m: Annotated[float | None, Option(default="4 × height")] = None
@@ -240,7 +240,7 @@ class UnwarpRequest:
 
 
 class RangeMode(StrEnum):
-    """Measuring modes of an LMS200: the unit of its ranges."""
+    """Measuring modes of an LMS200, named by the unit of its ranges."""
 
     MM = "mm"
     CM = "cm"
@@ -252,15 +252,15 @@ class ScanRequest:
 
     world: SceneOptions
     output: Path
-    """Ranges: .csv with beam, angle_deg, range_m."""
+    """Ranges to write: .csv with beam, angle_deg, range_m."""
     plot: Path | None = None
     """Also plot the scan from above: .png .pdf .svg."""
     resolution_deg: float = 0.5
-    """Angle between two beams: 1 or 0.5 over 180°, or 0.25 over 100°."""
+    """Angle between beams: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: RangeMode = RangeMode.MM
-    """Ranges to 8.19 m in steps of 1 mm, or to 81.9 m in steps of 1 cm."""
+    """Range and step: mm up to 8.19 m by 1 mm, cm up to 81.9 m by 1 cm."""
     noise: Annotated[bool, Option(flags=("--noise/--no-noise",))] = True
-    """Ranges with the device's errors, or without."""
+    """Apply the device's errors to the ranges."""
     seed: int = 0
     """Seed of the device's errors."""
     viewpoint: TiltedViewpointOptions

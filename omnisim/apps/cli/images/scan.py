@@ -16,7 +16,7 @@ from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 
 
 def run(request: ScanRequest) -> None:
-    """Take one scan, write it and print a summary."""
+    """Render one scan, write it and print a summary."""
     if request.output.suffix.lower() != ".csv":
         raise OutputError(f"--output: expected a .csv file, got {request.output}")
     check_target(request.output)

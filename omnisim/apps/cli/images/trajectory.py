@@ -24,7 +24,7 @@ from omnisim.runs.route import Route, route_digest
 from omnisim.scene import Scene
 
 ALL = "all"
-# Options of a single image, by their groups: all where none is named.
+# Options of a single image, by group; an empty tuple stands for all options of the group.
 SINGLE_IMAGE: dict[str, tuple[str, ...]] = {
     "viewpoint": ("at_camera", "time_s"),
     "files": (),
@@ -37,8 +37,8 @@ def run(request: RenderRequest, path: Path) -> None:
     """Record a run of a rig, or resume an unfinished one, and print a summary.
 
     Args:
-        request: of `omnisim render`.
-        path: of the trajectory.
+        request: request of `omnisim render`.
+        path: trajectory file.
     """
     for group, names in SINGLE_IMAGE.items():
         reason = "expected a single viewpoint, got --trajectory"
@@ -76,7 +76,7 @@ def run(request: RenderRequest, path: Path) -> None:
 
 
 def _rig(camera: RigCameraOptions, path: Path) -> tuple[Rig, Vehicle]:
-    """Rig of the whole file, whose frames the poses may describe, and vehicle of the cameras."""
+    """Rig with all cameras that the poses may refer to, and vehicle of the selected cameras."""
     if camera.robot is not None:
         return _robot(camera, camera.robot)
     source = camera.calibration_file
@@ -95,10 +95,10 @@ def _rig(camera: RigCameraOptions, path: Path) -> tuple[Rig, Vehicle]:
 
 
 def _robot(camera: RigCameraOptions, robot: str) -> tuple[Rig, Vehicle]:
-    """Cameras of a robot on its base, and the robot with all of its sensors.
+    """Rig of a robot's central cameras on its base, and the robot with all of its sensors.
 
     Raises:
-        OutputError: another camera beside the robot's.
+        OutputError: another camera is given as well.
     """
     reason = "expected the robot's sensors with --trajectory and --robot"
     refuse_given(camera, reason, "sensor", "calibration_file", "camera_name", "optics", "mirrored")
@@ -116,7 +116,7 @@ def _name(source: Path | None) -> str:
 
 
 def _note_poses_outside(scene: Scene, truth: Trajectory, path: Path) -> None:
-    """Print a note on poses outside of the scene: an origin that is not placed is seldom meant."""
+    """Print a note on poses outside the scene, which often mean a misplaced origin."""
     low, high = scene.bounds_m()
     outside = ((truth.positions_m < low) | (truth.positions_m > high)).any(axis=1)
     if outside.any():
@@ -129,10 +129,10 @@ def _note_poses_outside(scene: Scene, truth: Trajectory, path: Path) -> None:
 
 
 def _refuse_time(vehicle: Vehicle, path: Path) -> None:
-    """Refuse cameras whose images depend on the time between two of them.
+    """Raise an error for cameras whose images depend on the time between them.
 
     Raises:
-        RunError: naming the camera.
+        RunError: names the camera.
     """
     for camera in vehicle.cameras:
         degradation = camera.sensor.degradation

@@ -43,11 +43,11 @@ _INHERITED = (
     "previous_world_from_base",
 )
 MAX_SIDE_PX = 32768
-MAX_PIXELS = 1 << 26  # an EXR of them has 1 GB
+MAX_PIXELS = 1 << 26  # an EXR file of 1 GB
 
 
 def run(request: UnwarpRequest) -> None:
-    """Unwarp one image, write it and print a summary with the share that is masked."""
+    """Unwarp one image, write it and print a summary with the share of masked pixels."""
     _check_options(request)
     channel_format = parse_channel_format(request.channel_format, request.also or "")
     is_float = is_float_format(request.output)
@@ -108,7 +108,7 @@ def _channels(
     camera_from_view: NDArray[np.float64],
     metadata: dict[str, Any],
 ) -> tuple[dict[str, NDArray[Any]], Labels | None, NDArray[np.bool_]]:
-    """Channels of the view that are asked for, their labels, and which pixels have a ray."""
+    """Requested channels of the view, their labels, and the mask of pixels with a ray."""
     if request.also is None:
         return {}, None, np.zeros(0, dtype=np.bool_)
     stored = StoredChannels(request.source, taken.metadata)
@@ -122,7 +122,7 @@ def _channels(
 
 
 def _check_options(request: UnwarpRequest) -> None:
-    """Refuse options of other kinds of views: they would have no effect."""
+    """Raise an error for options of other types of views, which would have no effect."""
     for option, value, kind in (
         ("--pitch", request.pitch_deg, ViewKind.PERSPECTIVE),
         ("--fov", request.field_of_view_deg, ViewKind.PERSPECTIVE),
@@ -183,7 +183,7 @@ def _height_m(request: UnwarpRequest, taken: CapturedImage) -> float:
 
 def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
-    # as wide as the largest circle in the image is long
+    # the width equals the circumference of the largest circle in the image
     width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
     low, high = request.elevation_deg or (
         -45.0,
@@ -199,7 +199,7 @@ def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
 
 
 def _linear(pixels: NDArray[Any]) -> NDArray[np.float32]:
-    """Convert uint8 sRGB to linear floats; floats are linear already."""
+    """Convert uint8 sRGB to linear floats; floats are already linear."""
     if pixels.dtype != np.uint8:
         return pixels.astype(np.float32, copy=False)
     return linear_from_srgb8(pixels)
@@ -210,7 +210,7 @@ def _with_alpha(
 ) -> NDArray[np.float32] | NDArray[np.uint8]:
     """Convert colors (height, width, 3) to the output's format, with the mask as alpha."""
     pixels = np.empty((*valid.shape, 4), dtype=np.float32 if is_float else np.uint8)
-    for row, color_row in zip(pixels, colors, strict=True):  # by rows: a large view stays small
+    for row, color_row in zip(pixels, colors, strict=True):  # row by row, to save memory
         fits = is_float or colors.dtype == np.uint8
         row[:, :3] = color_row if fits else srgb8_from_linear(color_row)
     pixels[..., 3] = np.where(valid, 1.0 if is_float else 255, 0)

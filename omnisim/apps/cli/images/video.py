@@ -17,7 +17,7 @@ from omnisim.validation.plots.video_file import check_video_target, write_video
 
 
 def run(request: VideoRequest) -> None:
-    """Encode a camera's images as a video; of robots that drove together side by side."""
+    """Encode a camera's images as a video; robots that drove together appear side by side."""
     folder, output, rate_hz = request.run, request.output, request.rate_hz
     if not 0.1 <= rate_hz <= 240.0:
         raise OutputError(f"--fps: expected 0.1 to 240 frames per second, got {rate_hz:g}")
@@ -45,9 +45,9 @@ class _View:
     """Images of a camera of a run.
 
     Attributes:
-        run: its folder.
-        camera: name.
-        times_s: (n,) of its images that are recorded.
+        run: folder of the run.
+        camera: name of the camera.
+        times_s: (n,) times of the recorded images.
     """
 
     run: RunFolder
@@ -56,23 +56,23 @@ class _View:
 
     @classmethod
     def of(cls, run: RunFolder, camera: str | None) -> _View:
-        """View of a camera; None: the first.
+        """View of the named camera; None: the first camera.
 
         Raises:
-            RunError: there is none.
+            RunError: no such camera.
         """
         name = run.camera(camera)
         return cls(run, name, run.times_s(name)[: run.measurements_done(name)])
 
     def at(self, time_s: float) -> NDArray[np.uint8]:
-        """Latest image at a time; before the first, the first."""
+        """Latest image at a time; before the first image, the first."""
         step = max(0, int(np.searchsorted(self.times_s, time_s, side="right")) - 1)
         image: NDArray[np.uint8] = read_image(self.run.file(self.camera, step, ".png"))[0]
         return image
 
 
 def side_by_side(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Image of images (height, width, 3), black below those that are less high."""
+    """Join images (height, width, 3) horizontally, with black below the lower ones."""
     if len(images) == 1:
         return images[0]
     height = max(image.shape[0] for image in images)

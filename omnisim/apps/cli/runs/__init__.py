@@ -1,1 +1,1 @@
-"""Commands of drives, runs and robots."""
+"""Commands for drives, runs and robots."""

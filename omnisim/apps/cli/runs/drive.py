@@ -22,7 +22,7 @@ from omnisim.sensors.sensor_names import FOLDER_NAME, folder_name
 NO_SENSORS = (
     "has no sensors: nothing but its path and odometry is recorded: give its robot file [[sensors]]"
 )
-MAX_CONTACTS = 5  # notes; the manifest has all
+MAX_CONTACTS = 5  # maximum number of printed contacts; the manifest has all
 
 
 def run(request: DriveRequest) -> None:
@@ -52,7 +52,7 @@ def run(request: DriveRequest) -> None:
 
 
 def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
-    """Robots and their vehicles by name, which is also that of their folder."""
+    """Robots and their vehicles by name, which is also the name of their folder."""
     if request.way.physics is not None:
         require_extra("mujoco", "--physics", RunError)
     if len(request.paths) != len(request.robots):
@@ -75,7 +75,7 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
 
 
 def _load_robot(source: str, resources: Sequence[Path]) -> tuple[Robot, Vehicle]:
-    """Robot of a robot file, or of a simulator's model."""
+    """Load a robot file or a simulator's model."""
     if Path(source).suffix.lower() not in SUFFIXES:
         robot = load_robot(source)
         return robot, Vehicle.from_robot(robot)
@@ -88,7 +88,7 @@ def _load_robot(source: str, resources: Sequence[Path]) -> tuple[Robot, Vehicle]
 
 
 def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
-    """Refuse ground truth of robots without cameras."""
+    """Raise an error if ground truth is requested but no robot has a camera."""
     option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
     sensors = (one for vehicle in vehicles.values() for one in vehicle.sensors)
     if option and not any(sensor.has_ground_truth for sensor in sensors):
@@ -108,7 +108,7 @@ def _route(request: DriveRequest, path: str) -> Route:
 
 
 def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
-    """Print what a planned drive meets."""
+    """Print the contacts and notes of a planned drive."""
     if not plan.drive.vehicle.sensors:
         print_note(f"{plan.drive.vehicle.name} {NO_SENSORS}")
     if no_contact:

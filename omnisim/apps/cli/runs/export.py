@@ -30,10 +30,10 @@ def run(request: ExportRequest) -> None:
 
 
 def parse_start_time(text: str) -> int:
-    """Nanoseconds since 1970 of seconds, or of a date and time by ISO 8601, UTC without a zone.
+    """Parse seconds since 1970, or an ISO 8601 date and time (UTC without a zone), to nanoseconds.
 
     Raises:
-        OutputError: neither, or out of what stamps hold.
+        OutputError: any other text, or a time beyond the range of stamps.
     """
     try:
         whole, dot, decimals = text.strip().partition(".")
@@ -56,5 +56,5 @@ def parse_start_time(text: str) -> int:
 
 
 def folder_bytes(folder: Path) -> int:
-    """Size of all files in a folder."""
+    """Total size of all files in a folder, bytes."""
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())

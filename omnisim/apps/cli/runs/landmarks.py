@@ -18,9 +18,9 @@ from omnisim.runs.run_data import RunData, read_run
 from omnisim.runs.run_labels import train_on_run
 from omnisim.runs.single_image import SingleImage, read_single_image
 
-MAX_COST = 1e9  # past any that makes sense, and far from where a float ends
-SHOWN = 6  # panoramas in the figure
-LISTED = 8  # steps in a note
+MAX_COST = 1e9  # beyond any sensible cost, and far below the limit of floats
+SHOWN = 6  # maximum number of panoramas in the figure
+LISTED = 8  # maximum number of steps in a note
 
 
 def train(request: TrainRequest) -> None:
@@ -48,7 +48,7 @@ def train(request: TrainRequest) -> None:
 
 
 def _color_lines(trained: Training) -> list[str]:
-    """Pixels, threshold and rates of each color."""
+    """Summary lines with the pixels, threshold and rates of each color."""
     model, lines = trained.model, []
     for name, theta, curve, counts in zip(
         model.colors, model.thresholds, trained.curves, model.counts[1:], strict=True
@@ -85,13 +85,19 @@ def detect(request: DetectRequest) -> None:
     rows, empty = [], []
     for step in track(range(source.steps), "detecting", source.steps):
         panorama = detector.panorama(source.image(step))
-        found = detector.find(panorama)
-        detections += [(step, detection) for detection in found]
-        if not found:
+        step_detections = detector.find(panorama)
+        detections += [(step, detection) for detection in step_detections]
+        if not step_detections:
             empty.append(step)
         if step in shown and request.show is not None:
             title = f"step {step}" if is_run else request.source.name
-            rows.append((f"{title}: {pluralize(len(found), 'landmark')}", panorama, found))
+            rows.append(
+                (
+                    f"{title}: {pluralize(len(step_detections), 'landmark')}",
+                    panorama,
+                    step_detections,
+                )
+            )
     if request.output is not None:
         detection_files.write_detections(request.output, detections)
     if request.show is not None:

@@ -20,7 +20,7 @@ from omnisim.runs.run_labels import train_on_run
 from omnisim.validation.report.localization_report import write_localized
 from omnisim.validation.report.report import HTML, check_report_target
 
-SHOWN = 4  # panoramas in the report
+SHOWN = 4  # maximum number of panoramas in the report
 
 
 def run(request: LocalizeRequest) -> None:
@@ -49,17 +49,17 @@ def run(request: LocalizeRequest) -> None:
     if detector.ignored:
         notices.append(f"{', '.join(detector.ignored)}: not detected: the model lacks their colors")
     observations = [
-        [observation_from_detection(each, chosen.measurement) for each in found]
-        for found in detections
+        [observation_from_detection(each, chosen.measurement) for each in step_detections]
+        for step_detections in detections
     ]
-    found = localize(
+    estimate = localize(
         data.odometry,
         observations,
         LandmarkMap.of_scene(data.landmarks),
         chosen,
         data.mount.position_m,
     )
-    report = write_localized(request.output, data, found, chosen, detections, shown, notices)
+    report = write_localized(request.output, data, estimate, chosen, detections, shown, notices)
     (section,) = report.sections
     for notice in section.notices:
         print_note(notice)
@@ -69,7 +69,7 @@ def run(request: LocalizeRequest) -> None:
 
 
 def _read_colors(path: Path | None) -> ColorModel | None:
-    """Read a model; None is to be learned from the run itself."""
+    """Read a color model; None: it will be learned from the run itself."""
     if path is None:
         return None
     if path.is_dir():

@@ -56,7 +56,7 @@ def _drawing(run: RunFolder, name: str) -> RunDrawing:
 
 
 def _image(run: RunFolder, camera: str, step: int) -> NDArray[np.uint8]:
-    """Last image (height, width, 3) of a camera at a step."""
+    """Latest image (height, width, 3) of a camera at a step."""
     return read_image(run.file(camera, run.index_at(camera, step), ".png"))[0]
 
 
@@ -66,7 +66,7 @@ def _others(run: RunFolder) -> dict[str, Trajectory]:
 
 
 def _dead_reckoned(run: RunFolder) -> NDArray[np.float64] | None:
-    """Positions (n, 2) by the wheels, or None: the run is of a rig, which has none."""
+    """Dead-reckoned positions (n, 2) from the wheels; None for a rig, which has no wheels."""
     if run.manifest.is_rig:
         return None
     positions_m = read_odometry(run.path / ODOMETRY).dead_reckoned().positions_m[:, :2]
@@ -78,8 +78,8 @@ def _title(
     run: RunFolder, truth: Trajectory, reckoned: NDArray[np.float64] | None, done: int
 ) -> str:
     length_m = truth.path_length_m
-    there = "" if done == len(truth) else f" ({done} are there)"
-    title = f"{run.manifest.title}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{there}"
+    progress = "" if done == len(truth) else f" ({done} are there)"
+    title = f"{run.manifest.title}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{progress}"
     if reckoned is None:
         return title
     error_m = float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1]))
@@ -88,15 +88,15 @@ def _title(
 
 
 def _scene(run: RunFolder, scene: str | None) -> Scene | None:
-    """Load the run's scene; None with a note where it is missing."""
+    """Load the run's scene; if it is missing, print a note and return None."""
     recorded = run.manifest.scene
     try:
-        found = recorded.load(scene)
+        loaded = recorded.load(scene)
     except SceneError as reason:
         if scene is not None:
             raise
         print_note(f"drawn without a map: {reason}; pass --scene FILE")
         return None
-    if scene_contents(found) != recorded.contents:
-        print_note(f"{found.name}: is not as it was in the run")
-    return found
+    if scene_contents(loaded) != recorded.contents:
+        print_note(f"{loaded.name}: is not as it was in the run")
+    return loaded

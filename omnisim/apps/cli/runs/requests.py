@@ -1,4 +1,4 @@
-"""Requests of the commands that record a run, or read one, and of those on robots."""
+"""Requests of the commands that record or read runs, and of the robot commands."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -30,27 +30,27 @@ class PhysicsEngine(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class PathOptions:
-    """Way along a path."""
+    """Motion along a path."""
 
     panel: ClassVar[str] = TRAJECTORY
 
     step_m: float = 0.41
-    """Longest step along waypoints."""
+    """Maximum step length along waypoints."""
     turn_step_deg: float = 12.0
-    """Largest step of a turn."""
+    """Maximum step angle of a turn."""
     rate_hz: float | None = None
-    """Steps per second, instead of --step and --turn-step, or of a file without times."""
+    """Steps per second, in place of --step and --turn-step, or for a file without times."""
     ground_m: Annotated[float | None, Option(default="the scene's floor under the wheels")] = None
-    """Height of waypoints."""
+    """Height of the waypoints."""
     no_contact: bool = False
-    """Refuse a path on which the body hits the scene."""
+    """Reject a path on which the body hits the scene."""
     ignore_limits: bool = False
     """Ignore the robot's kinematic limits."""
     physics: Annotated[
         PhysicsEngine | None,
-        Option(metavar="ENGINE", default="the robot drives as planned, through everything"),
+        Option(metavar="ENGINE", default="none: motion as planned, through obstacles"),
     ] = None
-    """Engine in which wheels slip and objects collide: mujoco."""
+    """Physics engine that simulates wheel slip and collisions: mujoco."""
     axes: Annotated[PoseAxes | None, Option(default="kitti for KITTI's files, else world")] = None
     """Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, y left, z
     up)."""
@@ -65,18 +65,18 @@ class DriveRequest:
         list[str],
         Option(flags=("--robot",), metavar="NAME|FILE", complete=completion.complete_robot),
     ]
-    """Robot file, built-in name, or model: .sdf .urdf .xml. Several, each with its --path, drive
-    together: NAME=FILE gives each a folder of its own."""
+    """Robot file, built-in name, or model (.sdf .urdf .xml). Several robots, each with its --path,
+    drive together; NAME=FILE gives each its own folder."""
     paths: Annotated[
         list[str],
         Option(flags=("--path",), metavar="NAME|FILE", complete=completion.complete_path),
     ]
-    """Path of the scene, or a file: .tum .kitti .csv, or EuRoC's; a .csv of x_m and y_m alone has
-    waypoints."""
+    """Path of the scene, or a file: .tum .kitti .csv, or EuRoC's. A .csv with only x_m and y_m
+    holds waypoints."""
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder of the run; an unfinished run resumes."""
     force: bool = False
-    """Overwrite another run in the folder."""
+    """Overwrite an existing run in the folder."""
     seed: int = 0
     """Seed of the odometry's and the cameras' noise."""
     light: ShadowedLightOptions
@@ -91,11 +91,11 @@ class LocalizeRequest(RunSceneOptions, RunCameraOptions):
     """Parameters of `omnisim localize`."""
 
     run: RunFolder
-    """Folder of a run."""
+    """Folder of the run."""
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder for the estimate, figures and report."""
     model: Annotated[Path | None, Option(default="learned from the run's own labels")] = None
-    """Color model of `omnisim landmarks train`: .npz."""
+    """Color model from `omnisim landmarks train`: .npz."""
     params: Annotated[Path | None, Option(default="omnisim's own")] = None
     """Parameters of the filter: .toml."""
 
@@ -105,9 +105,9 @@ class PlotRequest(RunSceneOptions):
     """Parameters of `omnisim plot`."""
 
     run: RunFolder
-    """Folder of a run."""
+    """Folder of the run."""
     output: Annotated[Path | None, Option(default="RUN/plot.png")] = None
-    """Plot: .png .pdf .svg."""
+    """Plot to write: .png .pdf .svg."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,9 +115,9 @@ class VideoRequest(RunCameraOptions):
     """Parameters of `omnisim video`."""
 
     run: RunFolder
-    """Folder of a run."""
+    """Folder of the run."""
     output: Path
-    """Video: .mp4 .mkv."""
+    """Video to write: .mp4 .mkv."""
     rate_hz: Annotated[float, Option(flags=("--fps",))] = 10.0
     """Frames per second."""
 
@@ -127,28 +127,28 @@ class ExportRequest:
     """Parameters of `omnisim export`."""
 
     run: RunFolder
-    """Folder of a run."""
+    """Folder of the run."""
     format: Annotated[
         str, Option(flags=("--to",), metavar="FORMAT", names=completion.export_formats)
     ]
     """Format: {names}."""
     output: Annotated[Path, Option(metavar="DIR")]
-    """New folder; it appears once it is complete."""
+    """New folder; it appears when it is complete."""
     camera_name: Annotated[
         str | None,
         Option(
             metavar="NAME",
-            default="all; the first in formats of one camera",
+            default="all, or the first for single-camera formats",
             complete=completion.complete_run_camera,
         ),
     ] = None
-    """Camera of the run."""
+    """Name of the run's camera."""
     start_time: Annotated[str, Option(metavar="S|DATE")] = "0"
     """Stamp of the run's time 0: seconds since 1970, or a date such as 2026-01-31T12:00:00."""
     compressed: bool = False
-    """Images as PNG, where a format has pixels or PNG: ros2-*."""
+    """Write images as PNG where the format allows pixels or PNG: ros2-*."""
     with_points: Annotated[bool, Option(flags=("--points",))] = False
-    """Also point clouds of the cameras' ranges: ros2-*."""
+    """Also write point clouds from the cameras' ranges: ros2-*."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,13 +156,13 @@ class TrainRequest(RunSceneOptions, RunCameraOptions):
     """Parameters of `omnisim landmarks train`."""
 
     run: RunFolder
-    """Folder of a run."""
+    """Folder of the run."""
     output: Path
-    """Color model: .npz."""
+    """Color model to write: .npz."""
     missed: Annotated[float, Option(metavar="COST")] = 1.0
-    """Cost of a false negative: a landmark's pixel missed."""
+    """Cost of a false negative: a missed pixel of a landmark."""
     false_alarm: Annotated[float, Option(metavar="COST")] = 4.0
-    """Cost of a false positive: another pixel detected."""
+    """Cost of a false positive: a detected pixel of anything else."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,17 +170,17 @@ class DetectRequest(RunSceneOptions, RunCameraOptions):
     """Parameters of `omnisim landmarks detect`."""
 
     source: Annotated[Path, Argument(metavar="IMAGE|RUN")]
-    """An image of omnisim's, or a run."""
+    """Image by omnisim, or folder of a run."""
     model: Path
-    """Color model of `omnisim landmarks train`: .npz."""
+    """Color model from `omnisim landmarks train`: .npz."""
     output: Path | None = None
-    """Detections: .csv."""
+    """Detections to write: .csv."""
     show: Path | None = None
     """Also draw annotated panoramas: .png .pdf .svg."""
     height_m: Annotated[float | None, Option(default="the image's z")] = None
     """Height of an image's viewpoint above the ground."""
     sensor: Path | None = None
-    """Sensor file of an image without metadata: .toml."""
+    """Sensor file for an image without metadata: .toml."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,14 +198,14 @@ class ImportRequest:
     configuration: Annotated[Path, Argument(metavar="FILE")]
     """Configuration of USARSim (USARBot.ini), or a model: .sdf .urdf .xml."""
     output: Path
-    """Robot file: .toml."""
+    """Robot file to write: .toml."""
     robot_class: Annotated[
-        str | None, Option(flags=("--class",), metavar="NAME", default="the file's only one")
+        str | None, Option(flags=("--class",), metavar="NAME", default="the only one in the file")
     ] = None
     """Class of the robot, such as P2AT, or name of the model."""
     unreal_units: Annotated[bool, Option(default="meters, z down, radians")] = False
-    """Read the file in Unreal units: 250 to a meter, z up, 65536 to a turn."""
+    """Read the file in Unreal units: 250 per meter, z up, 65536 per turn."""
     origin_height_m: Annotated[float | None, Option(default="0")] = None
     """Height of USARSim's origin of the robot above the ground."""
     resources: Resources = None
-    """Folder of models that the file names by URI, such as model://chair; can be repeated."""
+    """Folder of models that the file references by URI, such as model://chair; can be repeated."""

@@ -25,10 +25,10 @@ from omnisim.sensors.sensor import MountedSensor
 
 
 def list_robots() -> None:
-    """Print a line for each built-in robot.
+    """Print a line per built-in robot.
 
     Raises:
-        RobotFileError: a robot file that is damaged.
+        RobotFileError: a robot file is damaged.
     """
     robots = [load_robot(name) for name in builtin_robots()]
     width = max((len(robot.name) for robot in robots), default=0)
@@ -51,7 +51,7 @@ def check_robot(request: CheckRequest) -> None:
 
 
 def import_robot(request: ImportRequest) -> None:
-    """Convert a robot of USARSim or of a simulator's model, and list what is in it and what not."""
+    """Convert a USARSim robot or a simulator's model, and list supported and omitted parts."""
     output = request.output
     if output.suffix.lower() != ".toml":
         raise OutputError(f"--output: expected a .toml file, got {output}")
@@ -86,7 +86,7 @@ def import_robot(request: ImportRequest) -> None:
 
 
 def _import_model(request: ImportRequest) -> None:
-    """Convert a model of a simulator; its cameras get a sensor file each."""
+    """Convert a simulator's model; each camera gets a sensor file."""
     output = request.output
     for option, value in (
         ("--unreal-units", request.unreal_units),
@@ -136,7 +136,7 @@ def _format_size(box: BodyBoxes | None) -> str:
 
 
 def _format_rate(mounted: MountedSensor) -> str:
-    """Rate of its own, where its summary has none."""
+    """Text of the sensor's own rate; empty if its summary already has the rate."""
     if mounted.rate is None or f"{mounted.rate.rate_hz:g} Hz" in mounted.summary():
         return ""
     return f"measures at {mounted.rate.rate_hz:g} Hz, "

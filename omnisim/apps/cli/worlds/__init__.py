@@ -1,1 +1,1 @@
-"""Commands of scenes."""
+"""Commands for scenes."""

@@ -1,4 +1,4 @@
-"""Requests of the commands on scenes and their baked light."""
+"""Requests of the commands for scenes and their baked light."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ class SceneRequest:
     plot: Path | None = None
     """Also plot the scene from above: .png .pdf .svg."""
     json: bool = False
-    """Print JSON, with all instances, and nothing else."""
+    """Print only JSON, with all instances."""
     all: bool = False
     """List all instances, not only the largest."""
     labels: Annotated[Path | None, Option(default="the scene's own labels")] = None
@@ -30,7 +30,7 @@ class SceneConvertRequest:
 
     world: SceneOptions
     output: Path
-    """File: .glb."""
+    """File to write: .glb."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,23 +39,23 @@ class BakeRequest:
 
     world: SceneOptions
     output: Annotated[Path | None, Option(metavar="DIR")] = None
-    """New or empty folder; an interrupted bake resumes where it was."""
+    """New or empty folder; an interrupted bake in it resumes."""
     texel_m: Annotated[
         float | None,
         Option(
             flags=("--texel-m",), min=1e-4, max=100.0, default="by the scene's area, for minutes"
         ),
     ] = None
-    """Width of a texel near the starts and paths; farther away they are coarser."""
+    """Width of a texel near the starts and paths; distant texels are coarser."""
     samples: Annotated[int, Option(min=1, max=65536)] = DEFAULT_SAMPLES
-    """Rays per texel."""
+    """Number of rays per texel."""
     bounces: Annotated[int, Option(min=0, max=1000)] = DEFAULT_BOUNCES
-    """Reflections between lamps and texels; 0: direct light alone."""
+    """Number of light bounces between surfaces; 0: direct light only."""
     seed: Annotated[int, Option(min=0, max=2**63 - 1)] = 0
     """Seed of the rays."""
     jobs: Annotated[int | None, Option(min=1, max=1024, default="one per core")] = None
-    """Threads; the files do not depend on them."""
+    """Number of threads; the files do not depend on it."""
     force: bool = False
-    """Overwrite the bake in the folder."""
+    """Overwrite an existing bake in the folder."""
     estimate: bool = False
-    """Only estimate the time it takes, and its size."""
+    """Only estimate the baking time and the size."""

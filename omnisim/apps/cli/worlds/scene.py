@@ -28,11 +28,11 @@ from omnisim.scene.summary import (
     start_places,
 )
 
-SHOWN = 20  # instances of a table
+SHOWN = 20  # maximum number of instances in the table
 
 
 def run(request: SceneRequest) -> None:
-    """Print what is in a scene, as a table or as JSON, and plot it where that is asked for."""
+    """Print the contents of a scene as tables or JSON, and plot it on request."""
     if request.plot is not None:
         require_extra("plots", "--plot")
         from omnisim.validation.plots.plot_file import check_plot_target
@@ -61,7 +61,7 @@ def run(request: SceneRequest) -> None:
 
 
 def describe(scene: Scene) -> dict[str, Any]:
-    """Describe a scene by numbers, texts, lists and dictionaries of them."""
+    """Describe a scene with JSON-serializable values."""
     labels = find_labels(scene)
     mesh_bytes, texture_bytes = memory_bytes(scene)
     low, high = scene.bounds_m()
@@ -129,7 +129,7 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
     shown = ranked if shows_all else ranked[:SHOWN]
     rows = [_row(one) for one in shown]
     table = Table(box=None, pad_edge=False)
-    table.add_column("instance", no_wrap=True)  # the only one that a narrow console cuts
+    table.add_column("instance", no_wrap=True)  # the only column that a narrow console truncates
     for index, title in enumerate(("class", "triangles", "size (m)", "center (m)", "textures"), 1):
         width = max([len(title), *(len(row[index]) for row in rows)])
         table.add_column(title, no_wrap=True, min_width=width, justify="right")
@@ -143,7 +143,7 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
 
 
 def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
-    """Names and values of everything but the instances."""
+    """Names and values of all lines except the instances."""
     low, high = np.array(document["bounds_m"])
     digits = _decimals(float((high - low).max()))
     classes = [f"{one['name']} {one['instances']}" for one in document["classes"]]
@@ -188,7 +188,7 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _row(one: dict[str, Any]) -> tuple[str, ...]:
-    """Cells of an instance."""
+    """Table cells of an instance."""
     low, high = np.array(one["min_m"]), np.array(one["max_m"])
     return (
         printable(one["name"]),
@@ -201,7 +201,7 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _textures(sizes_px: list[tuple[int, int]]) -> str:
-    """The first texture's size, and how many more there are."""
+    """Size of the first texture, and the number of further textures."""
     if not sizes_px:
         return ""
     width, height = sizes_px[0]
@@ -209,12 +209,12 @@ def _textures(sizes_px: list[tuple[int, int]]) -> str:
 
 
 def _decimals(size_m: float) -> int:
-    """Decimals that show a hundredth of a size, at least two."""
+    """Number of decimals that resolve a hundredth of a size, at least two."""
     return 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
 
 
 def _point(values: Any, decimals: int) -> str:
-    # + 0.0: no "-0.00"
+    # + 0.0 turns −0 into 0
     return "(" + ", ".join(f"{round(value, decimals) + 0.0:.{decimals}f}" for value in values) + ")"
 
 

@@ -11,7 +11,7 @@ from omnisim.scene.formats.gltf.writing.writer import write_glb
 
 
 def run(request: SceneConvertRequest) -> None:
-    """Write a scene as GLB, and print what it cannot have."""
+    """Write a scene as GLB, and print notes on unsupported contents."""
     check_suffix(request.output, ".glb")
     check_target(request.output)
     source = resolve_source(request.world.scene)

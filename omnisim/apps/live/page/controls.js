@@ -1,8 +1,8 @@
-// Controls of the camera's parameters, from the groups that the server makes of its schemas.
+// Controls of the camera's parameters, from groups that the server generates from its schemas.
 
 import { byId, make, short } from "./dom.js";
 
-const STEPS = 1000; // of a slider
+const STEPS = 1000; // positions of a slider
 
 export class Controls {
   #set;
@@ -10,7 +10,7 @@ export class Controls {
   #shape = "";
   #open = new Set(["Mirror", "Lens", "Camera"]);
 
-  /** @param set takes the path of a key and its value; null takes it away. */
+  /** @param set receives the path of a key and its value; null removes the key. */
   constructor(set) {
     this.#set = set;
   }

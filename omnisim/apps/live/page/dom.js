@@ -1,8 +1,8 @@
-// Elements in one expression.
+// Creation of elements in single expressions, and other small helpers.
 
 export const byId = (id) => document.getElementById(id);
 
-/** Element with attributes (`on…` are listeners, `text` is its text) and children. */
+/** Create an element with attributes and children; `on…` are listeners, `text` is its text. */
 export function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
@@ -22,7 +22,7 @@ export function makeSvg(tag, attributes = {}, text = "") {
   return element;
 }
 
-/** Number in few digits: 0.04, 11.546, 1448. */
+/** Format a number with few digits: 0.04, 11.546, 1448. */
 export function short(value, digits = 4) {
   if (typeof value !== "number") return String(value ?? "");
   return String(Number(value.toPrecision(digits)));

@@ -1,4 +1,4 @@
-// Keys, gamepad and touch buttons as one wish: ahead, left, up, turn and tilt, each from -1 to 1.
+// Keys, gamepad and touch buttons combined to ahead, left, up, turn and tilt, from -1 to 1.
 
 import { byId } from "./dom.js";
 
@@ -9,8 +9,8 @@ const KEYS = {
   t: ["tilt", -1], g: ["tilt", 1],
 };
 const AXES = ["ahead", "left", "up", "turn", "tilt"];
-const DEAD = 0.15; // of a stick
-const REPEAT_MS = 250; // keys count as let go when the server hears nothing
+const DEAD = 0.15; // dead zone of a stick
+const REPEAT_MS = 250; // the server releases keys that are not repeated
 
 export class Drive {
   #held = new Set();
@@ -88,7 +88,7 @@ export class Drive {
   }
 }
 
-/** Whether a key belongs to what has the focus: a field, or a shortcut. */
+/** True if a key belongs to a shortcut or to the focused field. */
 export function isTyping(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return true;
   const target = event.target;

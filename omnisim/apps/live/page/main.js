@@ -1,4 +1,4 @@
-// The page: what arrives is shown, what is done is told to the server. The newest wish wins there.
+// The page: shows the server's messages and sends user input; the server acts on the newest one.
 
 import { Controls } from "./controls.js";
 import { byId, download, make, short, toast } from "./dom.js";
@@ -9,10 +9,10 @@ import { drawProfile } from "./profile.js";
 import { Stream } from "./stream.js";
 import { View, titleOf } from "./views.js";
 
-const FIRST = ["panorama", "map", "range"]; // views of a first visit
-const SMALL_FIRST = []; // on a phone
+const FIRST = ["panorama", "map", "range"]; // views on a first visit
+const SMALL_FIRST = []; // the same on a phone
 const SHORTCUTS = ["panorama", "perspective", "birdseye", "map", "range"];
-const TURN_DEG = 180; // of a drag across an image
+const TURN_DEG = 180; // turn by a drag across an image
 const views = new Map();
 const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, probedPoints: "", playing: 0 };
 const rates = [];
@@ -20,7 +20,7 @@ const rates = [];
 const stream = new Stream({
   open: () => stream.send("ask"),
   closed: () => {
-    byId("title").textContent = "the server is gone; trying again …";
+    byId("title").textContent = "connection lost; reconnecting …";
     state.drives = false;
   },
   hello: showAbout,
@@ -87,7 +87,7 @@ function showCamera(camera) {
 async function showFrame(frame) {
   state.frame = frame;
   const shown = frame.parts.map((part) => views.get(part.name)?.show(part, frame.is_fine));
-  if (state.about.steps !== null) state.map?.clearTrail(); // the path that was driven is drawn
+  if (state.about.steps !== null) state.map?.clearTrail(); // the recorded path is drawn instead
   state.map?.update({ place: frame.viewpoint, ...(frame.seen_m ? { seen_m: frame.seen_m } : {}) });
   await Promise.allSettled(shown);
   send("ask");
@@ -129,33 +129,33 @@ function showTimes() {
   const rows = Object.entries(state.frame.times_ms ?? {}).filter(([, ms]) => ms >= 0.05);
   const total = rows.reduce((sum, [, ms]) => sum + ms, 0);
   const line = (name, ms) => make("div", {}, make("span", { text: name }), make("span", { text: `${ms.toFixed(1)} ms` }));
-  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("in all", total));
+  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("total", total));
 }
 
-function showProbe(found) {
+function showProbe(answer) {
   state.isProbing = false;
   for (const [name, view] of views) {
-    const place = found.marks[name] ?? (name !== "camera" && name in state.about.channels ? found.marks.camera : null);
+    const place = answer.marks[name] ?? (name !== "camera" && name in state.about.channels ? answer.marks.camera : null);
     if (name !== "map") view.mark(place ?? null);
   }
-  state.map?.update({ point: found.point_m ?? null });
-  if (found.reason) return void (byId("probe").textContent = found.reason);
-  if (!("yaw_deg" in found)) return;
-  const parts = [`direction ${found.yaw_deg.toFixed(1)}°, ${(-found.pitch_deg).toFixed(1)}° up`];
-  if (found.pixel) parts.unshift(`pixel ${found.pixel.join(", ")}`);
-  if (found.range_m !== undefined) parts.push(found.range_m === null ? "nothing hit" : `${short(found.range_m, 4)} m`);
-  if (found.class) parts.push(found.class);
-  if (found.instance && found.instance !== found.class) parts.push(found.instance);
-  if (found.point_m) parts.push(`(${found.point_m.map((value) => value.toFixed(3)).join(", ")}) m`);
+  state.map?.update({ point: answer.point_m ?? null });
+  if (answer.reason) return void (byId("probe").textContent = answer.reason);
+  if (!("yaw_deg" in answer)) return;
+  const parts = [`direction ${answer.yaw_deg.toFixed(1)}°, ${(-answer.pitch_deg).toFixed(1)}° up`];
+  if (answer.pixel) parts.unshift(`pixel ${answer.pixel.join(", ")}`);
+  if (answer.range_m !== undefined) parts.push(answer.range_m === null ? "nothing hit" : `${short(answer.range_m, 4)} m`);
+  if (answer.class) parts.push(answer.class);
+  if (answer.instance && answer.instance !== answer.class) parts.push(answer.instance);
+  if (answer.point_m) parts.push(`(${answer.point_m.map((value) => value.toFixed(3)).join(", ")}) m`);
   byId("probe").textContent = parts.join(" · ");
 }
 
 function showFault({ text }) {
-  const words = text.replace(/^(camera|optics)\.toml: /gm, "");
-  if (!state.about.is_editable) return toast(words);
-  byId("fault").textContent = words;
+  const message = text.replace(/^(camera|optics)\.toml: /gm, "");
+  if (!state.about.is_editable) return toast(message);
+  byId("fault").textContent = message;
   byId("fault").hidden = false;
-  toast(words);
+  toast(message);
 }
 
 // Views
@@ -211,7 +211,7 @@ function toggle(name) {
   showViews();
 }
 
-/** What the points of an image depend on: place, time and camera, but not the other views. */
+/** Key of an image's content: viewpoint, time, step and camera, without the views beside it. */
 function pointsOf({ viewpoint, time_s: time, step }) {
   return JSON.stringify([viewpoint, time, step, state.camera.text]);
 }
@@ -227,13 +227,13 @@ function probe(view, u, v) {
   state.isProbing = true;
   state.probedChange = state.frame.change;
   state.probedPoints = pointsOf(state.frame);
-  setTimeout(() => (state.isProbing = false), 400); // an answer may not come while it moves
+  setTimeout(() => (state.isProbing = false), 400); // during motion an answer may not come
   send("probe", { view: view.name in state.about.channels ? "camera" : view.name, u, v, follow: views.has("perspective") && state.drives });
 }
 
 const imageHooks = {
   probe,
-  click: probe, // of a finger, which does not hover
+  click: probe, // for touch, which cannot hover
   close: toggle,
   leave: () => {
     state.pointed = null;
@@ -355,5 +355,5 @@ async function copyCommand() {
   }
 }
 
-// For tests of the page: what it shows.
+// State of the page, for its tests.
 globalThis.omnisim = { state, views, send };

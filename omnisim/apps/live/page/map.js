@@ -1,6 +1,6 @@
-// Map from above: the scene's image, and on it the robot, its path, what the camera sees.
+// Map from above: the scene's image with the robot, its path, and the area the camera sees.
 
-const TRAIL = 2000; // points kept
+const TRAIL = 2000; // maximum number of points
 const TRAIL_STEP_M = 0.03;
 const WIDTH = 720;
 
@@ -34,7 +34,7 @@ export class FloorMap {
     this.#pixelsPerM = Math.min(width / size[0], height / size[1]);
   }
 
-  /** @param state `place`, `seen_m`, `outline_m`, `driven_m`, `goal`, `point` as far as they change. */
+  /** @param state changed values among `place`, `seen_m`, `outline_m`, `driven_m`, `goal`, `point`. */
   update(state) {
     Object.assign(this.#state, state);
     if (state.place) this.#extendTrail(state.place.position_m);
@@ -60,7 +60,7 @@ export class FloorMap {
     this.draw();
   }
 
-  /** Point (x, y) in meters of a place, as shares of the sides. */
+  /** World point (x, y) in meters at a map position, given as shares of the sides. */
   world(u, v) {
     const { width, height } = this.view.canvas;
     return [
@@ -69,7 +69,7 @@ export class FloorMap {
     ];
   }
 
-  /** Place of a point (x, y), as shares of the sides. */
+  /** Map position of a world point (x, y), as shares of the sides. */
   place(point) {
     const { width, height } = this.view.canvas;
     const [x, y] = this.#pixel(point);

@@ -1,4 +1,4 @@
-// Cameras of the gallery, optical systems and degradations, one click away.
+// Presets: buttons for the gallery's cameras, optical systems and degradations.
 
 import { byId, make } from "./dom.js";
 
@@ -6,10 +6,10 @@ const STRIP = [
   "hyperbolic", "perspective", "cylindrical", "equidistant", "stereographic", "equisolid", "orthographic",
   "kannala_brandt", "eucm", "double_sphere", "unified", "equirectangular", "f_theta", "f_theta_inverse",
   "parabolic", "ocamcalib", "radial_table", "gazebo", "planar", "elliptic",
-]; // images of lenses.jpg from top to bottom
+]; // order of the images in lenses.jpg, from top to bottom
 const ICON_PX = 40;
 
-/** @param choose takes the kind and the name of a preset. */
+/** @param choose receives the kind and the name of a preset. */
 export function showPresets(presets, choose) {
   const lenses = make("div", { class: "lenses" }, ...presets.lens.map((name) => lensButton(name, choose)));
   const row = (kind) => make("div", { class: "row" }, ...presets[kind].map((name) => make("button", { text: name, onclick: () => choose(kind, name) })));

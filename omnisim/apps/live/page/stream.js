@@ -1,11 +1,11 @@
-// Stream to the server: JSON there; here a JSON text, its length before it, and the parts it lists.
+// Stream to the server: sends JSON, receives a length, a JSON text and the parts that it lists.
 
 export class Stream {
   #socket = null;
   #handlers;
   #delay = 300;
 
-  /** @param handlers functions by the type of the message; `open` and `closed` for the stream. */
+  /** @param handlers functions by message type; `open` and `closed` for the stream itself. */
   constructor(handlers) {
     this.#handlers = handlers;
     this.connect();

@@ -1,4 +1,4 @@
-// Tiles of images: each draws what arrives, marks a point, and tells what the mouse does.
+// Image tiles: each draws its parts, marks a point, and reports mouse input.
 
 import { make, short } from "./dom.js";
 
@@ -13,7 +13,7 @@ const TITLES = {
 export const titleOf = (name) => TITLES[name] ?? name;
 const WIDE = new Set(["panorama"]);
 const PROBE_MS = 40;
-const CLICK_PX = 4; // a press that moves less is no drag
+const CLICK_PX = 4; // a press that moves less is a click, not a drag
 
 export class View {
   #canvas = make("canvas", { width: 4, height: 3, tabIndex: 0 });
@@ -26,7 +26,7 @@ export class View {
   #probedMs = 0;
   blob = null;
 
-  /** @param hooks `probe`, `drag`, `click`, `wheel` and `close` of this view. */
+  /** @param hooks callbacks `probe`, `drag`, `click`, `wheel` and `close` of this view. */
   constructor(name, hooks) {
     this.name = name;
     this.#canvas.setAttribute("aria-label", titleOf(name));
@@ -43,7 +43,7 @@ export class View {
     return this.#canvas;
   }
 
-  /** Draw a part of a message; resolves when it is on the screen. */
+  /** Draw a part of a message; resolves when it is displayed. */
   async show(part, isFine) {
     this.#reason.hidden = !part.reason;
     if (part.reason) {
@@ -69,7 +69,7 @@ export class View {
     this.#detail.textContent = text;
   }
 
-  /** Mark a place, as shares of the sides; null: none. */
+  /** Mark a position, given as shares of the sides; null hides the mark. */
   mark(place) {
     this.#mark.hidden = !place;
     if (!place) return;

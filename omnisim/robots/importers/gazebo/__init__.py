@@ -1,1 +1,1 @@
-"""Robots from Gazebo models, as robot files."""
+"""Import of Gazebo models as robot files."""

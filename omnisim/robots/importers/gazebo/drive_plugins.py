@@ -1,4 +1,4 @@
-"""Gazebo plugins for drives on wheels, as tables of a robot file."""
+"""Gazebo's drive plugins for wheeled robots, as tables of a robot file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from omnisim.scene.formats.xml.element import XmlElement
 
 _PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")
 _SKIDS = "skid_steer"
-# Key, element of the plugin, default value, and the key's units in one of the plugin's.
+# Key, element of the plugin, default in the plugin's unit, factor from its unit to the key's.
 _LIMITS = (
     ("max_speed_mps", "max_linear_velocity", 1.0, 1.0),
     ("max_turn_rate_degps", "max_angular_velocity", np.radians(90.0), np.degrees(1.0)),
@@ -21,13 +21,13 @@ _LIMITS = (
 
 
 def is_wheel_drive(plugin: XmlElement) -> bool:
-    """True for a plugin that drives two or four wheels."""
+    """True for a plugin that drives a robot on two or four wheels."""
     names = plugin.attribute("filename") + plugin.attribute("name")
     return any(word in names for word in _PLUGINS)
 
 
 def drive_table(plugin: XmlElement, notices: list[str]) -> dict[str, Any]:
-    """Table `[kinematics]` of a plugin."""
+    """Convert a drive plugin to a `[kinematics]` table."""
     wheel_m = 2.0 * plugin.number("wheel_radius", 0.0)
     wheel_m = wheel_m or plugin.number("wheel_diameter", plugin.number("wheelDiameter", 0.0))
     track_m = plugin.number("wheel_separation", plugin.number("wheelSeparation", 0.0))
@@ -41,13 +41,13 @@ def drive_table(plugin: XmlElement, notices: list[str]) -> dict[str, Any]:
 
 
 def stated_limits(plugin: XmlElement) -> dict[str, float]:
-    """Limits that a plugin states, by the keys of `[kinematics]`."""
-    found = {key: plugin.number(path, 0.0) * scale for key, path, _, scale in _LIMITS}
-    return {key: value for key, value in found.items() if value > 0.0}
+    """Limits that a plugin states, in the units of a robot file."""
+    stated = {key: plugin.number(path, 0.0) * scale for key, path, _, scale in _LIMITS}
+    return {key: value for key, value in stated.items() if value > 0.0}
 
 
 def limits(stated: Mapping[str, float], notices: list[str]) -> dict[str, float]:
-    """Limits of a drive; limits that are not stated are assumed, with a notice."""
+    """Complete the stated limits with assumed defaults, which a notice lists."""
     assumed = {key: default * scale for key, _, default, scale in _LIMITS if key not in stated}
     if assumed:
         listed = ", ".join(f"{key} = {value:g}" for key, value in assumed.items())

@@ -1,7 +1,8 @@
 """Import of a Gazebo model as a robot: sensors, wheels, and the model itself as the body.
 
-Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, lidars `lidar`,
-or `usarsim_range_scanner` for one ring, and IMUs `imu`. Notices name everything else.
+Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, and IMUs `imu`.
+Lidars become `lidar`, or `usarsim_range_scanner` if they have a single ring. Notices list all
+unsupported parts.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from omnisim.scene.formats.sdf.models import (
 from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
-_GROUND_M = 0.02  # a body whose lowest point is this close to 0 stands on the ground
+_GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground
 
 
 def import_model(
@@ -44,11 +45,11 @@ def import_model(
 
     Args:
         path: file of a world or a model.
-        name: name of the model; optional if only one model has sensors.
+        name: name of the model; None: the only model with sensors.
         resources: folders of included models.
 
     Raises:
-        RobotFileError: the model does not exist, or a value is invalid.
+        RobotFileError: the model is missing, or a value is invalid.
     """
     try:
         library = ModelLibrary(ResourcePath(path, resources), Omissions())
@@ -56,7 +57,7 @@ def import_model(
         world = root.find("world")
         tree = library.tree(world or root, "")
         model = _choose(tree, name)
-        # a model alone in its file has the file's frame, as its body has
+        # a model alone in its file shares that file's frame, and so does its body
         whole = tree if world is None and len(tree.models) == 1 else model
         sensors, others = _sensors(whole)
         about_drive: list[str] = []
@@ -114,8 +115,8 @@ def _has_sensors(model: Model) -> bool:
 
 
 def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
-    """Sensors with distinct names and poses in the base frame, and counts of the other kinds."""
-    found: list[ImportedSensor] = []
+    """Sensors with unique names and their poses in the base, and counts of unsupported types."""
+    sensors: list[ImportedSensor] = []
     others: Counter[str] = Counter()
     taken: set[str] = set()
     for placed in placed_models(model):
@@ -125,14 +126,14 @@ def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
                 read = list(read_sensors(sensor, pose))
                 for one in read:
                     name = unique_name(folder_name(one.name), taken)
-                    found.append(one._replace(name=name))
+                    sensors.append(one._replace(name=name))
                 if not read:
                     others[sensor.attribute("type") or "sensor"] += 1
-    return found, others
+    return sensors, others
 
 
 def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
-    """Drive of a plugin for two or four wheels; None: the model has no such plugin."""
+    """Kinematics of the first plugin that drives two or four wheels, or None."""
     for placed in placed_models(model):
         for plugin in placed.model.element.children("plugin"):
             if is_wheel_drive(plugin):

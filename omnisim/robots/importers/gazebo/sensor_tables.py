@@ -27,7 +27,7 @@ _LIDARS = ("lidar", "gpu_lidar", "ray", "gpu_ray")
 def read_sensors(
     sensor: XmlElement, base_from_sensor: NDArray[np.float64]
 ) -> Iterator[ImportedSensor]:
-    """Sensors of a `<sensor>` element; nothing for kinds that omnisim does not have.
+    """Convert a `<sensor>` to sensors; an unsupported type yields none.
 
     Raises:
         RobotFileError: a value is invalid.
@@ -66,7 +66,7 @@ def _camera(name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]
 def _depth_camera(
     name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]
 ) -> ImportedSensor:
-    """Depth camera without holes or errors, as in Gazebo."""
+    """Depth camera without holes and depth errors, because Gazebo simulates neither."""
     width, height = (round(camera.positive(f"image/{key}", 320.0)) for key in ("width", "height"))
     half_rad = 0.5 * camera.number("horizontal_fov", 1.047)
     if not 0.0 < half_rad < 0.5 * math.pi:
@@ -87,7 +87,7 @@ def _depth_camera(
 def _lidar(
     name: str, sensor: XmlElement, scan: XmlElement, base_from_lidar: NDArray[np.float64]
 ) -> ImportedSensor:
-    """Lidar with rings all around; one ring makes a planar scanner."""
+    """Lidar with full revolutions, or a planar scanner if there is a single ring."""
     across, low, high = _angles(scan, "horizontal")
     rings, bottom, top = _angles(scan, "vertical")
     nearest, farthest = scan.number("range/min", 0.0), scan.positive("range/max", 100.0)
@@ -121,10 +121,10 @@ def _lidar(
 
 
 def _angles(scan: XmlElement, axis: str) -> tuple[int, float, float]:
-    """Number of samples, and the angles of the first and the last, in radians."""
+    """Number of samples, and the first and last angle in radians."""
     path = f"scan/{axis}"
     samples = round(scan.positive(f"{path}/samples", 640.0 if axis == "horizontal" else 1.0))
     low, high = scan.number(f"{path}/min_angle", 0.0), scan.number(f"{path}/max_angle", 0.0)
-    if (found := scan.find(path)) is not None and samples > 1 and not low < high:
-        raise found.error("min_angle below max_angle", f"{low:g} and {high:g}")
+    if (element := scan.find(path)) is not None and samples > 1 and not low < high:
+        raise element.error("min_angle below max_angle", f"{low:g} and {high:g}")
     return samples, low, high

@@ -1,4 +1,4 @@
-"""Robots from USARSim's configuration file, USARBot.ini."""
+"""Import of robots from USARSim's configuration file, USARBot.ini."""
 
 from omnisim.robots.importers.usarsim.usarsim_robot import import_robot
 

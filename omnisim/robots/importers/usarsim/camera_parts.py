@@ -1,8 +1,8 @@
 """Omnidirectional cameras in USARBot.ini: one part, or the paper's three groups (section 2.4).
 
-The groups are the mirror, the virtual cameras at the effective viewpoint, and the camera that looks
-up at the mirror from below. The Position of a whole camera or a mirror is taken as its effective
-viewpoint.
+The groups are the mirror, the virtual cameras at the effective viewpoint, and the camera that
+looks up at the mirror from below. The Position of a whole camera or a mirror is assumed to be the
+effective viewpoint as well.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from omnisim.robots.importers.usarsim.usarsim_parts import Part
 _MIRROR = re.compile(r"mirror")
 _VIRTUAL = re.compile(r"cameratexture|virtualcam")
 _OMNI = re.compile(r"omni.*cam|omnidirectional|catadioptric")
-# Parts of one camera share a position; its lens is below, within the length of a mirror holder.
+# The parts of a camera coincide; the lens is below, within the length of any mirror's mount.
 SAME_PLACE_M = 1e-3
 BESIDE_AXIS_M = 0.01
 LENS_BELOW_M = 0.5
 _FILE = 'file = "omnicam.toml"  # a sensor file; without one: the paper\'s camera'
-LOOKS_UP = 0.9998  # cosine of a degree
+LOOKS_UP = 0.9998  # cosine of 1°
 
 
 def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
-    """Omnidirectional cameras among the parts of a robot, each with the parts it is made of."""
+    """Find the omnidirectional cameras of a robot, and the parts of each camera."""
     cameras = []
     for group in _groups(parts):
         lens = _find_lens(group, parts)
@@ -35,7 +35,7 @@ def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
 
 
 def _groups(parts: list[Part]) -> list[list[Part]]:
-    """Parts of omnidirectional cameras, grouped by position; the leading part comes first."""
+    """Group omnidirectional cameras' parts by position; each group starts with its lead part."""
     groups: list[list[Part]] = []
     for part in parts:
         if _rank(part) is None:
@@ -50,7 +50,7 @@ def _groups(parts: list[Part]) -> list[list[Part]]:
 
 
 def _rank(part: Part) -> int | None:
-    """Rank of a part: 0 for a whole camera, 1 for a mirror, 2 for a virtual camera; else None."""
+    """Rank of a part: 0 whole camera, 1 mirror, 2 virtual camera, None any other part."""
     for rank, pattern in ((1, _MIRROR), (2, _VIRTUAL), (0, _OMNI)):
         if pattern.search(part.short_class):
             return rank

@@ -1,9 +1,9 @@
-"""Syntax of USARBot.ini: sections of keys, and values in parentheses within values.
+"""Syntax of USARBot.ini: sections of keys, and parenthesized values that may nest.
 
     [USARBot.P2AT]
     Sensors=(ItemClass=class'USARBot.SICKLMS',ItemName="Scanner1",Position=(X=0.1,Y=0,Z=-0.2))
 
-A repeated key means a list. Case does not matter. `;`, `#` and `//` begin comments.
+A repeated key forms a list. Case is ignored. `;`, `#` and `//` start comments.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from omnisim.core.trajectories.formats.text_table import quote
 
 COMMENTS = (";", "#", "//")
 MAX_DEPTH = 8
-# Lists of the engine may be indexed, Sensors(3)=, or extend those of another file, +Sensors=.
+# The engine's lists may have an index, Sensors(3)=, and extend inherited lists, +Sensors=.
 _ENTRY = re.compile(r"([-+.!]?[A-Za-z_]\w*)(?:[(\[]\d+[)\]])?\s*=\s*(.*)")
 _SECTION = re.compile(r"\[([^\[\]]+)\]\s*(.*)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 
 Value = Union[str, "Struct"]
-# By the name in lower case: the name as in the file, and its value.
+# Name in lower case, mapped to the name as written and its value.
 Struct = dict[str, tuple[str, Value]]
-Notice = tuple[int, str]  # line number and words
+Notice = tuple[int, str]  # line number and text
 
 
 @dataclass(frozen=True)
@@ -46,22 +46,22 @@ class Entry:
 
 @dataclass(frozen=True)
 class Section:
-    """Section with all its lines; sections of one name are merged."""
+    """Section with all its lines; sections of the same name are merged."""
 
     name: str
     line: int
     entries: tuple[Entry, ...]
 
     def values_of(self, key: str) -> list[Entry]:
-        """Entries of a key, ignoring case."""
+        """Entries with a key, regardless of case."""
         return [entry for entry in self.entries if entry.key.lower() == key.lower()]
 
 
 def read_ini(path: Path) -> dict[str, Section]:
-    """Read the sections of a file, by lower-case name.
+    """Read the sections of a file, keyed by lower-case name.
 
     Raises:
-        RobotFileError: the message names file, line, value and expected value.
+        RobotFileError: names file, line, the actual text and the expected one.
     """
     sections: dict[str, tuple[str, int, list[Entry]]] = {}
     entries: list[Entry] | None = None
@@ -86,16 +86,16 @@ def read_ini(path: Path) -> dict[str, Section]:
 
 
 def parse_struct(entry: Entry) -> Struct:
-    """Parse the value in parentheses of an entry.
+    """Parse the parenthesized value of an entry.
 
     Raises:
-        RobotFileError: the message names file, line, value and expected value.
+        RobotFileError: names file, line, the actual text and the expected one.
     """
     return _Reader(entry).whole()
 
 
 def printable(text: str) -> str:
-    """Replace unprintable characters with blanks."""
+    """Replace unprintable characters with spaces."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
@@ -110,7 +110,7 @@ def _text(path: Path) -> str:
         try:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = data.decode("cp1252", errors="replace")  # Windows' encoding at the time
+            text = data.decode("cp1252", errors="replace")  # Windows' encoding in USARSim's time
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     odd = _CONTROL.search(text)
     if odd:
@@ -120,7 +120,7 @@ def _text(path: Path) -> str:
 
 
 class _Reader:
-    """Parser of one value, from left to right."""
+    """Parser of a single value, from left to right."""
 
     def __init__(self, entry: Entry) -> None:
         self._entry, self._text, self._at = entry, entry.value, 0
@@ -138,7 +138,7 @@ class _Reader:
         return struct
 
     def _next(self) -> str:
-        """Skip blanks and return the next character, or an empty string."""
+        """Skip whitespace and return the next character, or "" at the end."""
         while self._at < len(self._text) and self._text[self._at].isspace():
             self._at += 1
         return self._text[self._at : self._at + 1]
@@ -173,7 +173,7 @@ class _Reader:
         return match[1], "".join(self._pieces(match[1])).strip()
 
     def _pieces(self, name: str) -> Iterator[str]:
-        """Yield the pieces of a plain value; quotes may hold commas and parentheses."""
+        """Yield the pieces of a plain value; quoted pieces may contain commas and parentheses."""
         while self._at < len(self._text) and self._text[self._at] not in ",()":
             letter = self._text[self._at]
             end = self._at + 1

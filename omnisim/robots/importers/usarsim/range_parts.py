@@ -1,4 +1,4 @@
-"""Sonars and infrared sensors in USARBot.ini: a part, with settings in the section of its class."""
+"""Sonars and infrared sensors in USARBot.ini: a part, with settings in its class's section."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAX_COUNT = 360
 def find_range_sensor(
     part: Part, own: Section | None, units: Units, left_out: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a sonar or an infrared sensor; None: another part."""
+    """Read a sonar or an infrared sensor; None for any other part."""
     is_sonar = _SONAR.search(part.short_class)
     if not (is_sonar or _INFRARED.search(part.short_class)):
         return None
@@ -55,7 +55,7 @@ def find_range_sensor(
 
 
 def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
-    """Read the cone of a sonar."""
+    """Read the beam angle and the ray counts of a sonar."""
     values: dict[str, float] = {}
     if "beamangle" in entries:
         entry = entries["beamangle"]
@@ -79,7 +79,7 @@ def _number(entry: Entry) -> float:
 def _check_limits(
     entries: dict[str, Entry], values: dict[str, float], usual: tuple[float, float]
 ) -> None:
-    """Refuse a minimum range that is not below the maximum, naming its line."""
+    """Raise an error that names the line if the minimum range is not below the maximum."""
     least, most = values.get("range_min_m", usual[0]), values.get("range_max_m", usual[1])
     if not least < most:
         entry = entries.get("minrange") or entries["maxrange"]

@@ -1,4 +1,4 @@
-"""Laser scanners in USARBot.ini: a part, with settings in the section of its class."""
+"""Laser scanners in USARBot.ini: a part, with settings in its class's section."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from omnisim.robots.importers.usarsim.usarsim_parts import (
 _SICK = re.compile(r"sick|lms\d|lms$")
 _SCANNER = re.compile(r"rangescanner|hokuyo|urg")
 _USED = {"scanfov", "resolution", "maxrange", "minrange", "noise"}
-TURN_RAD = 6.2832  # as in USARSim's files
+TURN_RAD = 6.2832  # full turn as USARBot.ini rounds it
 
 
 def find_scanner(
     part: Part, own: Section | None, units: Units, left_out: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a laser scanner; None: another part, or, with a notice, no settings."""
+    """Read a laser scanner; for other parts or missing settings, add a notice and return None."""
     settings = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
     is_sick = _SICK.search(part.short_class)
@@ -69,7 +69,7 @@ def find_scanner(
 
 
 def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
-    """Refuse impossible settings, naming their line."""
+    """Raise an error that names the line if the scan settings are impossible."""
     fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
     if fov > TURN_RAD or fov / resolution >= 100_000.0:
         entry = settings["scanfov" if fov > TURN_RAD else "resolution"]

@@ -1,8 +1,8 @@
-"""Parts of a robot in USARBot.ini: class, name, and pose, in our axes and units.
+"""Parts of a robot in USARBot.ini: class, name and pose, in omnisim's axes and units.
 
-USARSim uses meters and radians, x forward, y right, z down; Direction is roll (X), pitch (Y) and
-yaw (Z) in that frame. Our x is the same, y and z point the other way: roll stays, pitch and yaw
-change sign.
+USARSim uses meters and radians, x forward, y right and z down. Direction is roll (X), pitch (Y)
+and yaw (Z) in that frame. omnisim has the same x axis, but y and z are reversed: roll is kept,
+pitch and yaw change sign.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ ON_CHASSIS = {"", "hard", "none"}
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a file's numbers.
+    """Units of the numbers in a file.
 
     Attributes:
-        meters: meters per unit of length.
-        radians: radians per unit of angle.
-        are_unreal: units of the Unreal engine, with z up.
+        meters: unit of length, in meters.
+        radians: unit of angle, in radians.
+        are_unreal: True for the engine's own units, with z up.
     """
 
     meters: float
@@ -41,7 +41,7 @@ class Units:
 
 
 SI_UNITS = Units(1.0, 1.0, are_unreal=False)
-# The Unreal engine: z up, 65536 units to a turn, and 250 to a meter, as USARSim's maps are named.
+# The engine's units: z up, 65536 per turn, and 250 per meter, as USARSim's map names state.
 UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, are_unreal=True)
 
 
@@ -50,13 +50,13 @@ class Part:
     """Part mounted on a robot.
 
     Attributes:
-        entry: line of the part.
-        class_name: class with its package, such as USARBot.SICKLMS.
+        entry: entry that describes the part.
+        class_name: class with its package, as in USARBot.SICKLMS.
         name: name of the part.
-        position_m: (3,) from USARSim's origin of the robot; x forward, y left, z up.
+        position_m: position from USARSim's origin of the robot; x forward, y left, z up.
         angles_deg: roll, pitch and yaw in the same frame.
-        parent: part it is mounted on; None: the chassis.
-        unread: names of values that were not understood.
+        parent: part on which it is mounted; None: the chassis.
+        unread: names of unsupported values.
     """
 
     entry: Entry
@@ -69,16 +69,16 @@ class Part:
 
     @property
     def short_class(self) -> str:
-        """Class without its package, in lower case."""
+        """Class name without its package, in lower case."""
         return self.class_name.rpartition(".")[2].lower()
 
     @property
     def forward(self) -> NDArray[np.float64]:
-        """Viewing direction (3,), unit."""
+        """Viewing direction (3,), unit vector."""
         return poses.pose((0, 0, 0), *self.angles_deg)[:3, 0]
 
     def sensor(self, kind: str, values: Mapping[str, float]) -> ImportedSensor:
-        """Sensor of a kind at the part's pose."""
+        """Sensor of the given type at the part's pose."""
         comment = f"line {self.entry.line}: {self}"
         return ImportedSensor(
             self.name, kind, self.position_m, self.angles_deg, values, comments=(comment,)
@@ -92,7 +92,7 @@ def read_part(entry: Entry, units: Units) -> Part:
     """Read the part of an entry.
 
     Raises:
-        RobotFileError: the message names file, line, value and expected value.
+        RobotFileError: names file, line, the actual text and the expected one.
     """
     struct = parse_struct(entry)
     class_name = _word(entry, struct, "ItemClass")
@@ -116,10 +116,10 @@ def read_part(entry: Entry, units: Units) -> Part:
 
 
 def check(entry: Entry, is_possible: bool, wanted: str) -> None:
-    """Refuse an impossible value of an entry.
+    """Raise an error if a value of an entry is impossible.
 
     Raises:
-        RobotFileError: the message names file, line and expected value.
+        RobotFileError: names file, line, and the expected value.
     """
     if not is_possible:
         raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
@@ -129,10 +129,10 @@ def number(entry: Entry, name: str, value: Value) -> float:
     """Parse a finite number.
 
     Raises:
-        RobotFileError: not a finite number; the message names file and line.
+        RobotFileError: names file, line and the actual text.
     """
     try:
-        # a comment may follow, as in beamAngle=0.349;
+        # a semicolon may follow, as in beamAngle=0.349;
         parsed = float(_bare(value.partition(";")[0])) if isinstance(value, str) else math.nan
     except ValueError:
         parsed = math.nan
@@ -143,19 +143,19 @@ def number(entry: Entry, name: str, value: Value) -> float:
 
 
 def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """Parse a length in meters.
+    """Parse a length and convert it to meters.
 
     Raises:
-        RobotFileError: not a length; the message names file and line.
+        RobotFileError: names file, line and the actual text.
     """
     return number(entry, name, value) * units.meters
 
 
 def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """Parse an angle in radians.
+    """Parse an angle and convert it to radians.
 
     Raises:
-        RobotFileError: not a number, or an angle in the other unit.
+        RobotFileError: not a number, or the value implies the other unit.
     """
     angle = number(entry, name, value)
     if units.are_unreal and angle != round(angle):
@@ -188,13 +188,13 @@ def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
     if isinstance(inner, str):
         raise entry.fault(f"{written}={quote(inner)}: expected {name}=(X=,Y=,Z=)")
     named = {"roll": "x", "pitch": "y", "yaw": "z"} if name == "Direction" else {}
-    values: dict[str, tuple[str, Value]] = {axis: (axis, "0") for axis in "xyz"}
+    components: dict[str, tuple[str, Value]] = {axis: (axis, "0") for axis in "xyz"}
     for key, (label, value) in inner.items():
         axis = named.get(key, key)
-        if axis not in values:
+        if axis not in components:
             raise entry.fault(f"{written}: {label}: expected X, Y and Z")
-        values[axis] = (f"{written} {label}", value)
-    return list(values.values())
+        components[axis] = (f"{written} {label}", value)
+    return list(components.values())
 
 
 def _word(entry: Entry, struct: Struct, name: str) -> str:
@@ -206,12 +206,12 @@ def _word(entry: Entry, struct: Struct, name: str) -> str:
 
 
 def _bare(value: str) -> str:
-    """Strip quotes: "a", class'a', a."""
-    match = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
-    word = (match[1] or match[2] or "") if match else value
+    """Strip the quotes: "a" and class'a' become a."""
+    quoted = re.fullmatch(r"(?:\w*'([^']*)'|\"([^\"]*)\")", value)
+    word = (quoted[1] or quoted[2] or "") if quoted else value
     return printable(word).strip()
 
 
 def _clean(value: float) -> float:
-    """Remove conversion errors by rounding, and −0."""
+    """Round off conversion errors and turn −0 into 0."""
     return round(value, 9) + 0.0

@@ -1,8 +1,8 @@
-"""Import of a robot from its section of USARBot.ini.
+"""Import of a robot from a section of USARBot.ini.
 
 Laser scanners become `usarsim_range_scanner`, sonars `usarsim_sonar`, infrared sensors
-`usarsim_ir_sensor`, and the parts of an omnidirectional camera one `omnicamera`. Notices name
-everything else.
+`usarsim_ir_sensor`. The parts of an omnidirectional camera become one `omnicamera`. Notices list
+all unsupported parts.
 """
 
 from __future__ import annotations
@@ -52,17 +52,17 @@ def import_robot(
     unreal_units: bool = False,
     origin_height_m: float | None = None,
 ) -> ImportedRobot:
-    """Import a robot of USARBot.ini.
+    """Import a robot from USARBot.ini.
 
     Args:
         path: configuration file.
-        robot_class: class, such as P2AT; optional if the file has one robot.
-        unreal_units: 250 units of length to a meter with z up, and 65536 units of angle to a
-            turn.
-        origin_height_m: height of USARSim's origin of the robot above the ground.
+        robot_class: class such as P2AT; None: the only robot of the file.
+        unreal_units: lengths are 250 per meter with z up, and angles 65536 per turn.
+        origin_height_m: height of USARSim's origin of the robot above the ground; None: 0, with a
+            notice.
 
     Raises:
-        RobotFileError: the message names file, line, value and expected value.
+        RobotFileError: names file, line, the actual text and the expected one.
     """
     if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
         raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")
@@ -110,8 +110,8 @@ def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None)
             if key in robots:
                 return robots[key]
             if key in sections:
-                found = sections[key]
-                raise RobotFileError(f"{path}:{found.line}: [{found.name}] has no Sensors= line")
+                other = sections[key]
+                raise RobotFileError(f"{path}:{other.line}: [{other.name}] has no Sensors= line")
         hint = did_you_mean(wanted, short, "it has")
         raise RobotFileError(f"{path}:1: no robot of class {wanted!r}; {hint}")
     if not robots:
@@ -126,7 +126,7 @@ def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None)
 
 
 def _parts(section: Section, units: Units, left_out: list[Notice]) -> list[Part]:
-    """Read all parts with a class and a position; others become notices."""
+    """Read all parts with a class and a position; the other entries become notices."""
     parts, plain = [], []
     for entry in section.entries:
         if entry.key.lower() in SENSOR_KEYS:
@@ -148,19 +148,19 @@ def _parts(section: Section, units: Units, left_out: list[Notice]) -> list[Part]
 
 
 def _other_part(entry: Entry, units: Units) -> Part | None:
-    """Read a part that is not listed as a sensor; None: it has no class or position."""
+    """Read a part that is not listed as a sensor; None without a class or a valid pose."""
     if "itemclass" not in parse_struct(entry) or entry.key.startswith(("-", "!")):
         return None
     try:
         return read_part(entry, units)
-    except RobotFileError:  # values of other parts, such as lamps and grippers, do not matter
+    except RobotFileError:  # such as lamps and grippers, whose values do not matter here
         return None
 
 
 def _sensors(
     parts: list[Part], sections: dict[str, Section], units: Units, left_out: list[Notice]
 ) -> list[tuple[Entry, ImportedSensor]]:
-    """Sensors with their entries, in the order of the file."""
+    """Sensors and the entries that describe them, in the order of the file."""
     cameras = find_cameras(parts)
     taken = {id(part) for _, members in cameras for part in members}
     sensors = [(members[0].entry, camera) for camera, members in cameras]
@@ -185,10 +185,10 @@ def _sensors(
 def _named(
     sensors: list[tuple[Entry, ImportedSensor]], left_out: list[Notice]
 ) -> list[ImportedSensor]:
-    """Give sensors valid names for a robot file.
+    """Rename sensors to names that are valid in a robot file.
 
     Raises:
-        RobotFileError: a name is used twice.
+        RobotFileError: two sensors have the same name.
     """
     named: dict[str, ImportedSensor] = {}
     lines: dict[str, int] = {}
