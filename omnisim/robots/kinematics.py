@@ -14,7 +14,7 @@ from omnisim.core.poses import rotation_angles
 from omnisim.core.trajectories.trajectory import Trajectory, step_lengths_m
 
 DriveType = Literal["differential", "skid_steer"]
-# Relative to the limits: rounding makes a trajectory at its limits exceed them.
+# Relative to the limits: a trajectory at its limits exceeds them by rounding.
 TOLERANCE = 1e-6
 # Per step, in meters or radians: files hold nine digits of positions, times and quaternions.
 PRINTED = 5e-9
@@ -111,7 +111,7 @@ class LimitViolation:
 
 
 def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViolation | None:
-    """Find the first step beyond a limit of speed, turn rate or acceleration; None: no step is.
+    """Find the first step beyond a limit of speed, turn rate or acceleration, or None.
 
     Speeds are means over a step. Accelerations are the changes between the means of successive
     steps. Both are lower bounds: any motion through the poses reaches at least these values.

@@ -120,7 +120,7 @@ class RobotFile(Table):
     footprint: _FootprintTable | None = None
     physics: _PhysicsTable = _PhysicsTable()
     sensors: tuple[dict[str, Any], ...] = ()
-    """Tables of the sensors; their keys depend on the type."""
+    """Tables of the sensors; their keys depend on type."""
 
 
 def default_clearance_m(height_m: float) -> float:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class SensorMount(Table):
-    """Keys of every sensor."""
+    """Keys of all sensors."""
 
     sensor_class: ClassVar[type[MountedSensor]]
 

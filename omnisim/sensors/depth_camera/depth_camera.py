@@ -1,6 +1,6 @@
 """Depth cameras by triangulation: a camera and, beside it, a projector or a second camera.
 
-    disparity = f baseline/z + noise, rounded to a step        z = f baseline/disparity
+    disparity = f baseline/z + noise, rounded to its step        z = f baseline/disparity
 
 so that σ_z = σ_disparity z²/(f baseline). A pixel is a hole if its point is hidden from the second
 view or out of range, or if the ray grazes the surface.
