@@ -110,9 +110,7 @@ class Inverse:
         return Pixels(positions_px, valid)
 
     def all_pixels(self, target: Targets) -> Floats:
-        """All pixels (n, 2) that show one point, searched from each ray that is nearer to the point
-        than
-        its neighbors."""  # fmt: skip
+        """All pixels (n, 2) that show one point, searched from each locally nearest ray."""
         all_misses = self._misses(target)[0]
         misses = np.full(self._seen.shape, np.inf)
         misses[self._seen] = all_misses[: int(self._seen.sum())]
