@@ -115,7 +115,9 @@ class Nerfstudio(Format[NerfstudioLens]):
         for index, (place, values, poses) in enumerate(groups.values()):
             name = f"camera{index}" if len(groups) > 1 else "camera"
             lens = _lens(parse(values, _Intrinsics, place), place)
-            if len(groups) > 1 and len(poses) == 1:  # a camera an image: of the same name
+            if (
+                len(groups) > 1 and len(poses) == 1
+            ):  # one camera per image: it takes the image's name
                 name = poses[0].source
             cameras.append(ParsedCamera(name, lens, tuple(poses)))
         return cameras
