@@ -169,7 +169,7 @@ class _Axis(NamedTuple):
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
 def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
-    """Axis of a source, from a Kannala-Brandt fit at any angle with free rotation."""
+    """Axis of a source, from a fit of a rotated Kannala-Brandt lens, which accepts any angle."""
     samples = samples_of(camera, mirrored)
     samples = samples.subset(samples.on_area)
     if len(samples.pixels_px) == 0:
