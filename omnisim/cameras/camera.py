@@ -90,7 +90,7 @@ class CentralCamera(Protocol):
 class NonCentralCamera(CentralCamera, Protocol):
     """A camera whose rays have distinct origins: the pixel of a point depends on its distance.
 
-    It supports all methods of a central camera, but `pixel_from_ray` maps directions to infinity.
+    It has all methods of a central camera; `pixel_from_ray` takes directions to infinity.
     """
 
     def pixel_from_point(self, points_m: ArrayLike) -> Pixels:

@@ -13,7 +13,7 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
     """Build a camera from a table that holds its model and parameters, and nothing else.
 
     Args:
-        parameters: the table.
+        parameters: model name and parameters by key.
         source: file name, for messages.
         key: key of the table in its file.
 

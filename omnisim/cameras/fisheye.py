@@ -24,7 +24,7 @@ class FisheyeCamera(FocalCamera, RadialCamera):
         theta_max_rad: angle from the axis where the domain ends.
 
     Raises:
-        OpticsError: a size or focal length is not positive, a center is not finite, or θ_max is
+        OpticsError: a size or focal length is not positive, the center is not finite, or θ_max is
             outside the limits of the lens.
     """
 

@@ -24,7 +24,7 @@ class FocalCamera(ParametricCamera):
         principal_point_px: (u, v) of the optical frame's z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length is not positive, or a center is not finite.
+        OpticsError: a size or focal length is not positive, or the center is not finite.
     """
 
     focal_length_px: float
@@ -58,7 +58,7 @@ class TwoFocalCamera(ParametricCamera):
         principal_point_px: (u, v) of the optical frame's z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length is not positive, or a center is not finite.
+        OpticsError: a size or focal length is not positive, or the center is not finite.
     """
 
     focal_lengths_px: tuple[float, float]

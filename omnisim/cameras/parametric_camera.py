@@ -36,7 +36,7 @@ _READERS: dict[str, Callable[[Mapping[str, Any], str], Any]] = {
 
 @dataclass(frozen=True)
 class ParametricCamera(ABC):
-    """Camera model base: implements everything except the projection from the subclass's fields.
+    """Base of camera models: derives all but the projection from the subclass's fields.
 
     Fields have the types listed in `_READERS`. A field whose name ends in `_rad` is serialized in
     degrees, under a key that ends in `_deg`; one that ends in `_px` is a length in the image.

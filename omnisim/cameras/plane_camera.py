@@ -1,7 +1,7 @@
 """Bases of models that project rays onto a normalized plane and scale and shift it to the image.
 
-`PlaneCamera` implements the image, its subclass the plane. `RadialCamera` is such a subclass for
-radially symmetric lenses: its own subclasses provide only r(θ) and θ(r).
+`PlaneCamera` maps between image and plane, its subclass between plane and rays. `RadialCamera` is
+such a subclass for radially symmetric lenses: its own subclasses provide only r(θ) and θ(r).
 """
 
 from __future__ import annotations

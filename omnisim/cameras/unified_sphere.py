@@ -50,7 +50,7 @@ def project_alpha(
     alpha: float,
     length: NDArray[np.float64],
 ) -> PlanePoints:
-    """Project directions (..., 3), given z and the distance to a sphere's center, to the plane.
+    """Project directions (..., 3) to the plane, given `z` and `distance` from a sphere's center.
 
     `length` (...,) is the length of the directions, used as the scale of rounding errors.
     """

@@ -6,8 +6,8 @@ viewpoint  camera-relative world: the world's axes, the origin at the effective 
 base       the vehicle that carries the sensor: x forward, y left, z up (REP 103).
 rig        the sensor's own body at its effective viewpoint: x forward, y left, z up when mounted
            level. The cube faces are aligned with it.
-optical    the camera, in the directions of its image: x right, y down, z forward, into the scene
-           or into the mirror (OpenCV). The origin is the effective viewpoint.
+optical    the camera, with axes as in its image: x right, y down, z forward, into the scene or into
+           the mirror (OpenCV). The origin is the effective viewpoint.
 mirror     x of the optical frame, z towards the pinhole: the frame of Eq. 1.
 
 Every matrix is named target_from_source and maps column vectors of the source to the target.

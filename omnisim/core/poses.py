@@ -119,7 +119,7 @@ def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 def interpolate_pose(
     first: NDArray[np.float64], second: NDArray[np.float64], share: float
 ) -> NDArray[np.float64]:
-    """Interpolate poses (4, 4) at a share of the way: linear position, constant-rate rotation.
+    """Interpolate poses (4, 4) at a share of the way: linearly, and evenly about one axis.
 
     Source: Shoemake, Animating rotation with quaternion curves (1985): slerp.
     """
@@ -134,7 +134,7 @@ def interpolate_pose(
 def rotation_from_roll_pitch_yaw(
     roll_rad: float, pitch_rad: float, yaw_rad: float
 ) -> NDArray[np.float64]:
-    """Rotation (3, 3) parent_from_child: roll about x, then pitch about y, then yaw about z.
+    """Rotation (3, 3) parent_from_child: fixed-axis roll about x, pitch about y, yaw about z.
 
     Source: REP 103, fixed-axis roll, pitch, yaw.
     """

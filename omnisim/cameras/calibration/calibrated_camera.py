@@ -47,9 +47,8 @@ class Residuals:
         max_px: maximum, including the edge.
         theta_max_rad: largest angle from the lens axis that both cameras see.
         source_model: model of the source camera.
-        at_distances: residuals for points at finite distances from the viewpoint, if the source (or
-            the camera to which it was fitted) is non-central, so that the pixel of a point depends
-            on its distance.
+        at_distances: residuals of points by their distance from the viewpoint; only if the source,
+            or the optics to which it was fitted, is non-central.
     """
 
     rms_px: float

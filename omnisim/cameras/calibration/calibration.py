@@ -130,7 +130,7 @@ def load_calibration(
             the file, and False without metadata.
 
     Raises:
-        CalibrationError: naming file, key, the expected value and the one found.
+        CalibrationError: naming file, key, the expected value and the actual one.
     """
     path = Path(path)
     try:
@@ -174,7 +174,7 @@ def save_calibration(
 
 
 def check_calibration_suffix(path: Path, format: str) -> None:
-    """Reject a file suffix that belongs to another kind of file than the format's.
+    """Reject a file suffix that does not match the format.
 
     Raises:
         CalibrationError: the format is unknown.

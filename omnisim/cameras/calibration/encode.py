@@ -251,7 +251,7 @@ def nearest_fit(
         form: file format.
         place: file and camera, for messages.
         model: the only model to try; None: all models.
-        fit_model: fits a model whose attributes the format partly fixes.
+        fit_model: function that fits a model, given the attributes that the format fixes.
         reasons: reasons for rejected models so far, for messages; extended in place.
 
     Raises:

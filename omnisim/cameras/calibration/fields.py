@@ -58,7 +58,7 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
     """Validate `data` against `model`; `source` names file and place in messages.
 
     Raises:
-        CalibrationError: naming place, key, the expected value and the one found.
+        CalibrationError: naming place, key, the expected value and the actual one.
     """
     if not isinstance(data, Mapping):
         raise unexpected(source, "keys with values", data)

@@ -48,7 +48,7 @@ MIN_COVERED = 0.05  # share of the source's pixels; less is not an image of it
 MAX_RMS = 0.02  # share of the image's longer side; more is another kind of image
 WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # angles from the axis of the first guesses
 INNER = 0.85  # share of the image's radius
-MIN_SHARE = 0.3  # share of valid samples over the image; with a smaller share, more are drawn
+MIN_SHARE = 0.3  # valid share of the samples over the image; below it, more are drawn
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
 
@@ -169,7 +169,7 @@ class _Axis(NamedTuple):
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
 def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
-    """Axis of a source, from a Kannala-Brandt fit at any angle with free rotation."""
+    """Axis of a source, from a fit of a rotated Kannala-Brandt lens, which accepts any angle."""
     samples = samples_of(camera, mirrored)
     samples = samples.subset(samples.on_area)
     if len(samples.pixels_px) == 0:

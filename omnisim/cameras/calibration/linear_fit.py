@@ -1,9 +1,9 @@
 """Linear initialization of a fit: for each model, the linear problem closest to the full fit.
 
-All of them scale the image plane along the axes to the source's ratio of focal lengths, take its
-principal point, and use only the angle θ from +z and the radius r. If the source is symmetric about
-its axis and the target can be the same lens, this is already the answer. The unified models, for
-example, satisfy r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
+Each uses the source's principal point and ratio of focal lengths, and only the angle θ from +z and
+the radius r about the axis. If the source is symmetric about its axis and the target can be the
+same lens, this is already the answer. The unified models, for example, satisfy
+r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
 """
 
 from __future__ import annotations

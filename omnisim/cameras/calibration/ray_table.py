@@ -89,7 +89,8 @@ def write_ray_table(
         metadata: additional metadata, such as the camera's pose.
 
     Raises:
-        OutputError: the suffix is not EXR's, or the file cannot be written; then no file remains.
+        OutputError: the suffix is not EXR's, or the file cannot be written; no partial file is
+            left.
     """
     table = ray_table(camera)
     channels: dict[str, NDArray[Any]] = {}

@@ -1,8 +1,8 @@
 """Elliptic mirror: the pinhole is at one focus, and the effective viewpoint at the other.
 
 A ray from the scene passes through the effective viewpoint, reflects off the concave inner side of
-the ellipsoid behind it, and continues to the pinhole. Rays really cross at the viewpoint, so the
-image is upside down as in a telescope: a mirror point at azimuth φ shows the scene at φ + 180°.
+the ellipsoid behind it, and continues to the pinhole. Rays physically cross at the viewpoint, so
+the image is upside down as in a telescope: a mirror point at azimuth φ shows the scene at φ + 180°.
 With the ellipsoid's eccentricity e and the angle β at the pinhole:
 
     tan(θ/2) = K tan(β/2),  K = (1 + e)/(1 − e),  r = f tan β
@@ -57,8 +57,8 @@ class EllipticCamera(FocalCamera, RadialCamera):
         theta_max_rad: angle of the rim at the viewpoint.
 
     Raises:
-        OpticsError: a size or focal length is not positive, a center is not finite, an eccentricity
-            is outside its limits, or a rim is not between 0 and 90°.
+        OpticsError: a size or focal length is not positive, the center is not finite, the
+            eccentricity is outside its limits, or the rim is not between 0 and 90°.
     """
 
     eccentricity: float

@@ -3,9 +3,9 @@
     tan(θ/2) = K tan(β/2),  K = k − 1 + √(k(k−2)),  r = f tan β
 
 θ is measured at the mirror's inner focus, the effective viewpoint, from its axis: 0 looks down at
-the camera, and 90° is the horizon, with the radius f/√(k(k−2)) in the image. β is the same angle at
-the pinhole. The ray of a pixel is (sin θ cos φ, sin θ sin φ, −cos θ). With z reflected, this is the
-unified model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
+the camera, and 90° is the horizon, with the radius f/√(k(k−2)) in the image. β is the corresponding
+angle at the pinhole. The ray of a pixel is (sin θ cos φ, sin θ sin φ, −cos θ). With z reflected,
+this is the unified model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
 
 Domain: 0 ≤ θ ≤ θ_max, the rim, which is below the mirror's asymptote acos(−√((k−2)/k)).
 
@@ -72,7 +72,7 @@ class HyperbolicCamera(FocalCamera):
         mirror: mirror shape; its rim bounds the domain, θ ≤ θ_max.
 
     Raises:
-        OpticsError: a size or focal length is not positive, or a center is not finite.
+        OpticsError: a size or focal length is not positive, or the center is not finite.
     """
 
     mirror: HyperbolicMirror

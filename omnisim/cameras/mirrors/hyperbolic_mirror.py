@@ -1,8 +1,8 @@
 """Hyperbolic mirror of Baker and Nayar, the paper's Eq. 1.
 
-In the mirror frame, the effective viewpoint is the origin, the pinhole of the camera is at (0, 0,
-c), and z points from the viewpoint to the pinhole. θ is the angle of incidence, measured at the
-effective viewpoint from +z: 0 looks at the pinhole, π/2 is the plane of the horizon.
+In the mirror frame, the effective viewpoint is the origin, the pinhole of the camera is at
+(0, 0, c), and z points from the viewpoint to the pinhole. θ is the angle of incidence, measured at
+the effective viewpoint from +z: 0 looks at the pinhole, π/2 is the plane of the horizon.
 
 All formulas are in k and c. The eccentricity is avoided, because it is infinite for k = 2 (the
 plane mirror, the limit of the family).

@@ -18,8 +18,8 @@ class MirrorMesh:
         vertices_m: (n, 3) float64, meters.
         normals: (n, 3) float64, unit, on the reflecting side.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
-        polygons: number of polygons as the paper counts them: a triangle at the vertex is one
-            polygon, and in the other rings so are the two triangles of a cell.
+        polygons: polygon count as in the paper: each triangle at the vertex is one polygon, and so
+            is each cell of two triangles in the other rings.
         sectors: number of polygons around the axis.
         rings: number of polygons from the vertex to the rim.
     """

@@ -89,7 +89,7 @@ def largest_error(
 def needed_polygons(
     mirror: HyperbolicMirror, max_error: float, shown: Annulus = WHOLE_MIRROR
 ) -> int | None:
-    """Smallest polygon count, with four sectors per ring, that keeps the largest error in bounds.
+    """Smallest polygon count within an error bound, with four sectors per ring.
 
     Args:
         mirror: mirror shape.

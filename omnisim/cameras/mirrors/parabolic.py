@@ -4,8 +4,8 @@
 
 θ is measured at the mirror's focus from its axis: 0 looks down at the camera, and 90° is the
 horizon, with the radius h in the image. A mirror z = (h_m² − r²)/(2 h_m) and a camera with p pixels
-per meter give h = p h_m; nothing else about them affects the image. The ray of a pixel is (sin θ
-cos φ, sin θ sin φ, −cos θ), as for the hyperbolic mirror, whose limit ξ = 1 this is.
+per meter give h = p h_m; nothing else about them affects the image. The ray of a pixel is
+(sin θ cos φ, sin θ sin φ, −cos θ), as for the hyperbolic mirror, whose limit ξ = 1 this is.
 
 Domain: 0 ≤ θ ≤ θ_max < 180°; in the image r ≤ h tan(θ_max/2).
 
@@ -45,7 +45,7 @@ class ParabolicCamera(RadialCamera):
         theta_max_rad: angle of incidence of the rim.
 
     Raises:
-        OpticsError: a size or radius is not positive, a center is not finite, or a rim is not
+        OpticsError: a size or radius is not positive, the center is not finite, or the rim is not
             between 0 and 179°.
     """
 

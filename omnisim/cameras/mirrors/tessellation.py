@@ -79,7 +79,7 @@ def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> ND
     inner, outer = points[:-1], points[1:]
     lower = np.stack((inner[:, 0], outer[:, 0], outer[:, 1]), axis=1)
     upper = np.stack((inner[:, 0], outer[:, 1], inner[:, 1]), axis=1)
-    return np.concatenate((lower, upper[1:]))  # the cell at the mirror's vertex has no upper one
+    return np.concatenate((lower, upper[1:]))  # the cell at the vertex has no upper triangle
 
 
 def _ring_angles_rad(mirror: HyperbolicMirror, rings: int) -> NDArray[np.float64]:

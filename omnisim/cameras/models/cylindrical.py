@@ -37,7 +37,7 @@ class CylindricalCamera(FocalCamera):
         principal_point_px: (u, v) of the z axis in the image.
 
     Raises:
-        OpticsError: a size or focal length is not positive, or a center is not finite.
+        OpticsError: a size or focal length is not positive, or the center is not finite.
     """
 
     model_name = "cylindrical"

@@ -3,11 +3,12 @@
     d1 = √(x² + y² + z²),  d2 = √(x² + y² + (ξ d1 + z)²)
     (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d2 + (1 − α)(ξ d1 + z)
 
-Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: ξ d1 + z > −w d2, which is z > −w'
-d1 with w' = w t + ξ, t = √(1 − ξ²(1 − w²)) − w ξ. For α > 0.5 the image ends at m_x² + m_y² = 1/(2α
-− 1) on the normalized plane. For |ξ| < 1 the shift of the first sphere maps directions one to one,
-so nothing else can fold. The paper and Basalt use t = 1. This ends the projection, but not its
-inverse, at least a degree too early: at 125.2° instead of 126.1° for TUM-VI's camera.
+Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: ξ d1 + z > −w d2, which is
+z > −w' d1 with w' = w t + ξ, t = √(1 − ξ²(1 − w²)) − w ξ. For α > 0.5 the image ends at
+m_x² + m_y² = 1/(2α − 1) on the normalized plane. For |ξ| < 1 the shift of the first sphere maps
+directions one to one, so nothing else can fold. The paper and Basalt use t = 1. This ends the
+projection, but not its inverse, about a degree too early: at 125.2° instead of 126.1° for TUM-VI's
+camera.
 
 | parameter | unit | typical |
 | --- | --- | --- |

@@ -11,7 +11,7 @@ Domain: −0.5 ≤ u ≤ width − 0.5 and −0.5 ≤ v ≤ height − 0.5; all 
 | width_px, height_px | px | 2 : 1 for square pixels at the horizon |
 
 GLSL twin: `shaders/camera/equirectangular.glsl`. Source: the plate carrée of cartography; equal to
-COLMAP's EQUIRECTANGULAR except that the first pixel's center is 0 here.
+COLMAP's EQUIRECTANGULAR, whose pixel coordinates are larger by 0.5.
 """
 
 from __future__ import annotations

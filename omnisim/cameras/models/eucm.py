@@ -3,8 +3,8 @@
     d = √(β (x² + y²) + z²)
     (u, v) = (fx x/q + cx, fy y/q + cy),  q = α d + (1 − α) z
 
-Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: z > −w d. Up to α = 0.5 this is q >
-0. Above, the image would fold over; it ends at m_x² + m_y² = 1/(β (2α − 1)) on the normalized
+Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: z > −w d. Up to α = 0.5 this is
+q > 0. Above, the image would fold over; it ends at m_x² + m_y² = 1/(β (2α − 1)) on the normalized
 plane. The limits are exact, because (√β x, √β y, z) turns the model into the unified model.
 
 | parameter | unit | typical |

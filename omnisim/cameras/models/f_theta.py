@@ -43,7 +43,7 @@ class FThetaCamera(PolynomialLens):
 
     Raises:
         OpticsError: a size is not positive, a number is not finite, the coefficients are missing or
-            too many, k1 ≤ 0, θ_max is outside 0 to 180°, or an aspect ratio is outside 0.1 to 10.
+            too many, k1 ≤ 0, θ_max is outside 0 to 180°, or the aspect ratio is outside 0.1 to 10.
     """
 
     principal_point_px: tuple[float, float]

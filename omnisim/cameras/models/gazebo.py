@@ -3,8 +3,8 @@
     r = c1 f fun(θ/c2 + c3), fun one of sin, tan, id
 
 Domain: θ_min ≤ θ ≤ θ_edge. θ_min = max(0, −c2 c3): below it, r would be negative. θ_edge is θ_max
-or a smaller limit of the function: for sin c2 (90° − c3), where the image would fold over; for tan
-c2 (89.9° − c3), before r becomes infinite.
+or a smaller limit of the function: for sin, c2 (90° − c3), where the image would fold over; for
+tan, c2 (89.9° − c3), before r becomes infinite.
 
 | parameter | unit | typical |
 | --- | --- | --- |

@@ -1,6 +1,6 @@
 """Scaramuzza's polynomial model, as in OCamCalib's calib_results.txt.
 
-With x' down along rows, y' right along columns, ρ = √(x'² + y'²) and F(ρ) = a0 + a1 ρ + … + aN ρᴺ:
+With x' down the rows, y' along the columns, ρ = √(x'² + y'²) and F(ρ) = a0 + a1 ρ + … + aN ρᴺ:
 
     (row, column) = [[c, d], [e, 1]] (x', y') + (center's row, column)
     the toolbox's ray is (x', y', F(ρ)) and looks along −z, so omnisim's is (y', x', −F(ρ))

@@ -36,7 +36,7 @@ class PerspectiveCamera(FocalCamera):
         principal_point_px: (u, v) of the optical axis in the image.
 
     Raises:
-        OpticsError: a size or focal length is not positive, or a center is not finite.
+        OpticsError: a size or focal length is not positive, or the center is not finite.
     """
 
     model_name = "perspective"
@@ -48,7 +48,7 @@ class PerspectiveCamera(FocalCamera):
         """Camera with a horizontal field of view of `field_of_view_rad`, centered on its axis.
 
         Raises:
-            OpticsError: a field of view is not between 0 and 180°, or a size is below 1.
+            OpticsError: the field of view is not between 0 and 180°, or a size is below 1.
         """
         if not 0.0 < field_of_view_rad < math.pi:
             raise OpticsError(

@@ -29,7 +29,7 @@ class PolynomialLens(RadialCamera):
 
     @cached_property
     def fold_rad(self) -> float:
-        """Angle of the fold; 2π if there is none below."""
+        """Angle of the fold; 2π if there is none below 2π."""
         return first_root(polynomial.polyder(self.theta_polynomial), math.tau)
 
     @property

@@ -4,9 +4,9 @@
     (x_d, y_d) = distorted by k1, k2, p1, p2, k3, see `radial_tangential`
     (u, v) = (γu x_d + s y_d + u0, γv y_d + v0)
 
-Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the image would fold over; and x_n²
-+ y_n² ≤ r_max², the disc on which the distortion does not fold. For ξ > 1 the first condition is
-x_n² + y_n² ≤ 1/(ξ² − 1). Unless something else limits it, r_max is 1000: almost the limit of the
+Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the image would fold over; and
+x_n² + y_n² ≤ r_max², the disc on which the distortion does not fold. For ξ > 1 the first condition
+is x_n² + y_n² ≤ 1/(ξ² − 1). Unless something else limits it, r_max is 1000: almost the limit of the
 first condition.
 
 | parameter | unit | typical |

@@ -1,7 +1,7 @@
 """Derivatives of a system's rays by pixel, and its caustic, where neighboring rays meet.
 
-Source: Swaminathan, Grossberg & Nayar, Caustics of catadioptric cameras (ICCV 2001): the points o +
-t d at which the Jacobian by pixel and t is singular; this is a quadratic equation in t.
+Source: Swaminathan, Grossberg & Nayar, Caustics of catadioptric cameras (ICCV 2001): the points
+o + t d at which the Jacobian by pixel and t is singular; this is a quadratic equation in t.
 """
 
 from __future__ import annotations

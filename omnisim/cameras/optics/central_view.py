@@ -38,7 +38,7 @@ class CentralView:
     Attributes:
         system: optical system.
         distance_m: distance at which the view is exact; infinite: only directions count.
-        axes: (3, 3) orthogonal view_from_optical; a reflection where files mirror an image.
+        axes: (3, 3) orthogonal view_from_optical; a reflection if files store a mirrored image.
 
     Raises:
         OpticsError: the distance is not positive, or the system sees nothing.

@@ -76,7 +76,7 @@ class Design:
         return self._solved(lambda share, r_m, z_m: theta_max_rad * share)
 
     def equi_ground(self, height_m: float, range_m: float) -> DesignedProfile:
-        """Mirror whose distance on flat ground is proportional to the image radius.
+        """Mirror for which distance on flat ground is proportional to the image radius.
 
         Args:
             height_m: height of the pinhole above the ground.

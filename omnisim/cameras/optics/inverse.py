@@ -110,15 +110,13 @@ class Inverse:
         return Pixels(positions_px, valid)
 
     def all_pixels(self, target: Targets) -> Floats:
-        """All pixels (n, 2) that show one point, searched from each ray that is nearer to the point
-        than
-        its neighbors."""  # fmt: skip
+        """All pixels (n, 2) that show one point, searched from each locally nearest ray."""
         all_misses = self._misses(target)[0]
         misses = np.full(self._seen.shape, np.inf)
         misses[self._seen] = all_misses[: int(self._seen.sum())]
         around = scipy.ndimage.minimum_filter(misses, size=3, mode="constant", cval=np.inf)
         is_least = (misses == around)[self._seen]
-        nearest = np.argsort(all_misses)[:_NEAREST]  # near a fold there are two close pixels
+        nearest = np.argsort(all_misses)[:_NEAREST]  # near a fold, two pixels are close
         starts = np.union1d(np.flatnonzero(is_least), nearest)
         many = Targets(np.repeat(target.points, len(starts), axis=0), target.weight)
         pixels, valid = self._from_starts(many, starts)
@@ -321,7 +319,7 @@ def _solutions(matrices: Floats, vectors: Floats) -> Floats:
         scale = np.abs(matrices[rows]).max(axis=(1, 2))
         unit = matrices[rows] / scale[:, None, None]
         kept = np.abs(np.linalg.det(unit)) > 1e-300
-        # only those matrices: a matrix may be singular although rounding made it regular
+        # solves the scaled matrices that were tested: before rounding they may be singular
         solved = np.linalg.solve(unit[kept], vectors[rows[kept]][..., None])[..., 0]
         solutions[rows[kept]] = solved / scale[kept, None]
     return solutions

@@ -1,6 +1,6 @@
 """Image distortion caused by the mesh of an optical system's mirror, in pixels.
 
-Through the mesh, a pixel shows the direction that the exact system shows some distance away. This
+Through the mesh, a pixel shows the direction that the exact system shows some pixels away. This
 distance is the difference of the two directions over the exact direction's derivative by pixel.
 """
 
@@ -58,8 +58,7 @@ class SystemMeshErrors:
         return MeshError(float(errors_px.mean()), percentile_95_px, largest_px)
 
     def needed_polygons(self, max_error_px: float, most: int) -> int | None:
-        """Smallest polygon count, with four sectors per ring, that keeps the largest error in
-        bounds.
+        """Smallest polygon count within an error bound, with four sectors per ring.
 
         Args:
             max_error_px: tolerance.

@@ -151,7 +151,7 @@ class MeshRays:
         return _Corners(origins_m, directions)
 
     def pixels_of(self, points_m: Floats) -> Floats:
-        """Pixels (n, 2) of mirror points (n, 3), system frame; NaN where the camera is blind."""
+        """Pixels (n, 2) of mirror points (n, 3), system frame; NaN: not seen by the camera."""
         system = self.system
         if self._number > 0:
             pixels = self._front.pixel_from_point(points_m)

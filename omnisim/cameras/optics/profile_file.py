@@ -15,7 +15,7 @@ from omnisim.core.trajectories.formats.text_table import read_text_table
 
 _COLUMNS = ["r_m", "z_m"]
 _SAMPLES = 1 << 14  # along a profile
-_NEAR, _MIN_SLOPE = 1e-6, 1e-3  # share of the radius near the axis; a smooth tip is level there
+_NEAR, _MIN_SLOPE = 1e-6, 1e-3  # share of the radius; slope there that makes a tip pointed
 
 
 def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:

@@ -75,7 +75,7 @@ class Surface:
         return min(reach_m, self.shape.domain_m)
 
     def may_return(self, origins_m: Floats, directions: Floats) -> NDArray[np.bool_]:
-        """Mask (n,) of rays that leave surface points (n, 3) and may hit it again, system frame."""
+        """Mask (n,) of rays from surface points (n, 3) that may hit it again, system frame."""
         if self._is_convex:  # only rays that leave it backwards
             normals = self.normals(origins_m)
             to_camera = np.einsum("nj,j->n", normals, self.system_from_surface[:3, 2]) < 0.0

@@ -43,8 +43,7 @@ class SurfaceMesh(NamedTuple):
         return np.maximum(self.triangles, self.sectors - 1) if is_point else self.triangles
 
     def as_seen(self, rim_center_m: tuple[float, float], rim_m: float) -> UnfoldedMirrorMesh:
-        """Mesh with z towards the camera; texture coordinates are x and y, scaled so that the rim's
-        bounding square is 0 to 1."""  # fmt: skip
+        """Mesh with z towards the camera; texture coordinates map the rim's square to [0, 1]."""
         texture = 0.5 + 0.5 * (self.vertices_m[:, :2] - rim_center_m) / rim_m
         return UnfoldedMirrorMesh(
             self.vertices_m * _TURN, self.normals * _TURN, texture, self.triangles
@@ -72,8 +71,7 @@ def tessellate_surface(surface: Surface, polygons: int, camera_m: Floats) -> Sur
     Args:
         surface: surface with a rim; a hole must be centered on the rim.
         polygons: polygon count, see `sectors_and_rings`.
-        camera_m: (3,) position of the pinhole, system frame; rings are narrow where it sees them
-            narrow.
+        camera_m: (3,) position of the pinhole, system frame; determines the spacing of rings.
 
     Raises:
         OpticsError: there is no rim, a hole is not centered on the rim, or a mesh with this polygon

@@ -191,7 +191,7 @@ def shape_schemas() -> Iterator[tuple[str, type[Table], type]]:
 
 
 class SurfaceTable(AlignmentTable):
-    """A mirror, or a boundary between media, in the order in which rays from the camera meet them.
+    """A mirror or a boundary between media; tables are in the order in which rays meet them.
 
     The keys of the shape are additional keys of this table.
     """

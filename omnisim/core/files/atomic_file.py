@@ -38,8 +38,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
 def atomic_folder(path: Path) -> Iterator[Path]:
     """Yield a new folder of the same name to fill; it becomes `path` at the end of the block.
 
-    It is created inside a hidden folder beside `path`, so that files that include their folder's
-    name in their own contain the final name. If the block fails, everything is removed.
+    It is created inside a hidden folder beside `path`, so that files named after their folder get
+    the right name. If the block fails, everything is removed.
 
     Raises:
         OutputError: a file cannot be written, or `path` exists at the end.

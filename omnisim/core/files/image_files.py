@@ -69,7 +69,7 @@ def write_image(
 
     Raises:
         OutputError: the format is unknown, the pixels do not suit it, or the file cannot be
-            written; then `path` is not created.
+            written; no partial file is left.
     """
     data = image_bytes(path, pixels, metadata, jpeg_quality)
     check_target(path)
@@ -177,8 +177,8 @@ def write_channels(
 
     Raises:
         OutputError: the suffix is wrong, there are no channels, arrays differ in shape or hold
-            numbers that float32 cannot represent, or the file cannot be written; then `path` is not
-            created.
+            numbers that float32 cannot represent, or the file cannot be written; no partial file
+            is left.
     """
     check_suffix(path, ".exr")
     check_target(path)

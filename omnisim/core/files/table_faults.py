@@ -50,7 +50,7 @@ def fault_line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) ->
 
 
 def _hint(model: type[pydantic.BaseModel], names: list[str]) -> str:
-    """Hint at a table that has an unknown key, else at the nearest key of its own table."""
+    """Hint: the table to which an unknown key belongs, else the nearest key of its own table."""
     table = _table_at(model, names[:-1])
     known = list(table.model_fields) if table else []
     word = getattr(table, "synonyms", {}).get(names[-1], names[-1])

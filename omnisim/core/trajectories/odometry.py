@@ -191,7 +191,7 @@ def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
 
 
 def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
-    """Quantize increments (n,) as a counter does: the sum is rounded, so errors do not add up."""
+    """Quantize increments (n,) as a counter does: the sum is rounded, so errors do not grow."""
     if tick == 0.0:
         return increments
     counts = np.rint(np.cumsum(increments) / tick)

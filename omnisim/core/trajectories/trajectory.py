@@ -87,8 +87,7 @@ class Trajectory:
         return yaw_from_rotation(self.world_from_base)
 
     def pose_at(self, time_s: float) -> NDArray[np.float64]:
-        """Interpolate the pose (4, 4) at a time; it is constant before the first and after the
-        last.
+        """Interpolate the pose (4, 4) at a time; constant before the first and after the last one.
 
         For straight legs and turns on the spot, linear interpolation is the true path.
         """

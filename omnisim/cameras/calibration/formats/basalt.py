@@ -101,7 +101,7 @@ class Basalt(Format[BasaltLens]):
     several = True
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Cameras of `value0`."""
+        """Parse the cameras in `value0`."""
         data = parse_json(text, source)
         place = f"{source}: value0"
         value = parse(data.get("value0"), _Value, place)
@@ -124,7 +124,7 @@ class Basalt(Format[BasaltLens]):
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[BasaltLens]]) -> str:
-        """Text with the key `value0`."""
+        """Text of a file with the key `value0`."""
         poses = [pose for camera in cameras for pose in camera.poses]
         has_imu = any("imu" in (pose.target, pose.source) for pose in poses)
         body = "imu" if has_imu else cameras[0].name

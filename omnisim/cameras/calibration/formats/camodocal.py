@@ -118,7 +118,7 @@ class Camodocal(Format[CamodocalLens]):
             return [ParsedCamera(head.camera_name or "camera", _lens(head, data, source))]
 
     def encode(self, cameras: Sequence[ParsedCamera[CamodocalLens]]) -> str:
-        """Text of the camera."""
+        """Text of a file with the camera."""
         (camera,) = cameras
         lens = camera.lens
         (fu, fv), (u, v) = lens.focal_lengths_px, lens.principal_point_px

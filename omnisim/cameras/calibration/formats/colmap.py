@@ -116,7 +116,7 @@ class Colmap(Format[ColmapLens]):
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[ColmapLens]]) -> str:
-        """Text with a line for each camera."""
+        """Text of a file with one line per camera."""
         text = "# Camera list with one line of data per camera:\n"
         text += "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
         text += f"# Number of cameras: {len(cameras)}\n"

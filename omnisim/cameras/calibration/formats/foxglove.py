@@ -51,7 +51,7 @@ class Foxglove(CameraInfo):
         return [ParsedCamera(fields.frame_id or "camera", lens)]
 
     def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
-        """Text of the camera."""
+        """Text of a file with the camera."""
         (camera,) = cameras
         model, d, k, p = camera_info(camera.lens)
         data = {

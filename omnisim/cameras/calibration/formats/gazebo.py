@@ -128,7 +128,7 @@ class Gazebo(Format[GazeboLens]):
 
 
 def _names(cameras: Sequence[Element], parents: Mapping[Element, Element]) -> list[str]:
-    """Distinct camera names: their own, else with their sensors' names, else numbered."""
+    """Distinct camera names: their own, else those of their sensors, else numbered ones."""
     if len(cameras) == 1:
         sensor = parents.get(cameras[0], cameras[0])
         return [cameras[0].get("name") or sensor.get("name") or "camera"]

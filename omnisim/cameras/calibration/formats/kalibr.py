@@ -104,7 +104,7 @@ class Kalibr(Format[KalibrLens]):
         return not is_json and super().looks_like(text) and "intrinsics" in text
 
     def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Cameras of the chain."""
+        """Parse the cameras of the chain."""
         chain = {
             name: part
             for name, part in parse_yaml(text, source).items()
@@ -123,7 +123,7 @@ class Kalibr(Format[KalibrLens]):
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[KalibrLens]]) -> str:
-        """Text of the chain."""
+        """Text of a file with the chain."""
         poses = [pose for camera in cameras for pose in camera.poses]
         text, before = "", None
         for camera in cameras:

@@ -6,10 +6,10 @@
 | OPENCV_FISHEYE, FISHEYE | fl_x fl_y cx cy k1 k2 k3 k4 | kannala_brandt |
 | EQUIRECTANGULAR | | equirectangular |
 
-Rays pass through (u + 0.5, v + 0.5): the center of the first pixel is (0.5, 0.5); omnisim's is (0,
-0). `transform_matrix` maps the camera frame to the world. The camera frame has OpenGL's axes (y up,
-z back), rotated by half a turn about x from omnisim's. A frame's pose is named world_from_<its
-file_path>.
+Rays pass through (u + 0.5, v + 0.5): the center of the first pixel is (0.5, 0.5); omnisim's is
+(0, 0). `transform_matrix` maps the camera frame to the world. The camera frame has OpenGL's axes (y
+up, z back), rotated by half a turn about x from omnisim's. A frame's pose is named
+world_from_<its file_path>.
 
 Source: nerfstudio's documentation, "Data conventions"; its module cameras.
 """
@@ -115,7 +115,9 @@ class Nerfstudio(Format[NerfstudioLens]):
         for index, (place, values, poses) in enumerate(groups.values()):
             name = f"camera{index}" if len(groups) > 1 else "camera"
             lens = _lens(parse(values, _Intrinsics, place), place)
-            if len(groups) > 1 and len(poses) == 1:  # a camera an image: of the same name
+            if (
+                len(groups) > 1 and len(poses) == 1
+            ):  # one camera per image: it takes the image's name
                 name = poses[0].source
             cameras.append(ParsedCamera(name, lens, tuple(poses)))
         return cameras

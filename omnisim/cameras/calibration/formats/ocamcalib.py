@@ -77,7 +77,7 @@ class Ocamcalib(Format[OcamcalibCamera]):
         return [ParsedCamera("camera", lens)]
 
     def encode(self, cameras: Sequence[ParsedCamera[OcamcalibCamera]]) -> str:
-        """Text of the camera, with the inverse polynomial."""
+        """Text of a file with the camera and the inverse polynomial."""
         (camera,) = cameras
         lens = camera.lens
         column, row = lens.principal_point_px

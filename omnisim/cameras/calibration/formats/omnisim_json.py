@@ -84,7 +84,7 @@ class OmnisimJson(Format[CentralCamera]):
         return [ParsedCamera("camera", _camera(data, source))]
 
     def encode(self, cameras: Sequence[ParsedCamera[CentralCamera]]) -> str:
-        """Text with all parameters and poses."""
+        """Text of a file with all parameters and poses."""
         data = {
             "omnisim_calibration": VERSION,
             "cameras": [

@@ -152,7 +152,7 @@ class OpencvOmnidir(_Opencv[UnifiedCamera]):
         return UnifiedCamera(*file.intrinsics, xi, four, file.skew_px)
 
     def encode(self, cameras: Sequence[ParsedCamera[UnifiedCamera]]) -> str:
-        """Text of the camera."""
+        """Text of a file with the camera."""
         (camera,) = cameras
         lens = camera.lens
         return _encode(lens, lens.distortion, lens.skew_px) + f"xi: {yaml_float(lens.xi)}\n"
@@ -171,7 +171,7 @@ class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
         return fisheye(file.intrinsics, file.coefficients, file.place)
 
     def encode(self, cameras: Sequence[ParsedCamera[KannalaBrandtCamera]]) -> str:
-        """Text of the camera."""
+        """Text of a file with the camera."""
         (camera,) = cameras
         return _encode(camera.lens, camera.lens.coefficients) + "fisheye_model: 1\n"
 
@@ -200,13 +200,13 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
         return brown_pinhole(file.intrinsics, file.coefficients, file.place)
 
     def encode(self, cameras: Sequence[ParsedCamera[OpencvPinholeLens]]) -> str:
-        """Text of the camera."""
+        """Text of a file with the camera."""
         (camera,) = cameras
         return _encode(camera.lens, camera.lens.distortion) + "fisheye_model: 0\n"
 
 
 def _kind(text: str) -> type[_Opencv[Any]]:
-    """Format of a text written by OpenCV."""
+    """Kind of calibration in a text written by OpenCV, as its format class."""
     if HAS_XI.search(text):
         return OpencvOmnidir
     return OpencvFisheye if IS_FISHEYE.search(text) else OpencvPinhole

@@ -67,7 +67,7 @@ class Ros(CameraInfo):
         return [ParsedCamera(fields.camera_name or "camera", lens)]
 
     def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
-        """Text of the camera."""
+        """Text of a file with the camera."""
         (camera,) = cameras
         model, d, k, p = camera_info(camera.lens)
         text = f"image_width: {camera.lens.width_px}\nimage_height: {camera.lens.height_px}\n"

@@ -96,7 +96,7 @@ class Woodscape(Format[FThetaCamera]):
             return [ParsedCamera(name, _lens(intrinsic, place), poses)]
 
     def encode(self, cameras: Sequence[ParsedCamera[FThetaCamera]]) -> str:
-        """Text of the camera."""
+        """Text of a file with the camera."""
         (camera,) = cameras
         lens = camera.lens
         k1, k2, k3, k4 = (*lens.coefficients_px, 0.0, 0.0, 0.0)[:4]

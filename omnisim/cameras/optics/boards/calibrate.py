@@ -26,7 +26,7 @@ from omnisim.core.errors import OmnisimError, OpticsError
 
 _STEP = 1e-6  # relative to a parameter, absolute for parameters below 1
 _SINGULAR = 1e-7  # smallest singular value of the scaled Jacobian, as a share of the largest
-_UNSEEN_PX = 1e-4  # corner motion when a parameter grows by 1 or doubles; below it is unseen
+_UNSEEN_PX = 1e-4  # least motion of corners by a parameter that grows by 1 or doubles
 _SHARE = 0.1  # component of an undetermined direction above which a parameter is part of it
 _MAX_STEPS = 100
 _WIDER = 1.1  # widens rims, so that a step that moves a rim hides no corner

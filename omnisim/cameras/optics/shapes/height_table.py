@@ -12,7 +12,7 @@ _STEPS = 1024
 
 
 class HeightTable:
-    """Heights of a profile at equal radial steps, to tell on which side points are.
+    """Heights of a profile at equal radial steps, to decide on which side of it points are.
 
     Args:
         sag_m: heights at given distances from the axis.
